@@ -1,0 +1,35 @@
+PYTHON ?= python3
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+
+.PHONY: help train test lint format clean
+
+help:  ## show this list
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
+
+train: $(INSTALLED)  ## train the example agent (resumes, if interrupted) and evaluate it
+	$(BIN)/python -m agents.train configs/ppo/pot.yaml --run-dir runs/pot
+	$(BIN)/python -m agents.evaluate runs/pot
+
+test: lint  ## lint, type check, then run the fast tests and the doctests
+	$(BIN)/pytest -n 2 -q
+
+lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/lint-imports
+
+format: $(INSTALLED)  ## format the code in place
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:  ## remove the virtual environment, builds and caches; trained runs stay
+	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Made anew only when what is to be installed changes.
+$(INSTALLED): pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,dev]'
+	touch $@
