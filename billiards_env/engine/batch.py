@@ -1,0 +1,134 @@
+"""Many shots at once: one compiled call a thread."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.engine.log import (
+    CUSHIONS,
+    CUSHIONS_BEFORE_HIT,
+    ENDED,
+    EVENT_WIDTH,
+    FIRST_HIT,
+    N_CONTACT_RULE,
+    N_COUNTS,
+    N_EVENTS,
+    SEGMENT_WIDTH,
+)
+from billiards_env.engine.shot import ENGINES, MAX_EVENTS, check_mode, check_shot, scene_arrays
+from billiards_env.scene import Scene
+
+_LEAST = 32  # shots that are worth a thread
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class BatchResult:
+    """What a batch of m shots gives back: the fields of `ShotResult` with a leading axis.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        potted: (m, n) bool.
+        time: (m,) float64, s.
+        n_events: (m,) int64.
+        status: (m,) int64, indices into `engine.STATUS`.
+        first_hit: (m,) int64.
+        cushions: (m, n) int32.
+        cushions_before_hit: (m, n) int32.
+        n_contact_rule: (m,) int64.
+    """
+
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    spins: NDArray[np.float64]
+    potted: NDArray[np.bool_]
+    time: NDArray[np.float64]
+    n_events: NDArray[np.int64]
+    status: NDArray[np.int64]
+    first_hit: NDArray[np.int64]
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
+    n_contact_rule: NDArray[np.int64]
+
+
+def simulate_batch(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+    threads: int | None = None,
+) -> BatchResult:
+    """Runs m shots in one scene, each to rest; every one gives the bits that `simulate` gives.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (m, n, 2) m/s, or (m, 2), the cue balls'.
+        mode: The engine, as in `simulate`.
+        dt: As in `simulate`.
+        spins: (m, n, 3) or (m, 3) angular velocities, rad/s; none by default.
+        in_play: (m, n) or (n,) bool; all balls are in play by default.
+        max_time: As in `simulate`.
+        max_events: As in `simulate`, for each shot.
+        threads: Number of threads; None for one a core.
+
+    Returns:
+        The balls at the end of each shot, and what happened.
+
+    Raises:
+        ValueError: As `simulate` does, naming the shot.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> batch = simulate_batch(scene, [[[-0.5, 0.0], [0.0, 0.0]]] * 3, [[0.1, 0.0], [0.2, 0.0], [0.0, 0.0]])
+        >>> batch.first_hit.tolist()
+        [1, 1, -1]
+    """
+    check_mode(mode, dt)
+    if np.ndim(positions) != 3:
+        raise ValueError(f"positions has shape {np.shape(positions)}: expected (m, {scene.n_balls}, 2)")
+    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
+        raise ValueError(f"threads = {threads!r}: expected a whole number >= 1")
+    *balls, limit = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    m, n = balls[0].shape[:2]
+    times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
+    arrays = scene_arrays(scene)
+    engine = ENGINES[mode]
+
+    def work(begin: int, end: int) -> None:
+        log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)
+        engine(begin, end, *arrays, limit, max_events, *balls, times, hits, counts, *log)
+
+    workers = min(threads or os.cpu_count() or 1, max(1, m // _LEAST))
+    if workers == 1:
+        work(0, m)
+    else:
+        # More pieces than threads: shots differ in length.
+        edges = np.linspace(0, m, min(4 * workers, m // _LEAST) + 1).astype(int).tolist()
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(work, edges[:-1], edges[1:]))
+    return BatchResult(
+        positions=balls[0],
+        velocities=balls[1],
+        spins=balls[2],
+        potted=~balls[3],
+        time=times,
+        n_events=counts[:, N_EVENTS].copy(),
+        status=counts[:, ENDED].copy(),
+        first_hit=counts[:, FIRST_HIT].copy(),
+        cushions=hits[:, :, CUSHIONS].copy(),
+        cushions_before_hit=hits[:, :, CUSHIONS_BEFORE_HIT].copy(),
+        n_contact_rule=counts[:, N_CONTACT_RULE].copy(),
+    )

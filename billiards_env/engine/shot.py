@@ -1,0 +1,303 @@
+"""One shot: `simulate` runs it, `ShotResult` is what it gives back."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.engine import pic
+from billiards_env.engine.log import (
+    CUSHIONS,
+    CUSHIONS_BEFORE_HIT,
+    ENDED,
+    EVENT_WIDTH,
+    FIRST_HIT,
+    KINDS,
+    N_CONTACT_RULE,
+    N_COUNTS,
+    N_EVENTS,
+    SEGMENT_WIDTH,
+    STATUS,
+)
+from billiards_env.physics import state as layout
+from billiards_env.scene import CUSHIONS as CUSHION_MODELS
+from billiards_env.scene import MOTIONS, Scene, check_positions, choose
+
+Floats = NDArray[np.float64]
+
+# The engines; each module has run_shots with the same signature.
+ENGINES = {"pic": pic.run_shots}
+
+MAX_EVENTS = 1_000_000
+"""A shot is given up, loudly, after so many events; no ordinary shot comes near it."""
+
+EVENT_DTYPE = np.dtype(
+    [
+        ("time", "f8"),
+        ("kind", f"U{max(map(len, KINDS))}"),
+        ("ball", "i4"),
+        ("other", "i4"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed", "f8"),
+    ]
+)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ShotResult:
+    """What one shot gives back.
+
+    Attributes:
+        positions: (n, 2) float64, m, at the end; a potted ball's is the centre of its pocket.
+        velocities: (n, 2) float64, m/s, at the end.
+        spins: (n, 3) float64, rad/s, at the end; zero where the motion is not "sliding".
+        potted: (n,) bool: in a pocket, or not in play from the start.
+        time: Duration of the shot, s: until every ball rests, or `max_time`.
+        n_events: Number of events.
+        status: "rest", "max_time", or "event_limit" where the shot was given up.
+        first_hit: The ball that the cue ball touched first, -1 if none.
+        cushions: (n,) int32: each ball's number of cushion contacts.
+        cushions_before_hit: (n,) int32: cushion contacts the cue ball had made when it first touched the ball, -1 if
+            it never did.
+        n_contact_rule: How often the contact-time rule acted (see `engine.pic`): 0 in an ordinary shot.
+        events: Structured array, or None if the shot was not recorded. Fields: time (s), kind ("ball_ball", "cushion",
+            "pocket", "roll", "stop" or "spin_stop"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y,
+            +y, the pocket, or -1), x and y (m, the ball's place) and speed (m/s, at which ball and other approached).
+        segments: (k, SEGMENT_WIDTH) float64, the pieces of the trajectories in the order in which they begin (see
+            `engine.log`), or None.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    potted: NDArray[np.bool_]
+    time: float
+    n_events: int
+    status: str
+    first_hit: int
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
+    n_contact_rule: int
+    events: NDArray[Any] | None = None
+    segments: Floats | None = None
+
+    def at(self, t: float) -> Floats:
+        """Where the balls are at time t, from the exact trajectories.
+
+        Args:
+            t: Seconds since the shot began; later than its end gives the end.
+
+        Returns:
+            (n, 2) float64, m; a potted ball is at its pocket's centre.
+
+        Raises:
+            ValueError: If the shot was not recorded, or t is negative or not finite.
+        """
+        if self.segments is None:
+            raise ValueError("shot.at: the shot was not recorded, expected simulate(..., record=True)")
+        if not 0 <= t < np.inf:
+            raise ValueError(f"t = {t!r}: expected a finite number of seconds >= 0")
+        t = min(float(t), self.time)
+        places = np.empty_like(self.positions)
+        ball, phase, rows = self.segments[:, 0], self.segments[:, 1], self.segments[:, 2:]
+        for i in range(len(places)):
+            mine = np.flatnonzero((ball == i) & (rows[:, layout.T0] <= t))[-1]
+            row = rows[mine]
+            dt = (t - row[layout.T0]) - row[layout.T0_LO]
+            moves = layout.ROLLING <= phase[mine] < layout.POTTED
+            dt = min(max(dt, 0.0), row[layout.LASTS]) if moves else 0.0
+            start, velocity = row[[layout.X, layout.Y]], row[[layout.VX, layout.VY]]
+            places[i] = start + dt * (velocity + 0.5 * dt * row[[layout.AX, layout.AY]])
+        return places
+
+
+@functools.lru_cache(maxsize=64)
+def scene_arrays(scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
+    """The scene as the kernels take it: params (N_PARAMS,), radius (n,), inverse mass (n,), pockets (k, 3)."""
+    p = scene.physics
+    params = np.zeros(layout.N_PARAMS)
+    params[layout.MOTION] = MOTIONS.index(p.motion)
+    params[layout.CUSHION] = CUSHION_MODELS.index(p.cushion)
+    params[layout.SLIDE], params[layout.ROLL] = p.mu_slide * p.g, p.mu_roll * p.g
+    params[layout.SPIN_DECAY] = p.spin_decay
+    params[layout.E_BALL], params[layout.E_CUSHION], params[layout.MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
+    params[layout.HALF_LENGTH], params[layout.HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
+    params[layout.CUSHION_HEIGHT] = scene.table.cushion_height
+    pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
+    return params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets
+
+
+def check_mode(mode: str, dt: float | None) -> None:
+    """Raises a ValueError unless `mode` is an engine and `dt` suits it."""
+    choose("mode", mode, tuple(ENGINES))
+    if dt is not None:
+        raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep")
+
+
+def check_motion(
+    scene: Scene, shape: tuple[int, ...], name: str, values: ArrayLike | None, width: int, obstacles: bool = True
+) -> Floats:
+    """Velocities or spins as a float64 array of `shape` + (width,).
+
+    Args:
+        scene: The scene.
+        shape: (n,) or (m, n).
+        name: What to call them in an error.
+        values: All balls' values, or the cue ball's alone (one axis less); None for zero.
+        width: Components: 2 of a velocity, 3 of a spin.
+        obstacles: Whether balls of infinite mass are held to zero values.
+
+    Returns:
+        A new array.
+
+    Raises:
+        ValueError: If the shape is wrong, a value is not finite, or a ball of infinite mass is to move.
+    """
+    full = (*shape, width)
+    array = np.zeros(full)
+    if values is None:
+        return array
+    given = np.asarray(values, dtype=np.float64)
+    if given.shape == full:
+        array[...] = given
+    elif given.shape == (*shape[:-1], width):
+        array[..., 0, :] = given
+    else:
+        raise ValueError(
+            f"{name} has shape {given.shape}: expected {full} for all balls or {(*shape[:-1], width)} for the cue ball"
+        )
+    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        raise ValueError(f"{name}: ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
+    if obstacles:
+        fixed = np.flatnonzero(np.isinf(scene.balls.mass))
+        for i in fixed:
+            if array[..., i, :].any():
+                raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
+    return array
+
+
+def check_shot(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    spins: ArrayLike | None,
+    in_play: ArrayLike | None,
+    max_time: float | None,
+) -> tuple[Floats, Floats, Floats, NDArray[np.bool_], float]:
+    """A shot's, or a batch's, input as fresh arrays that an engine may write to; see `simulate` for what is refused."""
+    placed = np.array(positions, dtype=np.float64)
+    n = scene.n_balls
+    if placed.ndim not in (2, 3) or placed.shape[-2:] != (n, 2):
+        raise ValueError(f"positions has shape {placed.shape}: expected ({n}, 2) or (m, {n}, 2), a row a ball")
+    shape = placed.shape[:-1]
+    playing = np.ones(shape, np.bool_)
+    if in_play is not None:
+        playing[...] = np.asarray(in_play, dtype=np.bool_)
+    placed = check_positions(scene, placed, in_play=playing)
+    if spins is not None and scene.physics.motion != "sliding":
+        raise ValueError(
+            f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
+        )
+    limit = scene.physics.max_time if max_time is None else max_time
+    if limit is None:
+        limit = np.inf
+    elif not 0 <= limit < np.inf:
+        raise ValueError(f"max_time = {max_time!r}: expected a finite number of seconds >= 0")
+    return (
+        placed,
+        check_motion(scene, shape, "velocities", velocities, 2),
+        check_motion(scene, shape, "spins", spins, 3),
+        playing,
+        float(limit),
+    )
+
+
+def simulate(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    record: bool = False,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+) -> ShotResult:
+    """Runs one shot until every ball rests.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (n, 2) m/s, or (2,), the cue ball's.
+        mode: The engine: "pic" (event-driven, exact).
+        dt: None; PIC has no timestep.
+        spins: (n, 3) or (3,) angular velocities, rad/s; none by default, and only with "sliding" motion.
+        in_play: (n,) bool; balls that are not in play are ignored and count as potted. All are by default.
+        record: Whether to keep the events and trajectories.
+        max_time: The shot ends after so many seconds at the latest; the scene's own limit by default.
+        max_events: The shot is given up, with status "event_limit", after so many events.
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+
+    Raises:
+        ValueError: If balls overlap, lie outside the table or in a pocket, a value is not finite, a ball of infinite
+            mass is to move, or an argument is unknown or of the wrong shape.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> shot = simulate(scene, [[-0.5, 0.0], [0.0, 0.0]], [1.0, 0.0], max_time=1.0)
+        >>> shot.status, shot.first_hit, shot.velocities.tolist()
+        ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
+    """
+    check_mode(mode, dt)
+    if np.ndim(positions) != 2:
+        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
+    placed, moving, spinning, playing, limit = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    n = scene.n_balls
+    times, hits, counts = np.empty(1), np.empty((1, n, 2), np.int32), np.empty((1, N_COUNTS), np.int64)
+    room = 256 if record else 0
+    while True:
+        balls = placed.copy()[None], moving.copy()[None], spinning.copy()[None], playing.copy()[None]
+        events, segments = np.empty((room, EVENT_WIDTH)), np.empty((4 * room, SEGMENT_WIDTH))
+        used = np.zeros(2, np.int64)
+        ENGINES[mode](
+            0, 1, *scene_arrays(scene), limit, max_events, *balls, times, hits, counts, events, segments, used
+        )
+        if not record or (used[0] <= len(events) and used[1] <= len(segments)):
+            break
+        room = max(4 * room, int(max(used)))  # the log was too short: the same shot again, with room for all of it
+    count = counts[0]
+    return ShotResult(
+        positions=balls[0][0],
+        velocities=balls[1][0],
+        spins=balls[2][0],
+        potted=~balls[3][0],
+        time=float(times[0]),
+        n_events=int(count[N_EVENTS]),
+        status=STATUS[count[ENDED]],
+        first_hit=int(count[FIRST_HIT]),
+        cushions=hits[0, :, CUSHIONS].copy(),
+        cushions_before_hit=hits[0, :, CUSHIONS_BEFORE_HIT].copy(),
+        n_contact_rule=int(count[N_CONTACT_RULE]),
+        events=_event_array(events[: used[0]]) if record else None,
+        segments=segments[: used[1]].copy() if record else None,
+    )
+
+
+def _event_array(rows: Floats) -> NDArray[Any]:
+    events = np.empty(len(rows), EVENT_DTYPE)
+    events["time"] = rows[:, 0]
+    events["kind"] = np.array(KINDS)[rows[:, 2].astype(np.int64)]
+    for name, column in (("ball", 3), ("other", 4), ("x", 5), ("y", 6), ("speed", 7)):
+        events[name] = rows[:, column]
+    return events

@@ -1,0 +1,83 @@
+"""How the kernels are compiled: numba, strict IEEE arithmetic, an on-disk cache that notices every edit."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+KERNEL_FOLDERS = ("physics", "engine")
+
+
+def source_hash() -> str:
+    """A hash of every kernel's source.
+
+    numba's cache looks only at the file of the function it stores, not at the functions that one calls; a cache folder
+    of this name holds nothing stale.
+    """
+    digest = hashlib.sha256()
+    for folder in KERNEL_FOLDERS:
+        for path in sorted((_PACKAGE / folder).glob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _writable(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def cache_folder() -> Path | None:
+    """Where compiled kernels are kept, or None if no such place can be written.
+
+    In turn: the environment's `NUMBA_CACHE_DIR`, the package's `__pycache__`, the user's cache folder.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
+    places = [Path(given)] if given else [_PACKAGE / "__pycache__", user]
+    name = f"kernels-{source_hash()}"
+    return next((place / name for place in places if _writable(place / name)), None)
+
+
+_FOLDER = cache_folder()
+
+
+def kernel(function: F) -> F:
+    """Compiles `function` when it is first called; for kernels that other kernels call.
+
+    Strict IEEE arithmetic (no fastmath, so nothing is fused or reordered) makes results the same on every machine;
+    `error_model="numpy"` lets a division by zero give an infinity instead of an exception.
+    """
+    return numba.njit(error_model="numpy", nogil=True)(function)  # pyright: ignore[reportReturnType]
+
+
+def entry_point(function: F) -> F:
+    """A `kernel` that Python calls: its machine code, callees included, is cached on disk."""
+    if _FOLDER is None:
+        warnings.warn(
+            "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "
+            "they are compiled anew in every process",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return kernel(function)
+    # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
+    before = numba.config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    numba.config.CACHE_DIR = str(_FOLDER)  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        return numba.njit(error_model="numpy", nogil=True, cache=True)(function)  # pyright: ignore[reportReturnType]
+    finally:
+        numba.config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]

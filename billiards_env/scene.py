@@ -1,0 +1,476 @@
+"""A scene is all that stays the same from shot to shot: table, balls and physics.
+
+Everything is in SI units. The frame's origin is the table's centre, x runs along its length, y along its width. Scenes
+are immutable and are checked on construction, so code further down takes them as they are.
+
+The defaults, each with its source:
+
+=====================  ==============  ===========================================================================
+field                  default         source
+=====================  ==============  ===========================================================================
+table.length, width    2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
+table.cushion_height   0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
+corner pocket radius   0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
+side pocket radius     0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
+balls.radius           0.028575 m      WPA: diameter 2.25 in
+balls.mass             0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
+physics.g              9.81 m/s^2      standard gravity, rounded
+physics.mu_slide       0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
+physics.mu_roll        0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
+physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
+physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
+physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
+physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
+carom table            2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
+carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
+                       0.21 kg
+=====================  ==============  ===========================================================================
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+MOTIONS = ("ideal", "rolling", "sliding")
+CUSHIONS = ("restitution", "han2005")
+
+CONTACT_GAP = 1e-12
+"""m. Surfaces no further apart than this touch; placed balls may overlap by as little. It is far above the rounding
+of a coordinate (2e-16 m) and far below anything that can be measured on a table."""
+
+_INCH = 0.0254
+_POOL_LENGTH, _POOL_WIDTH = 100 * _INCH, 50 * _INCH
+_POOL_RADIUS, _POOL_MASS = 2.25 * _INCH / 2, 0.170097
+_CORNER_RADIUS, _SIDE_RADIUS = 4.5625 * _INCH / 2, 5.0625 * _INCH / 2
+_CAROM_LENGTH, _CAROM_WIDTH = 2.84, 1.42
+_CAROM_RADIUS, _CAROM_MASS, _CAROM_CUSHION = 0.03075, 0.21, 0.037
+
+
+def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Raises a ValueError that suggests the nearest of `choices` unless `value` is one of them."""
+    if value not in choices:
+        near = difflib.get_close_matches(str(value), choices, 1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise ValueError(f"{name} = {value!r}: expected one of {', '.join(map(repr, choices))}{hint}")
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{name} = {value!r}: expected a number, not {type(value).__name__}")
+    if not math.isfinite(value):
+        raise ValueError(f"{name} = {value!r}: expected a finite number")
+    return float(value)
+
+
+def _finite(owner: object, prefix: str, *names: str) -> None:
+    for name in names:
+        object.__setattr__(owner, name, _number(f"{prefix}.{name}", getattr(owner, name)))
+
+
+def _positive(owner: object, prefix: str, *names: str) -> None:
+    _finite(owner, prefix, *names)
+    for name in names:
+        if getattr(owner, name) <= 0:
+            raise ValueError(f"{prefix}.{name} = {getattr(owner, name)!r}: expected a number > 0")
+
+
+def _tuple_of(owner: object, prefix: str, name: str, kind: type | tuple[type, ...]) -> None:
+    values = getattr(owner, name)
+    wanted = kind.__name__ if isinstance(kind, type) else "number"
+    if not isinstance(values, tuple):
+        raise TypeError(f"{prefix}.{name} = {values!r}: expected a tuple, a {wanted} each")
+    for i, value in enumerate(values):
+        if isinstance(value, bool) or not isinstance(value, kind):
+            raise TypeError(f"{prefix}.{name}[{i}] = {value!r}: expected a {wanted}")
+
+
+def _sequence(name: str, values: Any) -> tuple[Any, ...]:
+    if not isinstance(values, (list, tuple)):
+        raise TypeError(f"{name} = {values!r}: expected a list")
+    return tuple(values)
+
+
+def _fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
+    """`data` as keyword arguments of dataclass `kind`, refused if a key is unknown or a needed one missing."""
+    if not isinstance(data, Mapping):
+        raise TypeError(f"{name} = {data!r}: expected a mapping")
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    for key in data:
+        choose(f"key of {name}", key, tuple(fields))
+    for key, field in fields.items():
+        if key not in data and field.default is dataclasses.MISSING:
+            raise ValueError(f"{name}.{key} is missing: expected one of each of {', '.join(map(repr, fields))}")
+    return dict(data)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Pocket:
+    """A pocket captures every ball whose centre enters its circle.
+
+    Attributes:
+        x: The circle's centre along the table's length, m.
+        y: The circle's centre along the table's width, m.
+        radius: The circle's radius, m.
+    """
+
+    x: float
+    y: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        _finite(self, "pocket", "x", "y")
+        _positive(self, "pocket", "radius")
+
+
+def six_pockets(length: float = _POOL_LENGTH, width: float = _POOL_WIDTH) -> tuple[Pocket, ...]:
+    """Four corner pockets and two side pockets, on the cushion line of a table `length` by `width` metres."""
+    x, y = length / 2, width / 2
+    corners = [Pocket(sx * x, sy * y, _CORNER_RADIUS) for sx in (-1, 1) for sy in (-1, 1)]
+    sides = [Pocket(0.0, sy * y, _SIDE_RADIUS) for sy in (-1, 1)]
+    return (*corners, *sides)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Table:
+    """A rectangle of cushions, with or without pockets.
+
+    Attributes:
+        length: Between the noses of the short cushions (along x), m.
+        width: Between the noses of the long cushions (along y), m.
+        cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
+        pockets: The pockets, often `six_pockets()`; none by default.
+    """
+
+    length: float = _POOL_LENGTH
+    width: float = _POOL_WIDTH
+    cushion_height: float = 0.635 * 2 * _POOL_RADIUS
+    pockets: tuple[Pocket, ...] = ()
+
+    def __post_init__(self) -> None:
+        _positive(self, "table", "length", "width", "cushion_height")
+        _tuple_of(self, "table", "pockets", Pocket)
+        for k, p in enumerate(self.pockets):
+            if abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius:
+                raise ValueError(
+                    f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
+                    f"({self.length} x {self.width} m, centred on the origin)"
+                )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Balls:
+    """The balls; ball 0 is the cue ball.
+
+    Attributes:
+        radius: One radius a ball, m.
+        mass: One mass a ball, kg. `math.inf` makes the ball a fixed obstacle.
+    """
+
+    radius: tuple[float, ...]
+    mass: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "mass"):
+            _tuple_of(self, "balls", name, (int, float))
+            for i, value in enumerate(getattr(self, name)):
+                if not value > 0 or (name == "radius" and math.isinf(value)):
+                    finite = "" if name == "mass" else "finite "
+                    raise ValueError(f"balls.{name}[{i}] = {value!r}: expected a {finite}number > 0")
+            object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
+        if not self.radius:
+            raise ValueError("balls.radius = (): expected at least one ball, the cue ball")
+        if len(self.radius) != len(self.mass):
+            raise ValueError(
+                f"balls.mass has {len(self.mass)} values, balls.radius {len(self.radius)}: expected one of each a ball"
+            )
+        if math.isinf(self.mass[0]):
+            raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball has to move")
+
+    @classmethod
+    def uniform(cls, count: int, radius: float = _POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
+        """`count` like balls of `radius` metres and `mass` kilograms."""
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise ValueError(f"count = {count!r}: expected a whole number of balls >= 1")
+        return cls((radius,) * count, (mass,) * count)
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Physics:
+    """The laws of motion and of collision, with their constants.
+
+    Attributes:
+        motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
+            "ideal" (constant velocity).
+        cushion: "restitution" (the normal velocity is reversed and multiplied by `e_cushion`) or "han2005" (Han 2005,
+            with friction and spin; needs `motion="sliding"`).
+        g: Gravity, m/s^2.
+        mu_slide: Coefficient of sliding friction between ball and cloth.
+        mu_roll: Coefficient of rolling resistance between ball and cloth.
+        spin_decay: Deceleration of the spin about the vertical axis, rad/s^2.
+        e_ball: Restitution of a ball-ball collision, 0 to 1.
+        e_cushion: Restitution of a ball-cushion collision, 0 to 1.
+        mu_cushion: Coefficient of friction between ball and cushion; used by the "han2005" cushions.
+        max_time: A shot ends after so many seconds even if balls still move; None for no such limit, which "ideal"
+            motion does not allow.
+    """
+
+    motion: str = "sliding"
+    cushion: str = "han2005"
+    g: float = 9.81
+    mu_slide: float = 0.2
+    mu_roll: float = 0.01
+    spin_decay: float = 10.0
+    e_ball: float = 0.95
+    e_cushion: float = 0.85
+    mu_cushion: float = 0.2
+    max_time: float | None = None
+
+    def __post_init__(self) -> None:
+        choose("physics.motion", self.motion, MOTIONS)
+        choose("physics.cushion", self.cushion, CUSHIONS)
+        _positive(self, "physics", "g", "mu_slide", "mu_roll", "spin_decay")
+        for name in ("e_ball", "e_cushion"):
+            value = _number(f"physics.{name}", getattr(self, name))
+            if not 0 <= value <= 1:
+                raise ValueError(f"physics.{name} = {value!r}: expected a restitution from 0 to 1")
+            object.__setattr__(self, name, value)
+        _finite(self, "physics", "mu_cushion")
+        if self.mu_cushion < 0:
+            raise ValueError(f"physics.mu_cushion = {self.mu_cushion!r}: expected a number >= 0")
+        if self.max_time is not None:
+            _positive(self, "physics", "max_time")
+        if self.motion == "ideal" and self.max_time is None:
+            raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never comes to rest")
+        if self.cushion == "han2005" and self.motion != "sliding":
+            raise ValueError(
+                f"physics.cushion = 'han2005' with physics.motion = {self.motion!r}: expected motion 'sliding' "
+                "(its friction acts on spin) or cushion 'restitution'"
+            )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scene:
+    """A table, balls and physics; see the module's docstring for the defaults.
+
+    Attributes:
+        table: The table.
+        balls: The balls.
+        physics: The laws and their constants.
+    """
+
+    balls: Balls
+    table: Table = Table()
+    physics: Physics = Physics()
+
+    def __post_init__(self) -> None:
+        for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"scene.{name} = {getattr(self, name)!r}: expected a {kind.__name__}")
+        widest = 2 * max(self.balls.radius)
+        if widest > min(self.table.length, self.table.width):
+            raise ValueError(
+                f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
+            )
+        if self.physics.cushion == "han2005":
+            for i, radius in enumerate(self.balls.radius):
+                if not 0 < self.table.cushion_height < 2 * radius:
+                    raise ValueError(
+                        f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
+                        f"of ball {i} ({2 * radius} m), which 'han2005' cushions hit below its top"
+                    )
+
+    @property
+    def n_balls(self) -> int:
+        """Number of balls, the cue ball among them."""
+        return len(self.balls)
+
+    @classmethod
+    def named(cls, name: str, n_object_balls: int | None = None) -> Scene:
+        """A scene by its name.
+
+        Args:
+            name: "pool" (9-foot table with six pockets), "carom" (no pockets), "ideal" (the frictionless, elastic
+                world without pockets; a shot ends after 10 s) or "pooltool_carom" (carom with elastic balls, the
+                setting of the reference shots made with pooltool).
+            n_object_balls: Number of object balls; None for the usual one (1 on "pool" and "ideal", 2 on carom tables).
+
+        Returns:
+            The scene.
+
+        Raises:
+            ValueError: If the name is unknown or the number of balls does not suit it.
+
+        Example:
+            >>> scene = Scene.named("pool", n_object_balls=15)
+            >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
+            (16, 6, 'sliding')
+        """
+        choose("scene", name, tuple(_NAMED))
+        build, usual, most = _NAMED[name]
+        n = usual if n_object_balls is None else n_object_balls
+        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or not 0 <= n <= most:
+            raise ValueError(f"n_object_balls = {n!r}: expected a whole number from 0 to {most} for scene {name!r}")
+        return build(int(n) + 1)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+        """A scene from plain data, as read from YAML or JSON.
+
+        Args:
+            data: The keys are the fields of `Scene`, their values mappings of the fields of `Table`, `Balls` and
+                `Physics`. Fields that have a default may be left out; an infinite mass may be written "inf".
+
+        Returns:
+            The scene; `Scene.from_dict(scene.to_dict()) == scene`.
+
+        Raises:
+            ValueError: If a key is unknown or missing, or a value impossible.
+            TypeError: If a value is of the wrong type.
+
+        Example:
+            >>> Scene.from_dict({"balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}).balls.mass
+            (0.2, inf)
+        """
+        fields = dict(_fields_of(Scene, "scene", data))
+        if "table" in fields:
+            table = dict(_fields_of(Table, "scene.table", fields["table"]))
+            if "pockets" in table:
+                pockets = _sequence("scene.table.pockets", table["pockets"])
+                table["pockets"] = tuple(
+                    Pocket(**_fields_of(Pocket, f"scene.table.pockets[{k}]", p)) for k, p in enumerate(pockets)
+                )
+            fields["table"] = Table(**table)
+        balls = {
+            name: tuple(math.inf if v == "inf" else v for v in _sequence(f"scene.balls.{name}", values))
+            for name, values in _fields_of(Balls, "scene.balls", fields["balls"]).items()
+        }
+        fields["balls"] = Balls(**balls)
+        if "physics" in fields:
+            fields["physics"] = Physics(**_fields_of(Physics, "scene.physics", fields["physics"]))
+        return cls(**fields)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The scene as plain data: dicts, lists, strings and finite numbers, ready for JSON or YAML.
+
+        Example:
+            >>> Scene.named("ideal").to_dict()["physics"]["motion"]
+            'ideal'
+        """
+        data = dataclasses.asdict(self)
+        data["table"]["pockets"] = list(data["table"]["pockets"])
+        data["balls"] = {
+            name: ["inf" if math.isinf(v) else v for v in values] for name, values in data["balls"].items()
+        }
+        return data
+
+
+def _pool(n_balls: int) -> Scene:
+    return Scene(Balls.uniform(n_balls), Table(pockets=six_pockets()))
+
+
+def _carom(n_balls: int) -> Scene:
+    return Scene(
+        Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS),
+        Table(_CAROM_LENGTH, _CAROM_WIDTH, _CAROM_CUSHION),
+    )
+
+
+def _ideal(n_balls: int) -> Scene:
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=10.0)
+    return Scene(Balls.uniform(n_balls), Table(), physics)
+
+
+def _pooltool_carom(n_balls: int) -> Scene:
+    # pooltool's spin coefficient is a length, 4/9 of a radius long; its spin decays at 5 mu_spin g / (2 R).
+    spin_decay = 5 * (4 / 90 * 10 * _CAROM_RADIUS) * 9.81 / (2 * _CAROM_RADIUS)
+    physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=spin_decay)
+    return dataclasses.replace(_carom(n_balls), physics=physics)
+
+
+# name: (builder, usual number of object balls, largest)
+_NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
+    "pool": (_pool, 1, 15),
+    "carom": (_carom, 2, 15),
+    "ideal": (_ideal, 1, 500),
+    "pooltool_carom": (_pooltool_carom, 2, 15),
+}
+SCENES = tuple(_NAMED)
+
+
+def check_positions(
+    scene: Scene, positions: ArrayLike, name: str = "positions", in_play: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """Checks where the balls are placed.
+
+    Args:
+        scene: The scene.
+        positions: (n, 2) centres of the balls in m, or (m, n, 2) for m layouts.
+        name: What to call them in an error.
+        in_play: (n,) or (m, n) bool; balls that are not in play may be anywhere. All are by default.
+
+    Returns:
+        A float64 copy of the positions.
+
+    Raises:
+        ValueError: If a coordinate is not finite, a ball lies outside the cushions or in a pocket, or two balls
+            overlap; by at most `CONTACT_GAP` they may.
+    """
+    array = np.array(positions, dtype=np.float64)
+    n = scene.n_balls
+    if array.ndim not in (2, 3) or array.shape[-2:] != (n, 2):
+        raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), a row a ball")
+
+    playing = np.ones(array.shape[:-1], np.bool_) if in_play is None else in_play
+
+    def where(index: tuple[np.intp, ...]) -> str:
+        shot = f"shot {index[0]}, " if array.ndim == 3 else ""
+        return f"{name}: {shot}ball {index[-1]}"
+
+    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
+    radius = np.array(scene.balls.radius)
+    half = np.array([scene.table.length / 2, scene.table.width / 2])
+    room = half - radius[:, None]
+    bad = np.argwhere((np.abs(array) > room + CONTACT_GAP).any(axis=-1) & playing)
+    if len(bad):
+        at = tuple(bad[0])
+        limit = room[at[-1]]
+        raise ValueError(
+            f"{where(at)} is at {array[at].tolist()}: expected |x| <= {limit[0]} and |y| <= {limit[1]}, inside the cushions"
+        )
+    for k, pocket in enumerate(scene.table.pockets):
+        inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius
+        bad = np.argwhere(inside & playing)
+        if len(bad):
+            at = tuple(bad[0])
+            raise ValueError(
+                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
+                f"a circle of {pocket.radius} m about ({pocket.x}, {pocket.y})"
+            )
+    for i in range(n):
+        gap = array[..., i + 1 :, :] - array[..., i : i + 1, :]
+        distance = np.hypot(gap[..., 0], gap[..., 1])
+        reach = radius[i] + radius[i + 1 :]
+        both = playing[..., i : i + 1] & playing[..., i + 1 :]
+        bad = np.argwhere((distance < reach - CONTACT_GAP) & both)
+        if len(bad):
+            at = tuple(bad[0])
+            j = i + 1 + at[-1]
+            shot = f"shot {at[0]}, " if array.ndim == 3 else ""
+            raise ValueError(
+                f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: expected at least {reach[j - i - 1]} m, "
+                "the sum of their radii"
+            )
+    return array
