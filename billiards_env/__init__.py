@@ -1,0 +1,32 @@
+"""Billiards for reinforcement learning: one action is one cue shot, run to rest by an exact event-driven engine.
+
+Importing the package registers `Billiards-v0` with Gymnasium. The engine, which takes numba along, is imported when it
+is first used.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+from billiards_env.scene import Scene
+
+if TYPE_CHECKING:
+    from billiards_env.engine import simulate, simulate_batch
+
+__version__ = "0.1.0"
+
+__all__ = ["Scene", "__version__", "simulate", "simulate_batch"]
+
+gymnasium.register(id="Billiards-v0", entry_point="billiards_env.envs:BilliardsEnv")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("simulate", "simulate_batch"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from billiards_env import engine
+
+    return getattr(engine, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,398 @@
+"""The environment: one action is one shot."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env import layouts
+from billiards_env.engine import check_mode, simulate
+from billiards_env.envs.tasks import TASKS
+from billiards_env.scene import Scene, check_positions, choose
+
+# The layout a game of each task opens with.
+_OPENING = {"pot": "rack", "carom": "carom_opening"}
+
+
+class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """Billiards: each action is one cue shot, and each step runs it until every ball rests.
+
+    ## Description
+
+    A cue ball (ball 0) and object balls lie on a table. The agent chooses the velocity with which the cue ball leaves
+    the cue, without spin; an event-driven engine computes the shot exactly, each collision, cushion contact, pocket
+    and change from sliding to rolling at its own instant. In the frictionless scene "ideal" nothing comes to rest: a
+    shot ends after 10 s, and the next begins with the balls at rest where they were. With one shot an episode, the
+    default, this is a contextual bandit with a continuous action.
+
+    ## Action Space
+
+    `Box(-1, 1, (2,), float32)`: the cue ball's velocity along the table's length (x) and width (y), as a share of
+    `max_speed`. Vectors longer than 1 are shortened to 1 in their own direction, so no shot is faster than `max_speed`.
+
+    ## Observation Space
+
+    `Box(-1, 1, (2 * n_balls,), float32)`: where the balls are, the cue ball first.
+
+    | Num     | Observation                                               | Min | Max |
+    |---------|-----------------------------------------------------------|-----|-----|
+    | 2 i     | x of ball i over half the table's length                  | -1  | 1   |
+    | 2 i + 1 | y of ball i over half the table's width                   | -1  | 1   |
+    | last    | with `observe_shots_left`: share of the shots still to do | 0   | 1   |
+
+    The table's centre is (0, 0). A potted ball is seen at its pocket, clipped to the box; no ball on the table can be
+    at +-1.
+
+    ## Rewards
+
+    A shot earns its points, less `scratch_penalty` if it pots the cue ball (a scratch).
+
+    - `task="pot"`: a point for each object ball potted. Balls of infinite mass are obstacles, not object balls.
+    - `task="carom"`: a point if the cue ball touches every object ball in this shot and does not scratch.
+
+    The penalty is small by default: under a large one an agent learns to keep clear of the pockets before it has
+    learned to use them.
+
+    ## Starting State
+
+    Drawn by `layout`:
+
+    - `"random"`: all balls anywhere on the table, 1 mm clear of each other, of the cushions and of the pockets.
+    - `"rack"`: the cue ball anywhere behind the head string, the object balls in a triangle at the foot spot (a diamond
+      for 9), their gaps random, 0.1 to 0.5 mm.
+    - `"tight_rack"`: the same with the object balls frozen together.
+    - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
+    - `"line"`: the cue ball and one object ball on the long axis.
+
+    `reset(options={"positions": [[x, y], ...]})` places the balls by hand, a row a ball, in metres from the
+    table's centre.
+
+    ## Episode End
+
+    The episode terminates when the task is decided or `max_shots` shots are done. The limit on shots is part of the
+    task, so the environment never truncates.
+
+    - `task="pot"` is decided when all object balls are potted, or the cue ball is. A potted object ball stays out.
+    - `task="carom"` goes on after a point as after a miss; on a table with pockets any potted ball decides it.
+
+    ## Info
+
+    `reset` returns an empty info; that of each `step` has these keys:
+
+    | Key | Type | Meaning |
+    |---|---|---|
+    | `shot_time` | float | duration of the shot, s |
+    | `n_events` | int | events that the engine computed |
+    | `status` | str | why the shot ended: "rest", "max_time" or "event_limit" |
+    | `first_hit` | int | the first ball that the cue ball touched, -1 if none |
+    | `cushions` | (n,) int32 | cushion contacts of each ball in this shot |
+    | `potted` | (n,) bool | the balls off the table after this shot |
+    | `scratch` | bool | whether the cue ball is one of them |
+    | `points` | int | points of this shot |
+    | `score` | int | points of the episode so far |
+    | `shots_left` | int | shots still allowed |
+    | `success` | bool | `pot`: all object balls potted, no scratch; `carom`: at least one point so far |
+    | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
+
+    A shot that meets the engine's limit on events raises a `RuntimeWarning` as well; no ordinary shot does.
+
+    ## Arguments
+
+    ```python
+    >>> import gymnasium as gym
+    >>> env = gym.make("billiards_env:Billiards-v0", n_object_balls=2, max_shots=3)
+    >>> observation, info = env.reset(seed=0)
+    >>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    >>> observation.shape, info["shots_left"], info["status"]
+    ((6,), 2, 'rest')
+
+    ```
+
+    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON.
+
+    | Argument | Type | Default | Description |
+    |---|---|---|---|
+    | `scene` | str or dict | `"pool"` | name of a scene, or a scene in the form of `Scene.to_dict()` |
+    | `task` | str | `"pot"` | `"pot"` (needs pockets) or `"carom"` |
+    | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
+    | `mode` | str | `"pic"` | the engine: `"pic"`, the predicted instant of collision |
+    | `dt` | float or None | `None` | timestep, for engines that have one; `"pic"` has none |
+    | `max_shots` | int | `1` | the most shots of an episode |
+    | `max_speed` | float | `4.0` | speed of the fastest shot, m/s |
+    | `layout` | str or None | `"random"` | the starting state; None for the game's own |
+    | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
+    | `scratch_penalty` | float | `0.1` | what a scratch costs |
+    | `render_mode` | None | `None` | there is no rendering yet |
+
+    The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1) and
+    `"pooltool_carom"` (2). The game's own layout is `"rack"` for `pot` and `"carom_opening"` for `carom`.
+
+    ## Version History
+
+    * v0: Initial version.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (an instance variable in gym.Env)
+
+    def __init__(
+        self,
+        scene: str | Mapping[str, Any] = "pool",
+        task: str = "pot",
+        n_object_balls: int | None = None,
+        mode: str = "pic",
+        dt: float | None = None,
+        max_shots: int = 1,
+        max_speed: float = 4.0,
+        layout: str | None = "random",
+        observe_shots_left: bool = False,
+        scratch_penalty: float = 0.1,
+        render_mode: str | None = None,
+    ) -> None:
+        self.scene = make_scene(scene, n_object_balls)
+        self.targets = task_targets(task, self.scene)
+        self.task = task
+        check_mode(mode, dt)
+        self.mode = mode
+        self.dt = dt
+        if isinstance(max_shots, bool) or not isinstance(max_shots, (int, np.integer)) or max_shots < 1:
+            raise ValueError(f"max_shots = {max_shots!r}: expected a whole number >= 1")
+        self.max_shots = int(max_shots)
+        self.max_speed = _number("max_speed", max_speed)
+        if self.max_speed <= 0:
+            raise ValueError(f"max_speed = {max_speed!r}: expected a speed > 0 in m/s")
+        self.layout = _OPENING[task] if layout is None else layout
+        # One throw-away draw, for a layout that does not suit the scene to be refused here and not at some reset.
+        layouts.draw(self.layout, self.scene, np.random.default_rng(0))
+        if not isinstance(observe_shots_left, (bool, np.bool_)):
+            raise ValueError(f"observe_shots_left = {observe_shots_left!r}: expected True or False")
+        self.observe_shots_left = bool(observe_shots_left)
+        self.scratch_penalty = _number("scratch_penalty", scratch_penalty)
+        if self.scratch_penalty < 0:
+            raise ValueError(f"scratch_penalty = {scratch_penalty!r}: expected a number >= 0, it is subtracted")
+        if render_mode is not None:
+            # Stable-Baselines3's make_vec_env asks for "rgb_array" unbidden, and does without on a TypeError only.
+            raise TypeError(f"render_mode = {render_mode!r}: expected None, there is no rendering yet")
+        self.render_mode = render_mode
+
+        n = self.scene.n_balls
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        low = np.full(2 * n + self.observe_shots_left, -1.0, np.float32)
+        low[2 * n :] = 0.0
+        self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
+
+        self._score_shot = TASKS[task]
+        self._size = len(low)
+        self._half = np.array([self.scene.table.length / 2, self.scene.table.width / 2])
+        self._positions = np.zeros((n, 2))
+        self._potted = np.zeros(n, np.bool_)
+        self._shots_left = 0
+        self._score = 0
+        self._success = False
+        self._over = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Starts an episode.
+
+        Args:
+            seed: Seeds the generator that draws the layouts; the same seed gives the same episode bit for bit.
+            options: None or {"positions": (n, 2) positions in m}, to place the balls by hand instead.
+
+        Returns:
+            The observation, as in the class's docstring, and an empty info.
+
+        Raises:
+            ValueError: If an option is unknown or the balls cannot be placed so.
+            TypeError: If the options are no mapping.
+        """
+        placed = placed_by_hand(self.scene, options)
+        super().reset(seed=seed)
+        self._positions = layouts.draw(self.layout, self.scene, self.np_random) if placed is None else placed
+        self._potted = np.zeros(self.scene.n_balls, np.bool_)
+        self._shots_left = self.max_shots
+        self._score = 0
+        self._success = False
+        self._over = False
+        return self._observation(), {}
+
+    def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Plays one shot.
+
+        Args:
+            action: (2,) the cue ball's velocity over `max_speed`.
+
+        Returns:
+            Observation, reward, terminated, truncated (always False) and info, as in the class's docstring.
+
+        Raises:
+            ResetNeeded: If no episode is under way.
+            ValueError: If the action is not two finite numbers.
+        """
+        if self._over:
+            raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
+        shot = simulate(
+            self.scene,
+            self._positions,
+            cue_velocity(action, self.max_speed),
+            mode=self.mode,
+            dt=self.dt,
+            in_play=~self._potted,
+        )
+        if shot.status == "event_limit":
+            warnings.warn(
+                f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "
+                f"scene {self.scene}, positions {self._positions.tolist()}, action {np.asarray(action).tolist()}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        points, over, success = self._score_shot(self.targets, self._potted, shot.potted, shot.cushions_before_hit)
+        points = int(points)
+        scratch = bool(shot.potted[0])
+        self._positions = shot.positions
+        self._potted = shot.potted
+        self._shots_left -= 1
+        self._score += points
+        self._success = self._success or bool(success)
+        self._over = bool(over) or self._shots_left == 0
+        info = {
+            "shot_time": shot.time,
+            "n_events": shot.n_events,
+            "status": shot.status,
+            "first_hit": shot.first_hit,
+            "cushions": shot.cushions,
+            "potted": shot.potted.copy(),
+            "scratch": scratch,
+            "points": points,
+            "score": self._score,
+            "shots_left": self._shots_left,
+            "success": self._success,
+            "is_success": self._success,
+        }
+        reward = points - self.scratch_penalty if scratch else float(points)
+        return self._observation(), reward, self._over, False, info
+
+    def _observation(self) -> NDArray[np.float32]:
+        places = np.minimum(np.maximum(self._positions / self._half, -1.0), 1.0)
+        observation = np.empty(self._size, np.float32)
+        observation[: places.size] = places.reshape(-1)
+        if self.observe_shots_left:
+            observation[-1] = self._shots_left / self.max_shots
+        return observation
+
+
+def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
+    """The scene that the environment's arguments ask for.
+
+    Args:
+        scene: A scene's name, or its data in the form of `Scene.to_dict()`.
+        n_object_balls: For a named scene; None for its usual number.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ValueError: If the name is unknown, the data wrong, or `n_object_balls` given beside data.
+        TypeError: If `scene` is neither a string nor a mapping, or a value in it is of the wrong type.
+    """
+    if isinstance(scene, str):
+        return Scene.named(scene, n_object_balls)
+    if not isinstance(scene, Mapping):
+        raise TypeError(f"scene = {scene!r}: expected a name or a dict in the form of Scene.to_dict()")
+    if n_object_balls is not None:
+        raise ValueError(
+            f"n_object_balls = {n_object_balls!r} with a scene given as a dict: expected None, the dict lists the balls"
+        )
+    return Scene.from_dict(scene)
+
+
+def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
+    """The balls that a task is about.
+
+    Args:
+        task: One of `TASKS`.
+        scene: The scene.
+
+    Returns:
+        (n,) bool: the object balls, for "pot" only those that can move.
+
+    Raises:
+        ValueError: If the task is unknown or there is nothing to do on such a scene.
+    """
+    choose("task", task, tuple(TASKS))
+    targets = np.arange(scene.n_balls) > 0
+    if not targets.any():
+        raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
+    if task == "pot":
+        if not scene.table.pockets:
+            raise ValueError(
+                "task = 'pot' with a scene without pockets: expected a table with pockets, or task 'carom'"
+            )
+        targets &= np.isfinite(scene.balls.mass)
+        if not targets.any():
+            raise ValueError("task = 'pot' with object balls of infinite mass only: expected one that can move")
+    return targets
+
+
+def placed_by_hand(scene: Scene, options: Mapping[str, Any] | None) -> NDArray[np.float64] | None:
+    """The (n, 2) positions that the options of a reset give, checked, or None if they give none."""
+    if options is None:
+        return None
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: expected a dict")
+    for key in options:
+        choose("key of options", key, ("positions",))
+    if "positions" not in options:
+        return None
+    positions = check_positions(scene, options["positions"], "options['positions']")
+    if positions.ndim != 2:
+        raise ValueError(
+            f"options['positions'] has shape {positions.shape}: expected ({scene.n_balls}, 2), a row a ball"
+        )
+    return positions
+
+
+def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
+    """The cue ball's velocity: the action, shortened to the unit disc, times `max_speed`.
+
+    Args:
+        action: (2,) share of `max_speed` along x and y.
+        max_speed: m/s.
+
+    Returns:
+        (2,) velocity, m/s.
+
+    Raises:
+        ValueError: If the action is not two finite numbers.
+
+    Example:
+        >>> cue_velocity([0.0, -0.5], 4.0).tolist(), cue_velocity([3.0, 4.0], 1.0).tolist()
+        ([0.0, -2.0], [0.6, 0.8])
+    """
+    array = np.asarray(action, dtype=np.float64)
+    if array.shape != (2,):
+        raise ValueError(f"action has shape {array.shape}: expected (2,)")
+    x, y = array.tolist()
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"action = {[x, y]}: expected two finite numbers")
+    # Into the box first, so that the squares cannot overflow.
+    largest = max(abs(x), abs(y), 1.0)
+    x, y = x / largest, y / largest
+    # Not hypot, whose last bit depends on the C library.
+    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
+    return np.array((x * speed, y * speed))
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{name} = {value!r}: expected a number")
+    if not math.isfinite(value):
+        raise ValueError(f"{name} = {value!r}: expected a finite number")
+    return float(value)

@@ -1,0 +1,490 @@
+import copy
+import json
+import pickle
+import warnings
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from gymnasium.wrappers import OrderEnforcing
+
+import billiards_env.envs.billiards as billiards
+from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.tasks import TASKS
+from billiards_env.layouts import LAYOUTS
+from billiards_env.scene import SCENES, Scene, check_positions
+
+# Every scene with every task that it has room for.
+FITTING = [(s, t) for s in SCENES for t in TASKS if t != "pot" or Scene.named(s).table.pockets]
+VARIANTS = [
+    *({"scene": scene, "task": task} for scene, task in FITTING),
+    *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
+    *({"layout": layout} for layout in (*LAYOUTS, None)),
+    {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
+    {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
+    {
+        "scene": {**Scene.named("ideal").to_dict(), "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}},
+        "task": "carom",
+    },
+]
+variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values()))[:60])
+INFO_TYPES = {
+    "shot_time": float,
+    "n_events": int,
+    "status": str,
+    "first_hit": int,
+    "cushions": np.ndarray,
+    "potted": np.ndarray,
+    "scratch": bool,
+    "points": int,
+    "score": int,
+    "shots_left": int,
+    "success": bool,
+    "is_success": bool,
+}
+
+# On the pool table, 45 degrees from the corner pocket at (1.27, 0.635): a cue ball there, alone on its way, scratches.
+STRAIGHT_INTO_THE_CORNER = [0.97, 0.335]
+INTO_THE_CORNER = np.array([0.25, 0.25], np.float32)
+# On the frictionless table the cue ball, at (0, 0), meets ball 1 at 45 degrees and leaves on the diagonal for ball 2.
+DIAGONAL = 2 * Scene.named("ideal").balls.radius[0] * np.sqrt(0.5)
+CAROM = [[-0.3, 0.0], [DIAGONAL, -DIAGONAL], [0.3, 0.3]]
+
+
+def make(**kwargs):
+    return gym.make("Billiards-v0", **kwargs)
+
+
+def play(env, shots, seed=None):
+    """Plays `shots` random shots; all that the environment said, arrays as bytes."""
+    env.action_space.seed(seed)
+    log: list[Any] = [env.reset(seed=seed)[0].tobytes()]
+    for _ in range(shots):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        info = {k: v.tobytes() if isinstance(v, np.ndarray) else v for k, v in info.items()}
+        log += [observation.tobytes(), reward, terminated, truncated, info]
+        if terminated:
+            log.append(env.reset()[0].tobytes())
+    return log
+
+
+@variants
+def test_the_environment_checkers_have_nothing_to_say(kwargs):
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make(**kwargs).unwrapped)
+        sb3.check_env(make(**kwargs), warn=True)
+
+
+@variants
+def test_what_the_environment_says_is_in_its_spaces_and_of_its_types(kwargs):
+    env = BilliardsEnv(**kwargs)
+    n = env.scene.n_balls
+    last = env.observe_shots_left
+    assert env.observation_space.shape == (2 * n + last,)
+    assert env.observation_space.dtype == np.float32
+    assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
+    env.action_space.seed(0)
+    rng = np.random.default_rng(0)
+    for episode in range(10):
+        observation, info = env.reset(seed=episode)
+        assert info == {}
+        assert observation in env.observation_space
+        assert np.abs(observation[: 2 * n]).max() < 1
+        shots, terminated, total = 0, False, 0.0
+        while not terminated:
+            observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, 2))
+            shots += 1
+            total += reward + (env.scratch_penalty if info["scratch"] else 0)
+            assert observation in env.observation_space
+            assert type(reward) is float
+            assert type(terminated) is bool
+            assert truncated is False
+            assert {k: type(v) for k, v in info.items()} == INFO_TYPES
+            assert (info["cushions"].shape, info["cushions"].dtype) == ((n,), np.int32)
+            assert (info["potted"].shape, info["potted"].dtype) == ((n,), np.bool_)
+            assert info["shots_left"] == env.max_shots - shots
+            on_table = np.abs(observation[: 2 * n]).reshape(n, 2).max(axis=1) < 1
+            assert np.array_equal(on_table, ~info["potted"])
+            if last:
+                assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
+        assert total == info["score"]
+        assert shots <= env.max_shots
+
+
+def test_positions_are_observed_as_shares_of_the_half_table():
+    env = BilliardsEnv(n_object_balls=2, max_shots=4, observe_shots_left=True)
+    positions = [[0.635, -0.3175], [-0.127, 0.508], [0.0, 0.0]]
+    shares = [0.5, -0.5, -0.1, 0.8, 0, 0]
+    observation, _ = env.reset(options={"positions": positions})
+    assert np.array_equal(observation, np.array([*shares, 1.0], np.float32))
+    observation, *_ = env.step(np.zeros(2))
+    assert np.array_equal(observation, np.array([*shares, 0.75], np.float32))
+
+
+def test_a_ball_in_a_side_pocket_is_observed_at_that_pocket():
+    env = BilliardsEnv(max_shots=2)
+    env.reset(options={"positions": [[0.0, 0.3], [-0.5, 0.0]]})
+    observation, *_, info = env.step([0.0, 0.2])
+    assert info["potted"].tolist() == [True, False]
+    assert observation[:2].tolist() == [0.0, 1.0]
+
+
+def test_a_ball_in_a_pocket_behind_the_cushions_is_observed_inside_the_box():
+    scene = Scene.named("pool").to_dict()
+    scene["table"]["pockets"] = [{"x": 1.3, "y": 0.65, "radius": 0.1}]
+    env = BilliardsEnv(scene=scene)
+    env.reset(options={"positions": [STRAIGHT_INTO_THE_CORNER, [-0.5, 0.0]]})
+    observation, *_, info = env.step(INTO_THE_CORNER)
+    assert info["scratch"]
+    assert observation[:2].tolist() == [1.0, 1.0]
+    assert observation in env.observation_space
+
+
+def test_the_same_seed_gives_the_same_episodes_bit_for_bit():
+    kwargs = {"n_object_balls": 5, "max_shots": 3}
+    first, second = make(**kwargs), make(**kwargs)
+    log = play(first, 12, seed=7)
+    assert log == play(second, 12, seed=7)
+    assert log == play(first, 12, seed=7)
+    assert log != play(first, 12, seed=8)
+
+
+def test_the_history_of_an_environment_leaves_no_trace_in_an_episode():
+    env = BilliardsEnv(max_shots=3)
+    log = play(env, 2, seed=1)
+    env.reset(options={"positions": [[0.0, 0.0], [0.5, 0.0]]})
+    env.step(np.array([1.0, 0.0]))
+    assert play(env, 2, seed=1) == log
+
+
+@variants
+def test_the_spec_survives_json_and_pickle(kwargs):
+    env = make(**kwargs)
+    log = play(env, 2, seed=3)
+    assert env.spec is not None
+    assert json.loads(env.spec.to_json())["kwargs"] == kwargs
+    for spec in (EnvSpec.from_json(env.spec.to_json()), pickle.loads(pickle.dumps(env.spec))):
+        assert play(gym.make(spec), 2, seed=3) == log
+
+
+@pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_as_its_original(twin_of):
+    env = BilliardsEnv(n_object_balls=3, max_shots=6)
+    play(env, 3, seed=5)
+    env.reset()
+    env.step(np.array([0.1, 0.1]))
+    twin = twin_of(env)
+    action = np.array([-0.5, 0.3])
+    for one, other in ((env.step(action), twin.step(action)), (env.reset(), twin.reset())):
+        assert one[0].tobytes() == other[0].tobytes()
+
+
+def test_gymnasium_vectorises_it():
+    envs = gym.make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", n_object_balls=2)
+    observations, _ = envs.reset(seed=0)
+    assert observations.shape == (3, 6)
+    *_, infos = envs.step(envs.action_space.sample())
+    assert infos["potted"].shape == (3, 3)
+    assert infos["shot_time"].shape == (3,)
+
+
+def test_stable_baselines3_vectorises_it():
+    sb3 = pytest.importorskip("stable_baselines3.common.env_util")
+    with pytest.warns(UserWarning, match="render_mode='rgb_array' that is not in the possible render_modes"):
+        envs = sb3.make_vec_env("Billiards-v0", n_envs=2)
+    assert envs.reset().shape == (2, 4)
+
+
+def test_potting_the_object_ball():
+    env = BilliardsEnv()
+    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
+    observation, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert info["potted"].tolist() == [False, True]
+    assert (reward, terminated) == (1.0, True)
+    assert (info["success"], info["scratch"], info["points"], info["score"]) == (True, False, 1, 1)
+    assert (info["first_hit"], info["status"]) == (1, "rest")
+    assert observation[2:].tolist() == [1.0, 1.0]
+    assert info["shot_time"] > 0
+    assert info["n_events"] >= 3
+
+
+@pytest.mark.parametrize("max_shots", [1, 5])
+@pytest.mark.parametrize("penalty", [0.0, 0.5, 2])
+def test_a_scratch_ends_the_episode_and_costs_the_penalty(penalty, max_shots):
+    env = BilliardsEnv(scratch_penalty=penalty, max_shots=max_shots)
+    env.reset(options={"positions": [STRAIGHT_INTO_THE_CORNER, [-0.5, 0.0]]})
+    observation, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert (reward, terminated) == (-penalty, True)
+    assert (info["scratch"], info["success"], info["first_hit"]) == (True, False, -1)
+    assert observation[:2].tolist() == [1.0, 1.0]
+
+
+def test_a_miss_ends_the_episode_when_the_shots_are_used_up():
+    env = BilliardsEnv(max_shots=2)
+    env.reset(options={"positions": [[0.0, 0.0], [0.5, 0.3]]})
+    *_, terminated, truncated, info = env.step([-0.1, 0.0])
+    assert (terminated, truncated, info["shots_left"]) == (False, False, 1)
+    _, reward, terminated, truncated, info = env.step([-0.1, 0.0])
+    assert (reward, terminated, truncated) == (0.0, True, False)
+    assert (info["shots_left"], info["success"], info["score"]) == (0, False, 0)
+
+
+def test_potted_balls_stay_out_of_later_shots():
+    env = BilliardsEnv(n_object_balls=2, max_shots=10)
+    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
+    _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert info["potted"].tolist() == [False, True, False]
+    assert (reward, terminated, info["success"]) == (1.0, False, False)
+    for _ in range(3):
+        observation, reward, terminated, _, info = env.step([-0.05, 0.02])
+        assert info["potted"].tolist() == [False, True, False]
+        assert observation[2:4].tolist() == [1.0, 1.0]
+        assert (reward, terminated) == (0.0, False)
+        assert (info["points"], info["score"]) == (0, 1)
+
+
+def test_balls_rest_between_shots_where_the_last_one_left_them():
+    env = BilliardsEnv(scene="carom", task="carom", max_shots=3)
+    before, _ = env.reset(seed=0)
+    after, *_ = env.step([0.4, 0.1])
+    assert not np.array_equal(before, after)
+    still, *_, info = env.step([0.0, 0.0])
+    assert np.array_equal(after, still)
+    assert (info["shot_time"], info["n_events"]) == (0.0, 0)
+
+
+def test_carom_scores_when_the_cue_ball_touches_every_object_ball():
+    env = BilliardsEnv(scene="ideal", task="carom", n_object_balls=2)
+    env.reset(options={"positions": CAROM})
+    _, reward, terminated, _, info = env.step([0.25, 0.0])
+    assert (reward, terminated) == (1.0, True)
+    assert (info["success"], info["score"], info["first_hit"], info["scratch"]) == (True, 1, 1, False)
+    env.reset(options={"positions": CAROM})
+    _, reward, terminated, _, info = env.step([-0.01, 0.0])
+    assert (reward, terminated, info["success"], info["first_hit"]) == (0.0, True, False, -1)
+
+
+def test_carom_goes_on_until_the_shots_are_used_up():
+    env = BilliardsEnv(scene="ideal", task="carom", n_object_balls=2, max_shots=3)
+    env.reset(options={"positions": CAROM})
+    outcomes = []
+    for action in ([0.25, 0.0], [0.0, 0.0], [0.0, 0.0]):
+        _, reward, terminated, _, info = env.step(action)
+        outcomes.append((reward, terminated, info["score"], info["success"]))
+    assert outcomes == [(1.0, False, 1, True), (0.0, False, 1, True), (0.0, True, 1, True)]
+
+
+def test_a_potted_ball_decides_carom_on_a_table_with_pockets():
+    env = BilliardsEnv(task="carom", n_object_balls=2, max_shots=5)
+    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
+    _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert (reward, terminated, info["success"]) == (0.0, True, False)
+    env.reset(options={"positions": [STRAIGHT_INTO_THE_CORNER, [-0.5, 0.0], [-0.6, -0.2]]})
+    _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert (reward, terminated, info["scratch"]) == (-0.1, True, True)
+
+
+def test_obstacles_need_not_be_potted():
+    scene = Scene.named("pool", 2).to_dict()
+    scene["balls"]["mass"][2] = "inf"
+    env = BilliardsEnv(scene=scene, max_shots=5)
+    env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
+    _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
+    assert (reward, terminated, info["success"]) == (1.0, True, True)
+
+
+def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
+    assert BilliardsEnv(layout=None, n_object_balls=15).layout == "rack"
+    assert BilliardsEnv(layout=None, scene="carom", task="carom").layout == "carom_opening"
+    assert BilliardsEnv().layout == "random"
+
+
+def test_layouts_start_the_episodes():
+    env = BilliardsEnv(layout="line")
+    assert env.reset(seed=0)[0].tolist() == [-0.5, 0.0, 0.5, 0.0]
+
+
+def test_the_action_is_a_share_of_the_top_speed_and_shortened_to_it():
+    assert billiards.cue_velocity(np.array([0.5, -0.25], np.float32), 4.0).tolist() == [2.0, -1.0]
+    assert billiards.cue_velocity([0, 1], 3.0).tolist() == [0.0, 3.0]
+    for action in ([1, 1], [3.0, -4.0], [1e300, 1e300], [1e-320, 5.0]):
+        velocity = billiards.cue_velocity(action, 2.0)
+        assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-15)
+        np.testing.assert_allclose(velocity / velocity[1], np.divide(action, action[1]), rtol=1e-15)
+
+
+def test_faster_tables_shoot_farther():
+    ends = []
+    for max_speed in (0.5, 1.0):
+        env = BilliardsEnv(scene="carom", task="carom", max_speed=max_speed)
+        env.reset(options={"positions": [[-0.8, 0.0], [1.2, 0.5], [1.2, -0.5]]})
+        ends.append(env.step([0.8, 0.0])[0][0])
+    assert ends[0] < ends[1]
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([np.nan, 0.0], r"action = \[nan, 0.0\]: expected two finite numbers"),
+        ([0.0, -np.inf], r"action = \[0.0, -inf\]: expected two finite numbers"),
+        ([0.0, 0.0, 0.0], r"action has shape \(3,\): expected \(2,\)"),
+        (0.5, r"action has shape \(\): expected \(2,\)"),
+    ],
+)
+def test_a_bad_action_is_refused_and_changes_nothing(action, message):
+    env = BilliardsEnv()
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    assert env.step([0.1, 0.0])[-1]["shots_left"] == 0
+
+
+def test_step_needs_an_episode_under_way():
+    env = BilliardsEnv()
+    with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
+        env.step(np.zeros(2))
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
+        env.step(np.zeros(2))
+    env.reset()
+    env.step(np.zeros(2))
+    wrapped = make()
+    assert isinstance(wrapped, OrderEnforcing)
+
+
+def test_placed_balls_are_where_they_were_put_and_draw_nothing():
+    env = BilliardsEnv()
+    env.reset(seed=0)
+    state = env.np_random.bit_generator.state
+    positions = np.array([[0.1, 0.2], [-0.3, -0.4]])
+    env.reset(options={"positions": positions})
+    assert env.np_random.bit_generator.state == state
+    observation, *_ = env.step(np.zeros(2))
+    np.testing.assert_allclose(observation, (positions / [1.27, 0.635]).ravel(), rtol=1e-6)
+    positions[:] = 0.0
+    assert observation.any()
+
+
+@pytest.mark.parametrize("options", [None, {}])
+def test_no_options_draw_a_layout(options):
+    env = BilliardsEnv()
+    observation, _ = env.reset(seed=0)
+    assert np.array_equal(env.reset(seed=0, options=options)[0], observation)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"position": []}, ValueError, r"key of options = 'position': expected one of 'positions' \(did you mean"),
+        ([1, 2], TypeError, r"options = \[1, 2\]: expected a dict"),
+        ({"positions": [[0, 0]]}, ValueError, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
+        ({"positions": np.full((4, 2, 2), [[0], [0.5]])}, ValueError, r"shape \(4, 2, 2\): expected \(2, 2\)"),
+        ({"positions": [[0, 0], [0.01, 0]]}, ValueError, "balls 0 and 1 are 0.01 m apart: expected at least 0.05715"),
+        ({"positions": [[0, 0], [2, 0]]}, ValueError, r"ball 1 is at \[2.0, 0.0\]: .* inside the cushions"),
+        ({"positions": [[0, 0], [np.nan, 0]]}, ValueError, r"ball 1 is at \[nan, 0.0\]: expected finite"),
+        ({"positions": [[0, 0], [1.24, 0.6]]}, ValueError, r"ball 1 is at .*: expected a place outside pocket 3"),
+    ],
+)
+def test_bad_options_are_refused_and_the_episode_goes_on(options, error, message):
+    env = BilliardsEnv()
+    observation, _ = env.reset(seed=0)
+    with pytest.raises(error, match=message):
+        env.reset(options=options)
+    assert np.array_equal(env.step(np.zeros(2))[0], observation)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "message"),
+    [
+        ({"scene": "pol"}, ValueError, r"scene = 'pol': expected one of 'pool', .* \(did you mean 'pool'\?\)"),
+        ({"scene": 3}, TypeError, "scene = 3: expected a name or a dict"),
+        ({"scene": {"ball": {}}}, ValueError, "key of scene = 'ball': .*did you mean 'balls'"),
+        (
+            {"scene": Scene.named("pool").to_dict(), "n_object_balls": 2},
+            ValueError,
+            "n_object_balls = 2 with a scene given as a dict: expected None",
+        ),
+        ({"n_object_balls": 16}, ValueError, "n_object_balls = 16: expected a whole number from 0 to 15"),
+        ({"n_object_balls": 0}, ValueError, "task = 'pot' with a scene of the cue ball alone: expected at least one"),
+        ({"task": "carom", "n_object_balls": 0}, ValueError, "task = 'carom' with a scene of the cue ball alone"),
+        ({"task": "pott"}, ValueError, "task = 'pott': expected one of 'pot', 'carom' .*did you mean 'pot'"),
+        ({"scene": "carom"}, ValueError, "task = 'pot' with a scene without pockets: expected"),
+        (
+            {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}},
+            ValueError,
+            "task = 'pot' with object balls of infinite mass only",
+        ),
+        ({"mode": "pci"}, ValueError, "mode = 'pci': expected"),
+        ({"dt": 0.1}, ValueError, "dt = 0.1 with mode='pic': expected None"),
+        ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number >= 1"),
+        ({"max_shots": 1.5}, ValueError, "max_shots = 1.5: expected a whole number >= 1"),
+        ({"max_shots": True}, ValueError, "max_shots = True: expected a whole number >= 1"),
+        ({"max_speed": 0.0}, ValueError, "max_speed = 0.0: expected a speed > 0"),
+        ({"max_speed": float("nan")}, ValueError, "max_speed = nan: expected a finite number"),
+        ({"max_speed": "fast"}, TypeError, "max_speed = 'fast': expected a number"),
+        ({"layout": "racked"}, ValueError, "layout = 'racked': expected one of .*did you mean 'rack'"),
+        ({"layout": "line", "n_object_balls": 2}, ValueError, "layout = 'line' with 2 object balls: expected 1"),
+        (
+            {"layout": None, "scene": "carom", "task": "carom", "n_object_balls": 3},
+            ValueError,
+            "'carom_opening' with 3",
+        ),
+        ({"observe_shots_left": 1}, ValueError, "observe_shots_left = 1: expected True or False"),
+        ({"scratch_penalty": -1}, ValueError, "scratch_penalty = -1: expected a number >= 0"),
+        ({"render_mode": "human"}, TypeError, "render_mode = 'human': expected None"),
+    ],
+)
+def test_bad_arguments_are_refused(kwargs, error, message):
+    with pytest.raises(error, match=message):
+        BilliardsEnv(**kwargs)
+
+
+def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
+    def cut_off(scene, positions, velocities, **kwargs):
+        n = scene.n_balls
+        return SimpleNamespace(
+            positions=positions,
+            potted=np.zeros(n, bool),
+            time=0.5,
+            n_events=10**6,
+            status="event_limit",
+            first_hit=-1,
+            cushions=np.zeros(n, np.int32),
+            cushions_before_hit=np.full(n, -1, np.int32),
+        )
+
+    monkeypatch.setattr(billiards, "simulate", cut_off)
+    env = BilliardsEnv()
+    env.reset(seed=0)
+    with pytest.warns(RuntimeWarning, match="cut off at the engine's limit, after 1000000 events and 0.5 s"):
+        *_, info = env.step(np.zeros(2))
+    assert info["status"] == "event_limit"
+
+
+def test_the_info_is_the_users_own():
+    env = BilliardsEnv(n_object_balls=2, max_shots=3)
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0], [0.5, 0.3]]})
+    *_, info = env.step([0.01, 0.0])
+    info["potted"][:] = True
+    info["cushions"][:] = 9
+    *_, info = env.step([0.01, 0.0])
+    assert not info["potted"].any()
+    assert not info["cushions"].any()
+
+
+def test_final_positions_of_every_variant_can_be_placed_again():
+    for kwargs in VARIANTS:
+        env = BilliardsEnv(**kwargs)
+        for seed in range(5):
+            env.reset(seed=seed)
+            *_, info = env.step([0.7, 0.5])
+            if not info["potted"].any():
+                check_positions(env.scene, env._positions)

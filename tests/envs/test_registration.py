@@ -1,0 +1,51 @@
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import billiards_env
+
+
+def run(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_importing_registers_the_environment_and_loads_nothing_heavy():
+    code = (
+        "import sys, gymnasium, billiards_env\n"
+        "print(gymnasium.spec('Billiards-v0').id)\n"
+        "print(*sorted({'torch', 'pygame', 'matplotlib', 'numba'} & set(sys.modules)))\n"
+    )
+    assert run(code) == ["Billiards-v0"]
+
+
+def test_the_id_can_name_the_module_to_import():
+    code = (
+        "import sys, gymnasium\n"
+        "print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)\n"
+        "print(*sorted({'torch', 'pygame', 'matplotlib'} & set(sys.modules)))\n"
+    )
+    assert run(code) == ["BilliardsEnv"]
+
+
+def test_the_version_is_that_of_the_distribution():
+    pyproject = Path(__file__).parents[2] / "pyproject.toml"
+    found = re.search(r'^version = "(.+)"$', pyproject.read_text(), re.MULTILINE)
+    if found is None:
+        pytest.skip("pyproject.toml takes the version from the package")
+    assert billiards_env.__version__ == found[1]
+
+
+def test_the_engine_is_there_when_asked_for():
+    from billiards_env.engine import simulate, simulate_batch
+
+    assert billiards_env.simulate is simulate
+    assert billiards_env.simulate_batch is simulate_batch
+    assert {"Scene", "simulate", "simulate_batch"} <= set(dir(billiards_env))
+
+
+def test_unknown_attributes_are_refused():
+    with pytest.raises(AttributeError, match="module 'billiards_env' has no attribute 'simulat'"):
+        billiards_env.simulat  # noqa: B018

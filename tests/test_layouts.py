@@ -1,0 +1,179 @@
+import dataclasses
+import hashlib
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env import layouts
+from billiards_env.scene import SCENES, Balls, Scene, check_positions
+
+LARGE_AND_SMALL = dataclasses.replace(
+    Scene.named("ideal"), balls=Balls(radius=(0.02, 0.01, 0.2, 0.05), mass=(0.2, 0.1, math.inf, 0.3))
+)
+
+
+def draws(name, scene, count, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.array([layouts.draw(name, scene, rng) for _ in range(count)])
+
+
+@pytest.mark.parametrize("n_object_balls", [0, 1, 2, 9, 15])
+@pytest.mark.parametrize("scene", SCENES)
+def test_random_balls_are_clear_of_each_other_of_cushions_and_of_pockets(scene, n_object_balls):
+    scene = Scene.named(scene, n_object_balls)
+    positions = draws("random", scene, 300)
+    check_positions(scene, positions)
+    radius = scene.balls.radius[0]
+    half = np.array([scene.table.length, scene.table.width]) / 2
+    assert np.all(np.abs(positions) <= half - radius - layouts.MARGIN)
+    for i, j in itertools.combinations(range(scene.n_balls), 2):
+        gaps = np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) - 2 * radius
+        assert gaps.min() >= layouts.MARGIN - 1e-15
+    for pocket in scene.table.pockets:
+        gaps = np.linalg.norm(positions - (pocket.x, pocket.y), axis=-1) - pocket.radius
+        assert gaps.min() >= layouts.MARGIN - 1e-15
+
+
+def test_random_balls_reach_the_whole_table_evenly():
+    scene = Scene.named("carom", 1)
+    positions = draws("random", scene, 4000)
+    reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
+    uniform = positions / reach
+    assert np.abs(uniform).max() > 0.995
+    assert np.abs(uniform.mean(axis=0)).max() < 0.05
+    np.testing.assert_allclose((uniform**2).mean(axis=0), 1 / 3, atol=0.03)
+
+
+def test_random_places_balls_of_any_size():
+    positions = draws("random", LARGE_AND_SMALL, 300)
+    check_positions(LARGE_AND_SMALL, positions)
+
+
+def test_random_finds_room_for_one_large_ball_among_many_small_ones():
+    balls = Balls(radius=(*[0.03] * 60, 0.5), mass=(0.2,) * 61)
+    scene = dataclasses.replace(Scene.named("ideal"), balls=balls)
+    check_positions(scene, draws("random", scene, 20))
+
+
+def test_random_fills_a_table_with_500_balls():
+    scene = Scene.named("ideal", 500)
+    check_positions(scene, draws("random", scene, 1))
+
+
+def test_random_gives_up_on_balls_that_do_not_fit():
+    scene = dataclasses.replace(Scene.named("ideal"), balls=Balls.uniform(8, radius=0.3))
+    with pytest.raises(ValueError, match=r"layout = 'random': found no room for ball \d .*radius 0.3 m.*10000 tries"):
+        layouts.random(scene, np.random.default_rng(0))
+
+
+def test_random_needs_a_table_with_room_for_the_margin():
+    scene = Scene.from_dict(
+        {
+            "balls": {"radius": [0.1], "mass": [0.2]},
+            "table": {"length": 1.0, "width": 0.2},
+            "physics": {"cushion": "restitution"},
+        }
+    )
+    with pytest.raises(ValueError, match="found no room for ball 0"):
+        layouts.random(scene, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("name", ["rack", "tight_rack"])
+@pytest.mark.parametrize("n_object_balls", [0, 1, 2, 3, 6, 9, 10, 15])
+@pytest.mark.parametrize("scene", SCENES)
+def test_racks_are_accepted_and_the_cue_ball_is_behind_the_head_string(scene, n_object_balls, name):
+    scene = Scene.named(scene, n_object_balls)
+    positions = draws(name, scene, 50)
+    check_positions(scene, positions)
+    cue = positions[:, 0]
+    assert np.all(cue[:, 0] <= -scene.table.length / 4)
+    assert np.ptp(cue[:, 0]) > 0.2 * scene.table.length
+    assert np.ptp(cue[:, 1]) > 0.7 * scene.table.width
+
+
+def neighbour_gaps(scene, positions):
+    """Gaps, m, between the object balls that are neighbours in the rack."""
+    radius = scene.balls.radius[0]
+    pairs = itertools.combinations(range(1, scene.n_balls), 2)
+    gaps = np.array([np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) for i, j in pairs]) - 2 * radius
+    return gaps[gaps.min(axis=1) < radius / 2]
+
+
+@pytest.mark.parametrize(("n_object_balls", "contacts"), [(2, 1), (3, 3), (9, 16), (15, 30)])
+def test_a_loose_rack_has_small_random_gaps_and_a_tight_one_none(n_object_balls, contacts):
+    scene = Scene.named("pool", n_object_balls)
+    loose = neighbour_gaps(scene, draws("rack", scene, 500))
+    low, high = layouts.RACK_GAP
+    assert len(loose) == contacts
+    assert low <= loose.min() < low + 1e-4
+    assert high - 1e-4 < loose.max() <= high
+    tight = neighbour_gaps(scene, draws("tight_rack", scene, 1))
+    assert len(tight) == contacts
+    assert np.abs(tight).max() < 1e-15
+
+
+def test_a_rack_stands_at_the_foot_spot_row_by_row():
+    scene = Scene.named("pool", 15)
+    rack = layouts.tight_rack(scene, np.random.default_rng(0))[1:]
+    assert rack[0].tolist() == [scene.table.length / 4, 0.0]
+    rows, counts = np.unique(rack[:, 0].round(9), return_counts=True)
+    assert counts.tolist() == [1, 2, 3, 4, 5]
+    np.testing.assert_allclose(np.diff(rows), math.sqrt(3) * scene.balls.radius[0], atol=1e-8)
+    diamond = layouts.tight_rack(Scene.named("pool", 9), np.random.default_rng(0))[1:]
+    assert np.unique(diamond[:, 0].round(9), return_counts=True)[1].tolist() == [1, 2, 3, 2, 1]
+
+
+def test_a_tight_rack_needs_object_balls_of_one_size():
+    with pytest.raises(ValueError, match=r"layout = 'tight_rack' .*radii \[0.01, 0.05, 0.2\] m: expected one radius"):
+        layouts.tight_rack(LARGE_AND_SMALL, np.random.default_rng(0))
+
+
+def test_a_rack_that_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match=r"layout 'rack': ball \d+ is at .*inside the cushions"):
+        layouts.rack(Scene.named("ideal", 200), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("n_object_balls", [1, 2])
+def test_the_carom_opening_is_fixed(scene, n_object_balls):
+    scene = Scene.named(scene, n_object_balls)
+    positions = draws("carom_opening", scene, 2)
+    check_positions(scene, positions)
+    assert np.array_equal(positions[0], positions[1])
+    assert positions[0, 1].tolist() == [scene.table.length / 4, 0.0]
+
+
+def test_the_carom_opening_has_the_spots_of_the_rules():
+    positions = draws("carom_opening", Scene.named("carom"), 1)[0]
+    np.testing.assert_allclose(positions, [[-0.71, -0.1825], [0.71, 0.0], [-0.71, 0.0]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_line_puts_both_balls_on_the_long_axis(scene):
+    scene = Scene.named(scene, 1)
+    length = scene.table.length
+    assert draws("line", scene, 1)[0].tolist() == [[-length / 4, 0.0], [length / 4, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "n_object_balls", "message"),
+    [
+        ("line", 2, "layout = 'line' with 2 object balls: expected 1"),
+        ("line", 0, "layout = 'line' with 0 object balls: expected 1"),
+        ("carom_opening", 3, "layout = 'carom_opening' with 3 object balls: expected 1 to 2"),
+        ("rak", 1, "layout = 'rak': expected one of .* \\(did you mean 'rack'\\?\\)"),
+    ],
+)
+def test_layouts_refuse_what_does_not_suit_them(name, n_object_balls, message):
+    with pytest.raises(ValueError, match=message):
+        layouts.draw(name, Scene.named("pool", n_object_balls), np.random.default_rng(0))
+
+
+def test_draws_are_the_same_on_every_machine():
+    """A digest of the raw doubles, so a different last bit anywhere fails."""
+    digest = hashlib.sha256()
+    for name, n_object_balls in [("random", 15), ("rack", 9), ("tight_rack", 15), ("carom_opening", 2), ("line", 1)]:
+        digest.update(draws(name, Scene.named("pool", n_object_balls), 20, seed=1).astype("<f8").tobytes())
+    assert digest.hexdigest() == "01be9ea39cf79dfa4a23726c49a685923818f97f1e3bcb706892d17c0055080e"
