@@ -1,0 +1,168 @@
+"""When balls, cushions and pockets next touch and approach.
+
+Every gap is a polynomial in the time since some base time, up to a positive factor: distance squared less reach squared
+for two balls or for a ball and a pocket (of degree 4), the distance to the cushion (of degree 2). It is positive while
+apart. The functions that form it take floats as well as mpf numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import mpmath
+
+from billiards_env.scene import CONTACT_GAP
+from tests.oracle.laws import Segment, Vector, World, norm
+from tests.oracle.roots import Real, first_entry, first_possible_entry
+
+Contact: TypeAlias = "tuple[Real, bool] | None"
+"""Time of a contact and whether it is a resting one."""
+
+MARGIN = 1e-10
+"""Floats must clear a contact by so much of the squared extent of the motion: a hundred thousand times their error."""
+
+
+def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Sequence[Real], reach: Real) -> list[Real]:
+    """|offset + velocity t + acceleration t^2 / 2|^2 - reach^2 as a polynomial in t."""
+    (x, y), (vx, vy), (ax, ay) = offset, velocity, acceleration
+    return [
+        x * x + y * y - reach * reach,
+        2 * (x * vx + y * vy),
+        vx * vx + vy * vy + x * ax + y * ay,
+        vx * ax + vy * ay,
+        (ax * ax + ay * ay) / 4,
+    ]
+
+
+def wall_gap(sign: int, room: Real, position: Real, velocity: Real, acceleration: Real) -> list[Real]:
+    """Distance to the cushion at `sign * room` along one axis as a polynomial in t."""
+    return [room - sign * position, -sign * velocity, -sign * acceleration / 2]
+
+
+def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, high: Real) -> Contact:
+    """The next time of touching and approaching.
+
+    Within `touch` the surfaces are in contact. What they do next is the sign of the first derivative that does not
+    vanish. If they approach the contact is now; if they part, the root at 0 is divided out of a gap that is zero.
+
+    Args:
+        gap: Coefficients of the gap, positive apart.
+        rounding: The size below which each coefficient vanishes.
+        touch: A constant coefficient up to this size is a contact.
+        high: End of the interval [0, high].
+
+    Returns:
+        The time and whether it is a resting contact: surfaces that press against each other with no normal velocity.
+        None if there is no contact.
+    """
+    gap = list(gap)
+    if gap[0] <= touch:
+        # An overlap (placed balls may have one as small as their rounding) is a gap of zero.
+        gap[0] = max(gap[0], mpmath.mpf(0))
+        order = 1
+        while order < len(gap) and abs(gap[order]) <= rounding[order]:
+            gap[order] = mpmath.mpf(0)
+            order += 1
+        if order == len(gap):
+            return None
+        if gap[order] < 0:
+            return mpmath.mpf(0), order > 1
+        if gap[0] == 0:
+            gap = gap[order:]
+    time = first_entry(gap, high)
+    return None if time is None else (time, False)
+
+
+def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, base: Real, high: Real) -> Contact:
+    """`next_contact` of two balls in [base, base + high], in the time since `base`."""
+    offset = tuple(q - p for p, q in zip(a.position_at(base), b.position_at(base), strict=True))
+    velocities = a.velocity_at(base), b.velocity_at(base)
+    velocity = tuple(q - p for p, q in zip(*velocities, strict=True))
+    acceleration = tuple(q - p for p, q in zip(a.acceleration, b.acceleration, strict=True))
+    reach = world.radius[ball] + world.radius[other]
+    speed = sum(map(norm, velocities))
+    noise = a.noise + b.noise + world.tiny * speed
+    push = norm(a.acceleration) + norm(b.acceleration)
+    push_noise = world.tiny * push
+    rounding = (
+        0,
+        2 * reach * noise,
+        2 * speed * noise + reach * push_noise,
+        speed * push_noise + push * noise,
+        push * push_noise,
+    )
+    return next_contact(pair_gap(offset, velocity, acceleration, reach), rounding, 2 * reach * CONTACT_GAP, high)
+
+
+def wall_contact(world: World, ball: int, a: Segment, side: int, base: Real, high: Real) -> Contact:
+    """`next_contact` of a ball and a cushion."""
+    axis, sign = side // 2, 1 if side % 2 else -1
+    velocity = a.velocity_at(base)
+    gap = wall_gap(sign, world.room[ball][axis], a.position_at(base)[axis], velocity[axis], a.acceleration[axis])
+    rounding = (0, a.noise + world.tiny * norm(velocity), world.tiny * norm(a.acceleration))
+    return next_contact(gap, rounding, mpmath.mpf(CONTACT_GAP), high)
+
+
+def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real, high: Real) -> Contact:
+    """`next_contact` of a ball's centre and a pocket's circle."""
+    x, y, radius = world.pockets[pocket]
+    px, py = a.position_at(base)
+    velocity = a.velocity_at(base)
+    rounding = (0, 2 * radius * (a.noise + world.tiny * norm(velocity)), 0, 0, 0)
+    gap = pair_gap((px - x, py - y), velocity, a.acceleration, radius)
+    found = next_contact(gap, rounding, mpmath.mpf(0), high)
+    return None if found is None else (found[0], False)
+
+
+class FloatMotion:
+    """A segment's motion from a base time on, in floats."""
+
+    __slots__ = ("acceleration", "position", "velocity")
+
+    def __init__(self, a: Segment, base: Real) -> None:
+        t = float(base - a.start)
+        vx, vy = float(a.velocity[0]), float(a.velocity[1])
+        ax, ay = float(a.acceleration[0]), float(a.acceleration[1])
+        self.position = (
+            float(a.position[0]) + t * (vx + t * ax / 2),
+            float(a.position[1]) + t * (vy + t * ay / 2),
+        )
+        self.velocity = (vx + t * ax, vy + t * ay)
+        self.acceleration = (ax, ay)
+
+    def extent(self, high: float) -> float:
+        """Above every coordinate within `high` seconds."""
+        return sum(map(abs, self.position)) + high * (
+            sum(map(abs, self.velocity)) + high * sum(map(abs, self.acceleration))
+        )
+
+
+def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: float) -> float | None:
+    """A lower bound for `pair_contact`'s time, in floats; None if there can be no contact."""
+    (x, y), (vx, vy), (ax, ay) = (
+        (q[0] - p[0], q[1] - p[1])
+        for p, q in ((a.position, b.position), (a.velocity, b.velocity), (a.acceleration, b.acceleration))
+    )
+    gap = pair_gap((x, y), (vx * high, vy * high), (ax * high * high, ay * high * high), reach)
+    extent = a.extent(high) + b.extent(high) + reach
+    found = first_possible_entry(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP)
+    return None if found is None else found * high
+
+
+def possible_wall_contact(a: FloatMotion, side: int, room: float, high: float) -> float | None:
+    """A lower bound for `wall_contact`'s time."""
+    axis, sign = side // 2, 1 if side % 2 else -1
+    gap = wall_gap(sign, room, a.position[axis], a.velocity[axis] * high, a.acceleration[axis] * high * high)
+    found = first_possible_entry([*gap, 0.0, 0.0], MARGIN * (a.extent(high) + room) + 2 * CONTACT_GAP)
+    return None if found is None else found * high
+
+
+def possible_pocket_contact(a: FloatMotion, pocket: Vector, high: float) -> float | None:
+    """A lower bound for `pocket_contact`'s time; the pocket's numbers are floats."""
+    x, y, radius = pocket
+    (px, py), (vx, vy), (ax, ay) = a.position, a.velocity, a.acceleration
+    gap = pair_gap((px - x, py - y), (vx * high, vy * high), (ax * high * high, ay * high * high), radius)
+    extent = a.extent(high) + abs(x) + abs(y) + radius
+    found = first_possible_entry(gap, MARGIN * extent * extent)
+    return None if found is None else found * high
