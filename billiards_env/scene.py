@@ -448,7 +448,8 @@ def check_positions(
         at = tuple(bad[0])
         limit = room[at[-1]]
         raise ValueError(
-            f"{where(at)} is at {array[at].tolist()}: expected |x| <= {limit[0]} and |y| <= {limit[1]}, inside the cushions"
+            f"{where(at)} is at {array[at].tolist()}: expected |x| <= {limit[0]} and |y| <= {limit[1]}, "
+            "inside the cushions"
         )
     for k, pocket in enumerate(scene.table.pockets):
         inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius

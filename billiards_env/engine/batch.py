@@ -101,15 +101,16 @@ def simulate_batch(
         raise ValueError(f"positions has shape {np.shape(positions)}: expected (m, {scene.n_balls}, 2)")
     if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
         raise ValueError(f"threads = {threads!r}: expected a whole number >= 1")
-    *balls, limit = check_shot(scene, positions, velocities, spins, in_play, max_time)
-    m, n = balls[0].shape[:2]
+    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    balls = given.positions, given.velocities, given.spins, given.in_play
+    m, n = given.positions.shape[:2]
     times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
     arrays = scene_arrays(scene)
     engine = ENGINES[mode]
 
     def work(begin: int, end: int) -> None:
         log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)
-        engine(begin, end, *arrays, limit, max_events, *balls, times, hits, counts, *log)
+        engine(begin, end, *arrays, given.limit, max_events, *balls, times, hits, counts, *log)
 
     workers = min(threads or os.cpu_count() or 1, max(1, m // _LEAST))
     if workers == 1:
@@ -120,10 +121,10 @@ def simulate_batch(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(work, edges[:-1], edges[1:]))
     return BatchResult(
-        positions=balls[0],
-        velocities=balls[1],
-        spins=balls[2],
-        potted=~balls[3],
+        positions=given.positions,
+        velocities=given.velocities,
+        spins=given.spins,
+        potted=~given.in_play,
         time=times,
         n_events=counts[:, N_EVENTS].copy(),
         status=counts[:, ENDED].copy(),

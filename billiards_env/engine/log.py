@@ -1,4 +1,4 @@
-"""What goes into an engine and what comes out: balls, counters and, when a shot is recorded, events and trajectories."""
+"""What goes into an engine and what comes out: balls, counters and, of a recorded shot, events and trajectories."""
 
 from __future__ import annotations
 

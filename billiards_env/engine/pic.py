@@ -84,7 +84,7 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
     """The next event of ball i alone, counted from its own time: own[i] = (hi, lo), own_kind[i] = (kind, other)."""
     own[i, 0], own[i, 1] = math.inf, 0.0
     p = phase[i]
-    if p == REST or p == POTTED:
+    if p in (REST, POTTED):
         return
     s = state[i]
     end = s[LASTS]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -183,6 +183,24 @@ def check_motion(
     return array
 
 
+class ShotInput(NamedTuple):
+    """Fresh arrays that an engine may write to, of one shot or, with a leading axis, of many.
+
+    Attributes:
+        positions: (n, 2) float64, m.
+        velocities: (n, 2) float64, m/s.
+        spins: (n, 3) float64, rad/s.
+        in_play: (n,) bool.
+        limit: The time at which a shot is ended, s.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: NDArray[np.bool_]
+    limit: float
+
+
 def check_shot(
     scene: Scene,
     positions: ArrayLike,
@@ -190,17 +208,13 @@ def check_shot(
     spins: ArrayLike | None,
     in_play: ArrayLike | None,
     max_time: float | None,
-) -> tuple[Floats, Floats, Floats, NDArray[np.bool_], float]:
-    """A shot's, or a batch's, input as fresh arrays that an engine may write to; see `simulate` for what is refused."""
-    placed = np.array(positions, dtype=np.float64)
-    n = scene.n_balls
-    if placed.ndim not in (2, 3) or placed.shape[-2:] != (n, 2):
-        raise ValueError(f"positions has shape {placed.shape}: expected ({n}, 2) or (m, {n}, 2), a row a ball")
-    shape = placed.shape[:-1]
+) -> ShotInput:
+    """The input of a shot, or of a batch of shots; see `simulate` for what is refused."""
+    shape = np.shape(positions)[:-1]
     playing = np.ones(shape, np.bool_)
     if in_play is not None:
         playing[...] = np.asarray(in_play, dtype=np.bool_)
-    placed = check_positions(scene, placed, in_play=playing)
+    placed = check_positions(scene, positions, in_play=playing)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
             f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
@@ -210,7 +224,7 @@ def check_shot(
         limit = np.inf
     elif not 0 <= limit < np.inf:
         raise ValueError(f"max_time = {max_time!r}: expected a finite number of seconds >= 0")
-    return (
+    return ShotInput(
         placed,
         check_motion(scene, shape, "velocities", velocities, 2),
         check_motion(scene, shape, "spins", spins, 3),
@@ -262,26 +276,28 @@ def simulate(
     check_mode(mode, dt)
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
-    placed, moving, spinning, playing, limit = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
     n = scene.n_balls
     times, hits, counts = np.empty(1), np.empty((1, n, 2), np.int32), np.empty((1, N_COUNTS), np.int64)
     room = 256 if record else 0
     while True:
-        balls = placed.copy()[None], moving.copy()[None], spinning.copy()[None], playing.copy()[None]
+        places, moving, spinning = given.positions[None].copy(), given.velocities[None].copy(), given.spins[None].copy()
+        playing = given.in_play[None].copy()
         events, segments = np.empty((room, EVENT_WIDTH)), np.empty((4 * room, SEGMENT_WIDTH))
         used = np.zeros(2, np.int64)
+        balls = places, moving, spinning, playing
         ENGINES[mode](
-            0, 1, *scene_arrays(scene), limit, max_events, *balls, times, hits, counts, events, segments, used
+            0, 1, *scene_arrays(scene), given.limit, max_events, *balls, times, hits, counts, events, segments, used
         )
         if not record or (used[0] <= len(events) and used[1] <= len(segments)):
             break
         room = max(4 * room, int(max(used)))  # the log was too short: the same shot again, with room for all of it
     count = counts[0]
     return ShotResult(
-        positions=balls[0][0],
-        velocities=balls[1][0],
-        spins=balls[2][0],
-        potted=~balls[3][0],
+        positions=places[0],
+        velocities=moving[0],
+        spins=spinning[0],
+        potted=~playing[0],
         time=float(times[0]),
         n_events=int(count[N_EVENTS]),
         status=STATUS[count[ENDED]],

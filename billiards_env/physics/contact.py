@@ -96,10 +96,7 @@ def line_time(gap, v, a, end):
         if disc < 0.0:
             return math.inf
         root = math.sqrt(disc)
-        if v > 0.0:
-            t = 2.0 * gap / (v + root)
-        else:
-            t = (root - v) / a
+        t = 2.0 * gap / (v + root) if v > 0.0 else (root - v) / a
     elif v >= 0.0:
         t = 0.0
     else:

@@ -74,9 +74,9 @@ def _quantum(largest, n_terms):
 def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse, work, dv, dv_done):
     """Plastic impulses of several contacts at one instant: the least that leave no contact approaching.
 
-    They solve the linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0. Multiplied
-    by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and Grinspun (2012), Reflections on
-    Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all contacts alike.
+    They solve the linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0.
+    Multiplied by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and Grinspun (2012),
+    Reflections on Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all contacts alike.
 
     Accelerated projected gradient (Nesterov 1983, with the restart of O'Donoghue and Candes 2015), scaled to a unit
     diagonal. Every sum over a ball's contacts is formed from terms rounded to a common multiple (Demmel and Nguyen

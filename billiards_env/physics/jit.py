@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import config
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -75,9 +76,9 @@ def entry_point(function: F) -> F:
         )
         return kernel(function)
     # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
-    before = numba.config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
-    numba.config.CACHE_DIR = str(_FOLDER)  # pyright: ignore[reportAttributeAccessIssue]
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(_FOLDER)
     try:
         return numba.njit(error_model="numpy", nogil=True, cache=True)(function)  # pyright: ignore[reportReturnType]
     finally:
-        numba.config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
+        config.CACHE_DIR = before

@@ -40,7 +40,7 @@ N_PARAMS = 11
 
 @kernel
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """a + b exactly, as a rounded sum and its error (Knuth 1969, section 4.2.2)."""
+    """The sum a + b exactly, as a rounded sum and its error (Knuth 1969, section 4.2.2)."""
     s = a + b
     bb = s - a
     return s, (a - (s - bb)) + (b - bb)

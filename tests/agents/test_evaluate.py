@@ -1,0 +1,137 @@
+import io
+import json
+import pickle
+import shutil
+import zipfile
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+
+from agents.config import Config, load
+from agents.evaluate import evaluate, main, play, wilson_interval
+from agents.ppo import load_policy, make_env
+
+
+class Pickled:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
+class TwoShots(gym.Env):
+    """An episode of two steps; each pays its action, the second tells whether the seed was even."""
+
+    observation_space = gym.spaces.Box(-1, 1, (1,), np.float32)
+    action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        self.even, self.steps = seed is not None and seed % 2 == 0, 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.steps += 1
+        over = self.steps == 2
+        return np.full(1, 0.5, np.float32), float(action[0]), over, False, {"success": over and self.even}
+
+
+# The interval's ends solve (rate - p)^2 = z^2 p (1 - p) / n for p.
+@pytest.mark.parametrize(("successes", "episodes"), [(0, 10), (1, 7), (15, 100), (500, 1000), (10, 10)])
+def test_the_interval_solves_wilsons_equation(successes, episodes):
+    low, high = wilson_interval(successes, episodes)
+    rate = successes / episodes
+    assert 0 <= low <= rate + 1e-15
+    assert rate - 1e-15 <= high <= 1
+    for p in (low, high):
+        assert (rate - p) ** 2 == pytest.approx(1.959963984540054**2 * p * (1 - p) / episodes, abs=1e-12)
+
+
+def test_play_sums_rewards_and_counts_the_successes_of_last_steps():
+    result = play(TwoShots(), lambda observation: observation + 0.25, [2, 3, 4, 5, 6])
+    assert result["episodes"] == 5
+    assert result["successes"] == 3
+    assert result["success_rate"] == 0.6
+    assert result["mean_reward"] == pytest.approx(0.25 + 0.75)
+    assert result["confidence_interval_95"] == list(wilson_interval(3, 5))
+
+
+def test_the_evaluation_is_printed_written_and_repeatable(trained, tmp_path, capsys):
+    run_dir = tmp_path / "run"
+    shutil.copytree(trained, run_dir)
+    main([str(run_dir)])
+    written = json.loads((run_dir / "evaluation.json").read_text())
+    printed = capsys.readouterr().out
+    for name in ("policy", "random"):
+        assert written[name]["episodes"] == 20
+        assert f"{name:6}  success {written[name]['success_rate']:6.1%}" in printed
+        assert written[name]["confidence_interval_95"][0] <= written[name]["success_rate"]
+    assert evaluate(run_dir) == written
+    assert evaluate(run_dir, episodes=30, seed=1)["random"]["episodes"] == 30
+    assert json.loads((run_dir / "evaluation.json").read_text())["seed"] == 1
+
+
+def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):
+    shutil.copytree(trained, tmp_path / "run")
+    met = []
+
+    def spy(env, act, seeds):
+        met.append([env.reset(seed=int(seed))[0].tolist() for seed in seeds])
+        return play(env, act, seeds)
+
+    monkeypatch.setattr("agents.evaluate.play", spy)
+    evaluate(tmp_path / "run", episodes=5)
+    assert met[0] == met[1]
+    assert len({tuple(layout) for layout in met[0]}) == 5
+
+
+def test_the_policy_is_the_trained_one(trained):
+    config = load(trained / "config.yaml")
+    env = make_env(config)
+    policy = load_policy(trained / "model.zip", config, env)
+    model = PPO.load(trained / "model.zip", device="cpu")
+    observation, _ = env.reset(seed=0)
+    expected, _ = model.predict(observation, deterministic=True)
+    np.testing.assert_array_equal(policy.predict(observation, deterministic=True)[0], expected)
+
+
+def test_loading_runs_no_code_from_the_file(trained, tmp_path):
+    config = load(trained / "config.yaml")
+    env = make_env(config)
+    harmless, harmful = tmp_path / "harmless.zip", tmp_path / "harmful.zip"
+    buffer = io.BytesIO()
+    torch.save({"log_std": Pickled(tmp_path / "ran")}, buffer)
+    with zipfile.ZipFile(trained / "model.zip") as model:
+        with zipfile.ZipFile(harmless, "w") as archive:  # the rest of the file is not even looked at
+            archive.writestr("policy.pth", model.read("policy.pth"))
+            archive.writestr("data", pickle.dumps(Pickled(tmp_path / "ran")))
+        with zipfile.ZipFile(harmful, "w") as archive:
+            archive.writestr("policy.pth", buffer.getvalue())
+    load_policy(harmless, config, env)
+    with pytest.raises(pickle.UnpicklingError):
+        load_policy(harmful, config, env)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_model_of_another_shape_is_refused(trained, tiny):
+    config = Config.from_dict(tiny(policy={"hidden": [8]}))
+    with pytest.raises(ValueError, match="does not hold the policy of its configuration"):
+        load_policy(trained / "model.zip", config, make_env(config))
+
+
+def test_bad_arguments_end_with_their_message(trained, tmp_path):
+    with pytest.raises(SystemExit, match=r"error: .* holds no run"):
+        main([str(tmp_path)])
+    with pytest.raises(SystemExit, match="error: episodes = 0: expected a whole number >= 1"):
+        main([str(trained), "--episodes", "0"])
+    with pytest.raises(SystemExit, match="error: seed = -1: expected a whole number >= 0"):
+        main([str(trained), "--seed", "-1"])
+    shutil.copytree(trained, tmp_path / "run")
+    (tmp_path / "run" / "model.zip").unlink()
+    with pytest.raises(SystemExit, match=r"error: .* holds no model.zip: its training has not ended"):
+        main([str(tmp_path / "run")])

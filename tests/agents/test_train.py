@@ -1,0 +1,161 @@
+import json
+import sys
+from pathlib import Path
+from typing import cast
+
+import pytest
+import torch
+import yaml
+from stable_baselines3 import PPO
+from stable_baselines3.common.save_util import load_from_zip_file
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from agents import train as module
+from agents.config import Config, load
+from agents.ppo import evaluation_seeds, training_seed
+
+
+def weights(path: Path) -> dict[str, torch.Tensor]:
+    return cast(dict[str, torch.Tensor], load_from_zip_file(path, load_data=False, device="cpu")[1]["policy"])
+
+
+def equal(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
+    return a.keys() == b.keys() and all(torch.equal(a[key], b[key]) for key in a)
+
+
+@pytest.fixture
+def command(tiny, tmp_path):
+    """A function that runs the command with the tiny settings, changed as told; its run folder is `tmp_path/run`."""
+
+    def run(*arguments: str, **changes) -> None:
+        path = tmp_path / "settings.yaml"
+        path.write_text(yaml.safe_dump(tiny(**changes)))
+        module.main([str(path), "--run-dir", str(tmp_path / "run"), *arguments])
+
+    return run
+
+
+def interrupt_after(timesteps: int, monkeypatch) -> None:
+    """Makes training stop as Ctrl-C does, in the middle of the rollout that reaches so many steps."""
+    on_step = module._Callback._on_step
+
+    def stop(self):
+        if self.num_timesteps >= timesteps:
+            raise KeyboardInterrupt
+        return on_step(self)
+
+    monkeypatch.setattr(module._Callback, "_on_step", stop)
+
+
+def test_the_folder_holds_settings_versions_logs_checkpoints_and_the_model(trained, tiny):
+    assert load(trained / "config.yaml") == Config.from_dict(tiny())
+    assert yaml.safe_load((trained / "config.yaml").read_text())["seed"] == 5
+    versions = json.loads((trained / "versions.json").read_text())
+    assert versions["python"] == ".".join(map(str, sys.version_info[:3]))
+    assert {"numpy", "gymnasium", "numba", "stable_baselines3", "torch", "billiards_env"} <= versions.keys()
+    assert [path.name for path in sorted((trained / "checkpoints").iterdir())] == ["000000256.zip"]
+    events = EventAccumulator(str(trained / "tensorboard"))
+    events.Reload()
+    assert [event.step for event in events.Scalars("rollout/success_rate")] == [128, 256, 384, 512]
+    assert all(0 <= event.value <= 1 for event in events.Scalars("rollout/success_rate"))
+
+
+def test_stable_baselines_loads_the_model(trained):
+    model = PPO.load(trained / "model.zip", device="cpu")
+    assert model.num_timesteps == 512
+    assert equal(model.policy.state_dict(), weights(trained / "model.zip"))
+
+
+def test_training_changes_the_weights(trained):
+    assert not equal(weights(trained / "checkpoints" / "000000256.zip"), weights(trained / "model.zip"))
+
+
+def test_an_interrupted_run_resumes_to_the_weights_of_one_never_interrupted(
+    trained, command, tmp_path, monkeypatch, capsys
+):
+    with monkeypatch.context() as patch:
+        interrupt_after(320, patch)
+        with pytest.raises(SystemExit) as stopped:
+            command()
+    assert stopped.value.code == 130
+    assert "the same command resumes after 256 of 512 steps" in capsys.readouterr().err
+    assert not (tmp_path / "run" / "model.zip").exists()
+    command()
+    assert "resuming after 256 of 512 steps" in capsys.readouterr().out
+    assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
+
+
+def test_another_seed_gives_other_weights(trained, command, tmp_path):
+    command("--seed", "6")
+    assert load(tmp_path / "run" / "config.yaml").seed == 6
+    assert not equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
+
+
+def test_a_finished_run_is_not_trained_again_unless_asked_to(command, tmp_path, capsys):
+    command("--timesteps", "128")
+    model = tmp_path / "run" / "model.zip"
+    first = model.read_bytes()
+    command("--timesteps", "128")
+    assert "is trained already (128 steps)" in capsys.readouterr().out
+    assert model.read_bytes() == first
+    command("--timesteps", "128", "--seed", "6", "--fresh")
+    assert load(tmp_path / "run" / "config.yaml").seed == 6
+    assert model.read_bytes() != first
+
+
+def test_a_folder_with_another_configuration_is_refused_and_left_alone(command, tmp_path):
+    command("--timesteps", "128")
+    before = {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()}
+    with pytest.raises(SystemExit, match=r"(?s)another configuration.*--fresh.*ppo.n_epochs: 2 there, 3 asked for"):
+        command("--timesteps", "128", ppo={"n_steps": 32, "n_epochs": 3, "final_learning_rate": 1e-4})
+    assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("arguments", [[], ["--fresh"]])
+def test_a_folder_that_holds_something_else_is_refused_and_left_alone(command, tmp_path, arguments):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "model.zip").write_text("precious")
+    with pytest.raises(SystemExit, match="is not empty and holds no run"):
+        command(*arguments)
+    assert (tmp_path / "run" / "model.zip").read_text() == "precious"
+
+
+def test_half_written_checkpoints_are_not_taken_for_one(tmp_path):
+    for name in ("000000128.zip", "000001024.zip", ".000002048.zip.17.tmp"):
+        path = tmp_path / "checkpoints" / name
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    newest = module.newest_checkpoint(tmp_path)
+    assert newest is not None
+    assert newest.name == "000001024.zip"
+    assert module.newest_checkpoint(tmp_path / "elsewhere") is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"timestep": 1}, r"error: key of the configuration = 'timestep'"),
+        ({"seed": "one"}, r"error: seed = 'one': expected a whole number"),
+        ({"env": {"max_speed": -1.0}}, r"error: max_speed = -1.0: expected a speed > 0"),
+        ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
+    ],
+)
+def test_a_bad_configuration_ends_with_its_message_and_leaves_no_folder(command, tmp_path, changes, message):
+    with pytest.raises(SystemExit, match=message):
+        command(**changes)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_missing_configuration_ends_with_its_message(tmp_path):
+    with pytest.raises(SystemExit, match=r"error: .*No such file"):
+        module.main([str(tmp_path / "none.yaml"), "--run-dir", str(tmp_path / "run")])
+
+
+def test_no_seed_serves_training_and_evaluation(tiny):
+    for seed in range(50):
+        config = Config.from_dict(tiny(seed=seed))
+        training = {training_seed(config, steps) + i for steps in range(0, 5000, 100) for i in range(config.n_envs)}
+        evaluation = set(evaluation_seeds(seed, 100).tolist())
+        assert 0 <= min(training) <= max(training) < 2**31 <= min(evaluation) <= max(evaluation) < 2**32
+        assert len(training) == 200
+        assert len(evaluation) == 100
