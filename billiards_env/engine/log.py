@@ -33,13 +33,14 @@ N_COUNTS = 4
 CUSHIONS, CUSHIONS_BEFORE_HIT = 0, 1
 
 # Columns of the event log; those of the trajectory log are ball, phase and a row of `state`.
-EVENT_WIDTH = 8  # time (hi, lo), kind, ball, other, x, y, speed
+EVENT_WIDTH = 9  # time (hi, lo), kind, ball, other, x, y, speed, rule
 SEGMENT_WIDTH = WIDTH + 2
 
 
 @kernel
-def log_event(events, used, hi, lo, kind, ball, other, state, speed):
-    """Appends an event at (hi, lo) at ball's place; `speed` is that at which the two approached, m/s.
+def log_event(events, used, hi, lo, kind, ball, other, state, speed, rule):
+    """Appends an event at (hi, lo) at ball's place; `speed` is that at which the two approached, m/s, `rule` whether
+    the contact-time rule acted.
 
     `events` has length 0 where nothing is recorded; `used` counts on beyond a log that is full.
     """
@@ -50,7 +51,7 @@ def log_event(events, used, hi, lo, kind, ball, other, state, speed):
     if k < len(events):
         e = events[k]
         e[0], e[1], e[2], e[3], e[4] = hi, lo, kind, ball, other
-        e[5], e[6], e[7] = state[ball, X], state[ball, Y], speed
+        e[5], e[6], e[7], e[8] = state[ball, X], state[ball, Y], speed, rule
 
 
 @kernel

@@ -376,6 +376,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
                 move(state, phase, i, hi, lo, params)
             break
         hi, lo = next_hi, next_lo
+        acts = counts[N_CONTACT_RULE]
         if b >= 0:
             count = gather(
                 a, b, hi, lo, state, phase, params, radius, own, pair, pair_lo, first, second, nx, ny, closing
@@ -404,7 +405,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
                         counts[FIRST_HIT] = j
                     if hits[j, CUSHIONS_BEFORE_HIT] < 0:
                         hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
-                log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c])
+                log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c], counts[N_CONTACT_RULE] > acts)
                 log_segment(segments, used, state, phase, i)
                 log_segment(segments, used, state, phase, j)
                 predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
@@ -430,7 +431,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
         else:
             finish(state, phase, a, hi, lo, params)
         counts[N_EVENTS] += 1
-        log_event(events, used, hi, lo, kind, a, other, state, speed)
+        log_event(events, used, hi, lo, kind, a, other, state, speed, counts[N_CONTACT_RULE] > acts)
         log_segment(segments, used, state, phase, a)
         predict(a, hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
     return hi

@@ -44,6 +44,7 @@ EVENT_DTYPE = np.dtype(
         ("x", "f8"),
         ("y", "f8"),
         ("speed", "f8"),
+        ("rule", "?"),
     ]
 )
 
@@ -67,7 +68,8 @@ class ShotResult:
         n_contact_rule: How often the contact-time rule acted (see `engine.pic`): 0 in an ordinary shot.
         events: Structured array, or None if the shot was not recorded. Fields: time (s), kind ("ball_ball", "cushion",
             "pocket", "roll", "stop" or "spin_stop"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y,
-            +y, the pocket, or -1), x and y (m, the ball's place) and speed (m/s, at which ball and other approached).
+            +y, the pocket, or -1), x and y (m, the ball's place), speed (m/s, at which ball and other approached) and
+            rule (whether the contact-time rule acted).
         segments: (k, SEGMENT_WIDTH) float64, the pieces of the trajectories in the order in which they begin (see
             `engine.log`), or None.
     """
@@ -314,6 +316,6 @@ def _event_array(rows: Floats) -> NDArray[Any]:
     events = np.empty(len(rows), EVENT_DTYPE)
     events["time"] = rows[:, 0]
     events["kind"] = np.array(KINDS)[rows[:, 2].astype(np.int64)]
-    for name, column in (("ball", 3), ("other", 4), ("x", 5), ("y", 6), ("speed", 7)):
+    for name, column in (("ball", 3), ("other", 4), ("x", 5), ("y", 6), ("speed", 7), ("rule", 8)):
         events[name] = rows[:, column]
     return events

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import config
+from numba.core import config as _numba_config
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -54,6 +54,7 @@ def cache_folder() -> Path | None:
 
 
 _FOLDER = cache_folder()
+_config: Any = _numba_config  # its settings are made at run time
 
 
 def kernel(function: F) -> F:
@@ -76,9 +77,9 @@ def entry_point(function: F) -> F:
         )
         return kernel(function)
     # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str(_FOLDER)
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = str(_FOLDER)
     try:
         return numba.njit(error_model="numpy", nogil=True, cache=True)(function)  # pyright: ignore[reportReturnType]
     finally:
-        config.CACHE_DIR = before
+        _config.CACHE_DIR = before
