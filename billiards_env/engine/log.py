@@ -39,9 +39,9 @@ SEGMENT_WIDTH = WIDTH + 2
 
 @kernel
 def log_event(events, used, hi, lo, kind, ball, other, state, speed, rule):
-    """Appends an event at (hi, lo) at ball's place; `speed` is that at which the two approached, m/s, `rule` whether
-    the contact-time rule acted.
+    """Appends an event at (hi, lo) at ball's place.
 
+    `speed` is that at which the two approached, m/s, and `rule` says whether the contact-time rule acted.
     `events` has length 0 where nothing is recorded; `used` counts on beyond a log that is full.
     """
     if len(events) == 0:

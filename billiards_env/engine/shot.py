@@ -23,6 +23,7 @@ from billiards_env.engine.log import (
     SEGMENT_WIDTH,
     STATUS,
 )
+from billiards_env.engine.sensitivity import Sensitivity, sensitivity_along
 from billiards_env.physics import state as layout
 from billiards_env.scene import CUSHIONS as CUSHION_MODELS
 from billiards_env.scene import MOTIONS, Scene, check_positions, choose
@@ -87,6 +88,8 @@ class ShotResult:
     n_contact_rule: int
     events: NDArray[Any] | None = None
     segments: Floats | None = None
+    _arrays: tuple[Floats, Floats, Floats, Floats] | None = None
+    _log: Floats | None = None
 
     def at(self, t: float) -> Floats:
         """Where the balls are at time t, from the exact trajectories.
@@ -116,6 +119,25 @@ class ShotResult:
             start, velocity = row[[layout.X, layout.Y]], row[[layout.VX, layout.VY]]
             places[i] = start + dt * (velocity + 0.5 * dt * row[[layout.AX, layout.AY]])
         return places
+
+    def sensitivity(self, t: float | None = None) -> Sensitivity:
+        """How the positions at time t depend on the shot's beginning.
+
+        Args:
+            t: Seconds since the shot began; None for its end.
+
+        Returns:
+            The derivative and the condition number, see `Sensitivity`.
+
+        Raises:
+            ValueError: If the shot was not recorded, or t is negative or not finite.
+        """
+        if self.segments is None or self._log is None or self._arrays is None:
+            raise ValueError("shot.sensitivity: the shot was not recorded, expected simulate(..., record=True)")
+        t = self.time if t is None else t
+        if not 0 <= t < np.inf:
+            raise ValueError(f"t = {t!r}: expected a finite number of seconds >= 0")
+        return next(sensitivity_along(self.segments, self._log, self._arrays, np.array([min(float(t), self.time)])))
 
 
 @functools.lru_cache(maxsize=64)
@@ -309,6 +331,8 @@ def simulate(
         n_contact_rule=int(count[N_CONTACT_RULE]),
         events=_event_array(events[: used[0]]) if record else None,
         segments=segments[: used[1]].copy() if record else None,
+        _arrays=scene_arrays(scene) if record else None,
+        _log=events[: used[0]].copy() if record else None,
     )
 
 
