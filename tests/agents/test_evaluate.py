@@ -13,6 +13,7 @@ from stable_baselines3 import PPO
 from agents.config import Config, load
 from agents.evaluate import evaluate, main, play, wilson_interval
 from agents.ppo import load_policy, make_env
+from agents.train import open_run, train
 
 
 class Pickled:
@@ -74,6 +75,24 @@ def test_the_evaluation_is_printed_written_and_repeatable(trained, tmp_path, cap
     assert evaluate(run_dir) == written
     assert evaluate(run_dir, episodes=30, seed=1)["random"]["episodes"] == 30
     assert json.loads((run_dir / "evaluation.json").read_text())["seed"] == 1
+
+
+def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
+    balls = {"radius": [0.12, 0.12], "mass": [0.2, 0.2]}
+    config = Config.from_dict(
+        {
+            "timesteps": 2048,
+            "n_envs": 32,
+            "env": {"scene": {"balls": balls, "table": {"cushion_height": 0.15}}, "task": "carom", "max_speed": 1.0},
+            "policy": {"hidden": [16], "log_std_init": -0.5},
+            "ppo": {"n_steps": 8, "learning_rate": 3e-3, "gae_lambda": 1.0},
+        }
+    )
+    open_run(config, tmp_path / "run")
+    train(config, tmp_path / "run")
+    result = evaluate(tmp_path / "run", episodes=200)
+    assert result["policy"]["success_rate"] > 0.6
+    assert result["random"]["success_rate"] < 0.3
 
 
 def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):

@@ -95,12 +95,16 @@ def test_a_finished_run_is_not_trained_again_unless_asked_to(command, tmp_path, 
     command("--timesteps", "128")
     model = tmp_path / "run" / "model.zip"
     first = model.read_bytes()
+    versions = tmp_path / "run" / "versions.json"
+    versions.write_text("those of the training")
     command("--timesteps", "128")
     assert "is trained already (128 steps)" in capsys.readouterr().out
     assert model.read_bytes() == first
+    assert versions.read_text() == "those of the training"
     command("--timesteps", "128", "--seed", "6", "--fresh")
     assert load(tmp_path / "run" / "config.yaml").seed == 6
     assert model.read_bytes() != first
+    assert "torch" in json.loads(versions.read_text())
 
 
 def test_a_folder_with_another_configuration_is_refused_and_left_alone(command, tmp_path):

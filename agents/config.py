@@ -1,0 +1,251 @@
+"""The schema of a training configuration and its strict reading from YAML.
+
+Every key is checked against the dataclasses below and every value against its field's type: an unknown or misspelt
+key, or a value of the wrong kind, is refused by name. The mapping `env` holds the arguments of
+`gym.make("Billiards-v0", ...)` and is checked against that environment's own signature.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import types
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import gymnasium as gym
+import yaml
+from gymnasium.envs.registration import load_env_creator
+
+import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.scene import choose
+
+ENV_ID = "Billiards-v0"
+ACTIVATIONS = ("tanh", "relu", "elu", "silu")
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Policy:
+    """The policy and value networks: two separate multilayer perceptrons of the same shape.
+
+    Attributes:
+        hidden: Units of each hidden layer.
+        activation: "tanh", "relu", "elu" or "silu".
+        log_std_init: Logarithm of the Gaussian's standard deviation before training, in units of the action.
+    """
+
+    hidden: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    log_std_init: float = 0.0
+
+    def __post_init__(self) -> None:
+        choose("policy.activation", self.activation, ACTIVATIONS)
+        for i, units in enumerate(self.hidden):
+            _at_least(f"policy.hidden[{i}]", units, 1)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class PPO:
+    """Settings of proximal policy optimisation (Schulman et al. 2017), named as in Stable-Baselines3.
+
+    Attributes:
+        n_steps: Steps of each environment between two updates.
+        batch_size: Steps in a minibatch; must divide `n_envs * n_steps`.
+        n_epochs: Passes over the steps in each update.
+        learning_rate: Adam's step size at the start.
+        final_learning_rate: Adam's step size at the end, reached linearly; None keeps `learning_rate`.
+        gamma: Discount factor.
+        gae_lambda: Trade of bias against variance in the advantage (Schulman et al. 2016); 1 is unbiased.
+        clip_range: How far the ratio of probabilities may move from 1 before the objective is cut off.
+        ent_coef: Weight of the entropy bonus.
+        vf_coef: Weight of the value function's loss.
+        max_grad_norm: Length to which a gradient is clipped.
+        target_kl: An update ends early once the policy has moved so far; None for no such limit.
+    """
+
+    n_steps: int = 2048
+    batch_size: int = 64
+    n_epochs: int = 10
+    learning_rate: float = 3e-4
+    final_learning_rate: float | None = None
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    vf_coef: float = 0.5
+    max_grad_norm: float = 0.5
+    target_kl: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("n_steps", "n_epochs"):
+            _at_least(f"ppo.{name}", getattr(self, name), 1)
+        _at_least("ppo.batch_size", self.batch_size, 2)  # advantages are normalised within a minibatch
+        for name in ("learning_rate", "final_learning_rate", "clip_range", "max_grad_norm", "target_kl"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise ValueError(f"ppo.{name} = {value!r}: expected a number > 0")
+        for name in ("gamma", "gae_lambda"):
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise ValueError(f"ppo.{name} = {value!r}: expected a number from 0 to 1")
+        for name in ("ent_coef", "vf_coef"):
+            _at_least(f"ppo.{name}", getattr(self, name), 0)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Config:
+    """A training run.
+
+    Attributes:
+        timesteps: Environment steps (shots) in all, rounded up to whole updates.
+        env: Arguments of `gym.make("Billiards-v0", ...)`; those left out are filled in with their defaults.
+        n_envs: Environments stepped together.
+        seed: Seed of everything that is drawn; the same seed gives the same run.
+        checkpoint_every: Steps between two checkpoints.
+        evaluation_episodes: Episodes on fresh layouts by which `agents.evaluate` measures the policy.
+        policy: The networks.
+        ppo: The learning algorithm.
+    """
+
+    timesteps: int
+    env: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    n_envs: int = 64
+    seed: int = 0
+    checkpoint_every: int = 50_000
+    evaluation_episodes: int = 1000
+    policy: Policy = dataclasses.field(default_factory=Policy)
+    ppo: PPO = dataclasses.field(default_factory=PPO)
+
+    def __post_init__(self) -> None:
+        for name in ("timesteps", "n_envs", "checkpoint_every", "evaluation_episodes"):
+            _at_least(name, getattr(self, name), 1)
+        _at_least("seed", self.seed, 0)
+        object.__setattr__(self, "env", _resolved_env(self.env))
+        rollout = self.n_envs * self.ppo.n_steps
+        if rollout % self.ppo.batch_size:
+            raise ValueError(
+                f"ppo.batch_size = {self.ppo.batch_size}: expected a divisor of n_envs * ppo.n_steps = {rollout}"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The configuration as plain data: dicts, lists, strings and numbers."""
+        return _plain(dataclasses.asdict(self))
+
+    def to_yaml(self) -> str:
+        """The configuration as YAML, every default written out; `from_dict` reads it back."""
+        return yaml.safe_dump(self.to_dict(), sort_keys=False)
+
+    @classmethod
+    def from_dict(cls, data: Any) -> Config:
+        """A configuration from plain data, as read from YAML.
+
+        Args:
+            data: A mapping of the fields of `Config`; `policy` and `ppo` are mappings of theirs.
+
+        Returns:
+            The configuration.
+
+        Raises:
+            ValueError: If a key is unknown or missing, or a value impossible.
+            TypeError: If a value is of the wrong type.
+
+        Example:
+            >>> Config.from_dict({"timesteps": 1000, "ppo": {"n_step": 8}})
+            Traceback (most recent call last):
+            ValueError: key of ppo = 'n_step': expected one of ... (did you mean 'n_steps'?)
+        """
+        return _read_dataclass(cls, "", data)
+
+
+def load(path: Path) -> Config:
+    """The configuration in a YAML file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The configuration.
+
+    Raises:
+        ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
+        TypeError: If a value is of the wrong type.
+        OSError: If the file cannot be read.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise ValueError(f"{path} is not valid YAML: {error}") from error
+    return Config.from_dict(data)
+
+
+def _at_least(name: str, value: float, least: float) -> None:
+    if value < least:
+        raise ValueError(f"{name} = {value!r}: expected a number >= {least}")
+
+
+def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The environment's arguments with the defaults of those not given."""
+    entry_point = gym.spec(ENV_ID).entry_point
+    creator = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
+    if creator is None:
+        raise ValueError(f"{ENV_ID} has no entry point: expected it to be registered with one")
+    parameters = {
+        name: parameter
+        for name, parameter in inspect.signature(creator).parameters.items()
+        if name != "render_mode"  # a training run draws nothing
+    }
+    for key in given:
+        choose("key of env", key, tuple(parameters))
+    return {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+
+
+def _read_dataclass(kind: type[T], name: str, data: Any) -> T:
+    if not isinstance(data, Mapping):
+        raise TypeError(f"{name or 'the configuration'} = {data!r}: expected a mapping")
+    hints = typing.get_type_hints(kind)
+    fields = dataclasses.fields(typing.cast(Any, kind))
+    for key in data:
+        choose(f"key of {name or 'the configuration'}", key, tuple(hints))
+    prefix = f"{name}." if name else ""
+    for field in fields:
+        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+        if required and field.name not in data:
+            raise ValueError(f"{prefix}{field.name} is missing: expected a value, it has no default")
+    return kind(**{key: _read(hints[key], f"{prefix}{key}", value) for key, value in data.items()})
+
+
+def _read(hint: Any, name: str, value: Any) -> Any:
+    """`value` as the type `hint`; an int may stand for a float, nothing else is converted."""
+    if dataclasses.is_dataclass(hint):
+        return _read_dataclass(typing.cast(Any, hint), name, value)
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is types.UnionType:
+        return None if value is None else _read(arguments[0], name, value)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise TypeError(f"{name} = {value!r}: expected a list, not {type(value).__name__}")
+        return tuple(_read(arguments[0], f"{name}[{i}]", v) for i, v in enumerate(value))
+    if origin is Mapping:
+        if not isinstance(value, Mapping):
+            raise TypeError(f"{name} = {value!r}: expected a mapping, not {type(value).__name__}")
+        return dict(value)
+    if hint is float and type(value) in (int, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{name} = {value!r}: expected a finite number")
+        return float(value)
+    if type(value) is not hint:
+        wanted = {int: "a whole number", float: "a number", str: "text"}[hint]
+        note = " (YAML reads 1e-3 as text: write 1.0e-3)" if hint is float and isinstance(value, str) else ""
+        raise TypeError(f"{name} = {value!r}: expected {wanted}, not {type(value).__name__}{note}")
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value

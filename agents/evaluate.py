@@ -1,0 +1,144 @@
+"""Measures a trained policy on fresh layouts beside a random one: `python -m agents.evaluate runs/pot`."""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import pickle
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.config import load
+from agents.files import write_json
+from agents.ppo import evaluation_seeds, load_policy, make_env
+
+_Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
+
+
+def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
+    """The 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
+
+    Args:
+        successes: Number of successes, 0 to `episodes`.
+        episodes: Number of independent episodes, at least 1.
+
+    Returns:
+        The interval's lower and upper end.
+
+    Example:
+        >>> [round(end, 4) for end in wilson_interval(15, 100)]
+        [0.0931, 0.2328]
+    """
+    rate, z2 = successes / episodes, _Z * _Z
+    centre = (rate + z2 / (2 * episodes)) / (1 + z2 / episodes)
+    half = _Z / (1 + z2 / episodes) * math.sqrt(rate * (1 - rate) / episodes + z2 / (4 * episodes**2))
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def play(
+    env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.float32]], seeds: Iterable[int]
+) -> dict[str, Any]:
+    """Plays one episode a seed.
+
+    Args:
+        env: The environment; the last `info` of an episode holds `success`.
+        act: The action for an observation.
+        seeds: Seeds of the environment, one an episode.
+
+    Returns:
+        `episodes`, `successes`, `success_rate`, `confidence_interval_95` and `mean_reward` (sum of an episode's
+        rewards, averaged over the episodes).
+    """
+    successes, rewards = [], []
+    for seed in seeds:
+        observation, info = env.reset(seed=int(seed))
+        total, done = 0.0, False
+        while not done:
+            observation, reward, terminated, truncated, info = env.step(act(observation))
+            total += float(reward)
+            done = terminated or truncated
+        successes.append(bool(info["success"]))
+        rewards.append(total)
+    return {
+        "episodes": len(successes),
+        "successes": sum(successes),
+        "success_rate": sum(successes) / len(successes),
+        "confidence_interval_95": list(wilson_interval(sum(successes), len(successes))),
+        "mean_reward": sum(rewards) / len(rewards),
+    }
+
+
+def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
+    """Evaluates a run's policy, without its exploration noise, and a random policy on the same layouts.
+
+    Args:
+        run_dir: The folder of a finished run.
+        episodes: Number of episodes; None for the configuration's.
+        seed: Seed of the layouts, which are never those of the training; None for the configuration's.
+
+    Returns:
+        `seed` and, under `policy` and `random`, what `play` returns; also written to `run_dir/evaluation.json`.
+
+    Raises:
+        FileNotFoundError: If the folder holds no finished run.
+        ValueError: If `episodes` or `seed` is impossible, or the model does not fit the configuration.
+    """
+    if not (run_dir / "config.yaml").exists():
+        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of one made by agents.train")
+    if not (run_dir / "model.zip").exists():
+        raise FileNotFoundError(f"{run_dir} holds no model.zip: its training has not ended, resume it first")
+    config = load(run_dir / "config.yaml")
+    episodes = config.evaluation_episodes if episodes is None else episodes
+    seed = config.seed if seed is None else seed
+    if episodes < 1:
+        raise ValueError(f"episodes = {episodes}: expected a whole number >= 1")
+    if seed < 0:
+        raise ValueError(f"seed = {seed}: expected a whole number >= 0")
+    seeds = evaluation_seeds(seed, episodes)
+    env = make_env(config)
+    policy = load_policy(run_dir / "model.zip", config, env)
+    space = copy.deepcopy(env.action_space)
+    space.seed(seed)
+    result = {
+        "seed": seed,
+        "policy": play(env, lambda observation: policy.predict(observation, deterministic=True)[0], seeds.tolist()),
+        "random": play(env, lambda observation: space.sample(), seeds.tolist()),
+    }
+    env.close()
+    write_json(run_dir / "evaluation.json", result)
+    return result
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; see `python -m agents.evaluate --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m agents.evaluate", description="Measure a trained policy on fresh layouts beside a random one."
+    )
+    parser.add_argument("run_dir", type=Path, help="folder of a finished run, e.g. runs/pot")
+    parser.add_argument("--episodes", type=int, help="number of episodes (default: the config's)")
+    parser.add_argument("--seed", type=int, help="seed of the layouts (default: the config's)")
+    args = parser.parse_args(arguments)
+    try:
+        result = evaluate(args.run_dir, args.episodes, args.seed)
+    except (OSError, TypeError, ValueError, pickle.UnpicklingError) as error:
+        sys.exit(f"error: {error}")
+    print(f"{result['policy']['episodes']} episodes on layouts not trained on, seed {result['seed']}:")
+    for name in ("policy", "random"):
+        r = result[name]
+        low, high = r["confidence_interval_95"]
+        print(
+            f"  {name:6}  success {r['success_rate']:6.1%}  (95 % confidence {low:.1%} to {high:.1%})"
+            f"  mean reward {r['mean_reward']:.3f}"
+        )
+    print(f"written to {args.run_dir / 'evaluation.json'}")
+
+
+if __name__ == "__main__":
+    main()

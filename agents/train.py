@@ -1,0 +1,210 @@
+"""Trains PPO on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
+
+A run's folder holds `config.yaml` (every setting, the seed among them), `versions.json`, `tensorboard/`, `checkpoints/`
+and, once training has ended, `model.zip`. The same command resumes an interrupted run from its newest checkpoint. At
+each checkpoint everything random is seeded anew from the seed and the number of steps done, so a resumed run ends with
+the very weights of one that was never interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib.metadata
+import io
+import platform
+import shutil
+import sys
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from stable_baselines3.common.utils import set_random_seed
+from tqdm import tqdm
+
+import billiards_env
+from agents.config import Config, load
+from agents.files import write_json, write_whole
+from agents.ppo import make_env, make_model, make_vec_env, training_seed
+
+# What a run puts into its folder beside config.yaml, which marks the folder as a run's.
+_FILES = ("versions.json", "model.zip", "evaluation.json")
+_FOLDERS = ("checkpoints", "tensorboard")
+_PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
+
+
+def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
+    """Checks that `config` may be trained in a folder and writes it there.
+
+    Args:
+        config: The configuration.
+        run_dir: The run's folder; made if missing.
+        fresh: Whether to delete the run that the folder holds, if any.
+
+    Raises:
+        ValueError: If the folder holds a run of another configuration, or something else than a run, or if the
+            environment refuses its arguments.
+        TypeError: If an argument of the environment is of the wrong type.
+        OSError: If the folder cannot be written.
+    """
+    make_env(config).close()
+    saved = run_dir / "config.yaml"
+    if saved.exists():
+        if fresh:
+            for name in _FILES:
+                (run_dir / name).unlink(missing_ok=True)
+            for name in _FOLDERS:
+                shutil.rmtree(run_dir / name, ignore_errors=True)
+        elif differences := _differences(load(saved).to_dict(), config.to_dict()):
+            raise ValueError(
+                f"{run_dir} holds a run of another configuration; choose another folder with --run-dir or start over "
+                "with --fresh:\n" + "\n".join(f"  {line}" for line in differences)
+            )
+    elif run_dir.exists() and any(run_dir.iterdir()):
+        raise ValueError(f"{run_dir} is not empty and holds no run: expected a new folder or a run's")
+    write_whole(saved, config.to_yaml().encode())
+    if not (run_dir / "model.zip").exists():  # what made that model stays on record
+        write_json(run_dir / "versions.json", versions())
+
+
+def train(config: Config, run_dir: Path) -> None:
+    """Trains `config` in `run_dir`, from the newest checkpoint there if any; does nothing if the run has ended.
+
+    Args:
+        config: The configuration.
+        run_dir: The run's folder, prepared by `open_run`.
+    """
+    if (run_dir / "model.zip").exists():
+        print(f"{run_dir} is trained already ({config.timesteps} steps); --fresh trains it anew")
+        return
+    # Sums over several threads would round differently on another machine, and networks this small gain little by them.
+    torch.set_num_threads(1)
+    envs = make_vec_env(config)
+    model = make_model(config, envs)
+    logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
+    model.set_logger(logger)
+    checkpoint = newest_checkpoint(run_dir)
+    if checkpoint is not None:
+        model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
+        model.num_timesteps = int(checkpoint.stem)
+        print(f"{run_dir}: resuming after {model.num_timesteps} of {config.timesteps} steps")
+    try:
+        with tqdm(total=config.timesteps, initial=model.num_timesteps, unit="shot", desc=run_dir.name) as bar:
+            callback = _Callback(config, run_dir, bar)
+            remaining = max(config.timesteps - model.num_timesteps, 0)
+            model.learn(remaining, callback, reset_num_timesteps=False)
+    finally:
+        logger.close()
+        envs.close()
+    _save(model, run_dir / "model.zip")
+
+
+def newest_checkpoint(run_dir: Path) -> Path | None:
+    """The checkpoint of `run_dir` after the most steps; None if there is none."""
+    return max((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), default=None)
+
+
+def versions() -> dict[str, str]:
+    """The versions of Python, of this package and of the packages that results depend on."""
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "billiards_env": billiards_env.__version__,
+        **{name: importlib.metadata.version(name) for name in _PACKAGES},
+    }
+
+
+class _Callback(BaseCallback):
+    """Seeds, saves checkpoints, shows progress and logs the rate of success."""
+
+    def __init__(self, config: Config, run_dir: Path, bar: tqdm) -> None:
+        super().__init__()
+        self.config, self.run_dir, self.bar = config, run_dir, bar
+        self.successes: deque[bool] = deque(maxlen=1000)
+        self.next_checkpoint = 0
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps < self.next_checkpoint:
+            return
+        if self.next_checkpoint:
+            _save(self.model, self.run_dir / "checkpoints" / f"{self.num_timesteps:09d}.zip")
+        every = self.config.checkpoint_every
+        self.next_checkpoint = (self.num_timesteps // every + 1) * every
+        self._reseed()
+
+    def _reseed(self) -> None:
+        """Makes all that follows depend on nothing but the weights, the seed and the number of steps done."""
+        model = self.model
+        assert isinstance(model, PPO)
+        assert model.env is not None
+        seed = training_seed(self.config, self.num_timesteps)
+        set_random_seed(seed)
+        model.env.seed(seed)
+        # Nothing of an unfinished episode is kept; the rollout that starts now begins with a reset.
+        model._last_obs = model.env.reset()  # type: ignore[assignment]
+        model._last_episode_starts = np.ones(self.config.n_envs, dtype=bool)
+
+    def _on_step(self) -> bool:
+        for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
+            if done:
+                self.successes.append(bool(info["success"]))
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self.bar.update(self.num_timesteps - self.bar.n)
+        if self.successes:
+            rate = sum(self.successes) / len(self.successes)
+            self.bar.set_postfix(success=f"{rate:.1%}")
+            self.logger.record("rollout/success_rate", rate)
+
+
+def _save(model: BaseAlgorithm, path: Path) -> None:
+    buffer = io.BytesIO()
+    model.save(buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def _differences(saved: dict, asked: dict, prefix: str = "") -> list[str]:
+    """One line for each setting that differs between two configurations given as plain data."""
+    lines = []
+    for key in {**saved, **asked}:
+        old, new = saved.get(key), asked.get(key)
+        if isinstance(old, dict) and isinstance(new, dict):
+            lines += _differences(old, new, f"{prefix}{key}.")
+        elif old != new:
+            lines.append(f"{prefix}{key}: {old!r} there, {new!r} asked for")
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; see `python -m agents.train --help`."""
+    parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train PPO on Billiards-v0.")
+    parser.add_argument("config", type=Path, help="YAML file of settings, e.g. configs/ppo/pot.yaml")
+    parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME OF THE CONFIG)")
+    parser.add_argument("--seed", type=int, help="instead of the config's")
+    parser.add_argument("--timesteps", type=int, help="instead of the config's")
+    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start over")
+    args = parser.parse_args(arguments)
+    run_dir = args.run_dir or Path("runs") / args.config.stem
+    try:
+        overrides = {k: v for k in ("seed", "timesteps") if (v := getattr(args, k)) is not None}
+        config = dataclasses.replace(load(args.config), **overrides)
+        open_run(config, run_dir, args.fresh)
+    except (OSError, TypeError, ValueError) as error:
+        sys.exit(f"error: {error}")
+    try:
+        train(config, run_dir)
+    except KeyboardInterrupt:
+        checkpoint = newest_checkpoint(run_dir)
+        done = int(checkpoint.stem) if checkpoint else 0
+        print(f"\ninterrupted; the same command resumes after {done} of {config.timesteps} steps", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()
