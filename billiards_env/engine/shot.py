@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -132,12 +133,26 @@ class ShotResult:
         Raises:
             ValueError: If the shot was not recorded, or t is negative or not finite.
         """
+        return next(self.sensitivities([self.time if t is None else t]))
+
+    def sensitivities(self, times: ArrayLike) -> Iterator[Sensitivity]:
+        """The `sensitivity` at each of some times, in one pass.
+
+        Args:
+            times: Ascending, s; later than the shot's end counts as its end.
+
+        Returns:
+            An iterator of one sensitivity a time.
+
+        Raises:
+            ValueError: If the shot was not recorded, or a time is negative, not finite or earlier than the last.
+        """
         if self.segments is None or self._log is None or self._arrays is None:
             raise ValueError("shot.sensitivity: the shot was not recorded, expected simulate(..., record=True)")
-        t = self.time if t is None else t
-        if not 0 <= t < np.inf:
-            raise ValueError(f"t = {t!r}: expected a finite number of seconds >= 0")
-        return next(sensitivity_along(self.segments, self._log, self._arrays, np.array([min(float(t), self.time)])))
+        array = np.asarray(times, dtype=np.float64)
+        if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+            raise ValueError(f"times = {times!r}: expected finite numbers of seconds >= 0 in ascending order")
+        return sensitivity_along(self.segments, self._log, self._arrays, np.minimum(array, self.time))
 
 
 @functools.lru_cache(maxsize=64)
@@ -300,28 +315,63 @@ def simulate(
     check_mode(mode, dt)
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
-    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    return run_checked(
+        scene, check_shot(scene, positions, velocities, spins, in_play, max_time), mode, record, max_events
+    )
+
+
+def run_checked(
+    scene: Scene, given: ShotInput, mode: str = "pic", record: bool = False, max_events: int = MAX_EVENTS
+) -> ShotResult:
+    """`simulate` for input that is known to be right, such as the balls where another shot has left them.
+
+    Args:
+        scene: Table, balls and physics.
+        given: The input, of one shot; an unrecorded shot is run in its arrays.
+        mode: The engine.
+        record: As in `simulate`.
+        max_events: As in `simulate`.
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+    """
     n = scene.n_balls
     times, hits, counts = np.empty(1), np.empty((1, n, 2), np.int32), np.empty((1, N_COUNTS), np.int64)
+    arrays = scene_arrays(scene)
     room = 256 if record else 0
     while True:
-        places, moving, spinning = given.positions[None].copy(), given.velocities[None].copy(), given.spins[None].copy()
-        playing = given.in_play[None].copy()
+        balls = given[:4]
+        if record:  # kept, should the log prove too short
+            balls = tuple(array.copy() for array in balls)
         events, segments = np.empty((room, EVENT_WIDTH)), np.empty((4 * room, SEGMENT_WIDTH))
         used = np.zeros(2, np.int64)
-        balls = places, moving, spinning, playing
+        places, moving, spinning, playing = balls
         ENGINES[mode](
-            0, 1, *scene_arrays(scene), given.limit, max_events, *balls, times, hits, counts, events, segments, used
+            0,
+            1,
+            *arrays,
+            given.limit,
+            max_events,
+            places[None],
+            moving[None],
+            spinning[None],
+            playing[None],
+            times,
+            hits,
+            counts,
+            events,
+            segments,
+            used,
         )
         if not record or (used[0] <= len(events) and used[1] <= len(segments)):
             break
         room = max(4 * room, int(max(used)))  # the log was too short: the same shot again, with room for all of it
     count = counts[0]
     return ShotResult(
-        positions=places[0],
-        velocities=moving[0],
-        spins=spinning[0],
-        potted=~playing[0],
+        positions=places,
+        velocities=moving,
+        spins=spinning,
+        potted=~playing,
         time=float(times[0]),
         n_events=int(count[N_EVENTS]),
         status=STATUS[count[ENDED]],
@@ -331,7 +381,7 @@ def simulate(
         n_contact_rule=int(count[N_CONTACT_RULE]),
         events=_event_array(events[: used[0]]) if record else None,
         segments=segments[: used[1]].copy() if record else None,
-        _arrays=scene_arrays(scene) if record else None,
+        _arrays=arrays if record else None,
         _log=events[: used[0]].copy() if record else None,
     )
 

@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.engine import check_mode, simulate
+from billiards_env.engine import ShotInput, check_mode, run_checked
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
@@ -190,6 +190,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._score_shot = TASKS[task]
         self._size = len(low)
         self._half = np.array([self.scene.table.length / 2, self.scene.table.width / 2])
+        self._time_limit = self.scene.physics.max_time or math.inf
         self._positions = np.zeros((n, 2))
         self._potted = np.zeros(n, np.bool_)
         self._shots_left = 0
@@ -238,14 +239,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         if self._over:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        shot = simulate(
-            self.scene,
-            self._positions,
-            cue_velocity(action, self.max_speed),
-            mode=self.mode,
-            dt=self.dt,
-            in_play=~self._potted,
-        )
+        n = len(self._potted)
+        velocities = np.zeros((n, 2))
+        velocities[0] = cue_velocity(action, self.max_speed)
+        # The balls lie where the last shot, or a checked layout, has left them.
+        given = ShotInput(self._positions.copy(), velocities, np.zeros((n, 3)), ~self._potted, self._time_limit)
+        shot = run_checked(self.scene, given, self.mode)
         if shot.status == "event_limit":
             warnings.warn(
                 f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "

@@ -448,10 +448,10 @@ def test_bad_arguments_are_refused(kwargs, error, message):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    def cut_off(scene, positions, velocities, **kwargs):
+    def cut_off(scene, given, mode):
         n = scene.n_balls
         return SimpleNamespace(
-            positions=positions,
+            positions=given.positions,
             potted=np.zeros(n, bool),
             time=0.5,
             n_events=10**6,
@@ -461,7 +461,7 @@ def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
             cushions_before_hit=np.full(n, -1, np.int32),
         )
 
-    monkeypatch.setattr(billiards, "simulate", cut_off)
+    monkeypatch.setattr(billiards, "run_checked", cut_off)
     env = BilliardsEnv()
     env.reset(seed=0)
     with pytest.warns(RuntimeWarning, match="cut off at the engine's limit, after 1000000 events and 0.5 s"):

@@ -1,0 +1,111 @@
+"""The derivative of a shot's end, against finite differences of the high-precision oracle."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from billiards_env import layouts
+from billiards_env.engine import simulate
+from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
+from billiards_env.scene import Balls, Physics, Scene, Table
+from tests.oracle import run
+
+STEP = mpmath.mpf(10) ** -25
+OBSTACLE = Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, float("inf"))), Table(2.0, 1.0), Physics(e_ball=0.9))
+ROLLING = Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(motion="rolling", cushion="restitution"))
+
+
+def differences(scene, places, velocities, max_time):
+    """(n, 2, n, 4) one-sided differences by a step of 1e-25, and the (n, 2) positions at the end."""
+    n = scene.n_balls
+    jacobian = np.zeros((n, 2, n, 4))
+    with mpmath.workdps(60):
+        start = [
+            [mpmath.mpf(x) for x in (*place, *velocity)] for place, velocity in zip(places, velocities, strict=True)
+        ]
+
+        def end(values):
+            return run(scene, [v[:2] for v in values], [v[2:] for v in values], max_time=max_time).positions
+
+        base = end(start)
+        for j in range(n):
+            for c in range(4):
+                moved = [row[:] for row in start]
+                moved[j][c] += STEP
+                if c > 1 and not any(velocities[j]):
+                    continue  # a ball at rest cannot be nudged into motion differentiably
+                after = end(moved)
+                for i in range(n):
+                    jacobian[i, :, j, c] = [float((after[i][k] - base[i][k]) / STEP) for k in range(2)]
+    return jacobian, base
+
+
+def aimed(scene, seed):
+    rng = np.random.default_rng(seed)
+    places = layouts.draw("random", scene, rng)
+    velocities = np.zeros_like(places)
+    to = places[1] - places[0]
+    velocities[0] = 2.0 * to / np.hypot(*to) + rng.normal(0.0, 0.05, 2)
+    return places, velocities
+
+
+@pytest.mark.parametrize(
+    ("scene", "max_time"),
+    [
+        (Scene.named("pool", 1), None),
+        (Scene.named("carom", 2), None),
+        (Scene.named("pool", 4), None),
+        (Scene.named("ideal", 2), 4.0),
+        (OBSTACLE, None),
+        (ROLLING, None),
+    ],
+    ids=["pool", "carom", "pool of five", "ideal", "obstacle", "rolling"],
+)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_it_is_the_derivative_of_the_flow(scene, max_time, seed):
+    places, velocities = aimed(scene, seed)
+    shot = simulate(scene, places, velocities, record=True, max_time=max_time)
+    assert shot.n_events > 3
+    found = shot.sensitivity()
+    expected, base = differences(scene, places.tolist(), velocities.tolist(), max_time)
+    jacobian = found.jacobian.copy()
+    jacobian[:, :, ~velocities.any(axis=1), 2:] = 0.0
+    assert found.smooth
+    np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+    error = np.abs(shot.positions - np.array([[float(x) for x in place] for place in base])).max()
+    assert error < 10 * UNIT_ROUNDOFF * found.condition
+
+
+def test_each_collision_multiplies_the_condition():
+    scene = Scene.named("ideal", 15)
+    rng = np.random.default_rng(0)
+    shot = simulate(scene, layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (16, 2)), record=True, max_time=4.0)
+    early, late = shot.sensitivities([1.0, 4.0])
+    assert early.condition > 10.0
+    assert late.condition > 1e3 * early.condition
+
+
+def test_before_anything_happens_it_is_free_flight():
+    scene = Scene.named("ideal")
+    shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True, max_time=1.0)
+    jacobian = shot.sensitivity(0.5).jacobian
+    np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0], [0, 1, 0, 0.5]])
+    np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 4)))
+
+
+def test_an_impact_of_several_balls_at_once_is_told():
+    scene = Scene.named("ideal", 2)
+    places = [[-0.5, 0.0], [0.0, 0.02857500001], [0.0, -0.02857500001]]
+    assert not simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0).sensitivity().smooth
+
+
+def test_it_needs_a_record():
+    scene = Scene.named("ideal")
+    shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25])
+    with pytest.raises(ValueError, match="record=True"):
+        shot.sensitivity()
+    recorded = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True)
+    with pytest.raises(ValueError, match="ascending"):
+        recorded.sensitivities([1.0, 0.5])
+    with pytest.raises(ValueError, match="finite"):
+        recorded.sensitivity(float("nan"))
