@@ -46,6 +46,7 @@ from billiards_env.physics.state import (
     HALF_LENGTH,
     HALF_WIDTH,
     HAN2005,
+    IDEAL,
     LASTS,
     MOTION,
     POTTED,
@@ -74,7 +75,18 @@ CONTACT_GAP = 1e-12  # m; scene.CONTACT_GAP, which says why
 # The contact-time rule, after the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a
 # dissipative hard-sphere gas: balls touch for about so long, so nothing that comes back sooner is a separate impact.
 CONTACT_TIME = 2e-4  # s; 200 to 300 microseconds for billiard balls (Marlow 1995)
-MANY_CONTACTS = 100  # so many impacts of a ball, each within CONTACT_TIME of the last: from then on they are elastic
+PRESSED = 3  # after so many impacts of a ball that are quick (within CONTACT_TIME of the last) or weak, it is pressed
+PATIENCE = 1_000  # after so many, a pressed pair is given no more energy than rolling resistance can have taken
+MANY_CONTACTS = 100  # after so many quick impacts of a ball they are elastic
+# A weak impact is one that friction, pressing with 2 mu g at most, can bring about within CONTACT_TIME.
+QUICK, QUICK_OR_WEAK, AT_ONCE = 0, 1, 2
+# A ball that is wedged between bodies that do not give way would bounce for ever. After so many impacts at one instant,
+# or so many quick ones where impacts or the cloth take energy, it and what it touches next come to rest.
+WEDGED_AT_ONCE, WEDGED = 1_000, 2_000
+
+# The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
+# about so much, of either sign; taken for an approach, it would have them repeat without end.
+NOISE = 2.0**-48
 
 _SOON = 1e-6  # s; pairs predicted to meet within it of an impact are looked at for being part of it
 
@@ -105,7 +117,7 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
                 end, kind, other = t, CUSHION_HIT, k
         for k in range(len(pockets)):
             dx, dy = pockets[k, 0] - s[X], pockets[k, 1] - s[Y]
-            t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pockets[k, 2], end)
+            t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pockets[k, 2], end, 0.0)
             if t < end or (t == end and kind != POCKETED and t < math.inf):
                 end, kind, other = t, POCKETED, k
     if end < math.inf:
@@ -114,14 +126,17 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
 
 
 @kernel
-def predict_pair(i, j, hi, lo, state, phase, radius, own, limit, pair, pair_lo):
+def predict_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo):
     """When balls i < j next meet, looking from the time (hi, lo): pair[i, j], pair_lo[i, j]."""
     pair[i, j] = math.inf
     if (phase[i] < ROLLING or phase[i] == POTTED) and (phase[j] < ROLLING or phase[j] == POTTED):
         return
     if phase[i] == POTTED or phase[j] == POTTED:
         return
-    # Whatever ends either ball's motion has the pair predicted anew.
+    # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
+    for k in (i, j):
+        if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
+            return
     end = min(min(own[i, 0], own[j, 0]), limit) - hi
     ti = since(hi, lo, state[i, T0], state[i, T0_LO])
     tj = since(hi, lo, state[j, T0], state[j, T0_LO])
@@ -136,6 +151,7 @@ def predict_pair(i, j, hi, lo, state, phase, radius, own, limit, pair, pair_lo):
         state[j, AY] - state[i, AY],
         radius[i] + radius[j],
         end,
+        NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
     )
     if t < math.inf:
         pair[i, j], pair_lo[i, j] = later(hi, lo, t)
@@ -147,9 +163,9 @@ def predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_ki
     predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
     for j in range(len(phase)):
         if j < i:
-            predict_pair(j, i, hi, lo, state, phase, radius, own, limit, pair, pair_lo)
+            predict_pair(j, i, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo)
         elif j > i:
-            predict_pair(i, j, hi, lo, state, phase, radius, own, limit, pair, pair_lo)
+            predict_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo)
 
 
 @kernel
@@ -164,37 +180,88 @@ def kick(state, i, dvx, dvy, params):
 
 
 @kernel
-def hit_cushion(i, side, state, phase, params, radius, counts):
-    """Ball i, touching cushion `side` (0 to 3: -x, +x, -y, +y), bounces off it. Returns its speed of approach, m/s."""
+def press(params):
+    """What friction can accelerate two balls towards each other with, at most, m/s^2."""
+    if params[MOTION] == IDEAL:
+        return 0.0
+    return 2.0 * (params[SLIDE] if params[MOTION] == SLIDING_AND_ROLLING else params[ROLL])
+
+
+@kernel
+def count_impact(i, hi, speed, params, last_hit, quick):
+    """Counts an impact of ball i at time hi and a speed of approach: how many in a row were quick, weak or at once."""
+    if (hi - last_hit[i]) * speed > CONTACT_GAP:
+        quick[i, AT_ONCE] = 0
+    quick[i, AT_ONCE] += 1
+    if hi - last_hit[i] > 0.5 * CONTACT_TIME:
+        quick[i, QUICK] = 0
+        if speed > CONTACT_TIME * press(params):
+            quick[i, QUICK_OR_WEAK] = 0
+    last_hit[i] = hi
+    quick[i, QUICK] += 1
+    quick[i, QUICK_OR_WEAK] += 1
+
+
+@kernel
+def is_wedged(i, params, quick):
+    """Whether the contact-time rule brings ball i to rest at its next impact."""
+    if quick[i, AT_ONCE] > WEDGED_AT_ONCE:
+        return True
+    lossy = params[MOTION] != IDEAL or params[E_BALL] < 1.0 or params[E_CUSHION] < 1.0
+    return lossy and quick[i, QUICK] > WEDGED
+
+
+@kernel
+def halt(state, phase, i, params):
+    """Brings ball i to rest; its spin about the vertical axis stays."""
+    for c in (VX, VY, UX, UY):
+        state[i, c] = 0.0
+    start(state, phase, i, params)
+
+
+@kernel
+def hit_cushion(i, side, hi, state, phase, params, radius, last_hit, quick, counts):
+    """Ball i, touching cushion `side` (0 to 3: -x, +x, -y, +y), bounces off it. Returns its speed of approach, m/s.
+
+    Where the contact-time rule has the ball's impacts elastic, its normal velocity is just reversed.
+    """
     s = state[i]
     n, t = (VX, VY) if side < 2 else (VY, VX)
     un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
     sign = 1.0 if side % 2 else -1.0
     turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
     speed = sign * s[n]
-    if params[CUSHION] == HAN2005:
+    count_impact(i, hi, speed, params, last_hit, quick)
+    if is_wedged(i, params, quick):
+        counts[N_CONTACT_RULE] += 1
+        halt(state, phase, i, params)
+        return speed
+    elastic = quick[i, QUICK] > MANY_CONTACTS
+    counts[N_CONTACT_RULE] += elastic
+    if params[CUSHION] == HAN2005 and not elastic:
         after = han2005(max(0.0, speed), turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], params)
         s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
         s[WZ] = after[4] / radius[i]
     else:
-        normal = -params[E_CUSHION] * s[n]
+        normal = -(1.0 if elastic else params[E_CUSHION]) * s[n]
         if params[MOTION] == SLIDING_AND_ROLLING:
             s[un] += normal - s[n]
         s[n] = normal
     start(state, phase, i, params)
-    # Contact-time rule: a ball that friction presses against the cushion leaves it for CONTACT_TIME at least.
-    least = 0.5 * CONTACT_TIME * sign * s[n + AX - VX]
-    if phase[i] == SLIDING and -sign * s[n] < least:
+    # Contact-time rule: a ball that its spin presses against the cushion leaves it for CONTACT_TIME at least. It is the
+    # spin that gives the speed; as no more is taken than 2/5 of it, energy does not rise (it does not, for d <= 2/5 w,
+    # if 1/2 (d^2 - v^2) + 1/5 ((w - d + v)^2 - w^2) <= 0, where v <= d is the speed before and w the spin's).
+    least = min(0.5 * CONTACT_TIME * sign * s[n + AX - VX], 0.4 * sign * (s[n] - s[un]))
+    if quick[i, QUICK_OR_WEAK] > PRESSED and phase[i] == SLIDING and -sign * s[n] < least:
         counts[N_CONTACT_RULE] += 1
-        s[un] -= sign * least + s[n]
         s[n] = -sign * least
         start(state, phase, i, params)
     return speed
 
 
 @kernel
-def gather(a, b, hi, lo, state, phase, params, radius, own, pair, pair_lo, first, second, nx, ny, closing):
-    """Pairs that touch and approach at (hi, lo), the impact of a and b first. Returns their number.
+def gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, nx, ny, closing):
+    """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number.
 
     Balls that take part are brought to that instant.
     """
@@ -202,8 +269,9 @@ def gather(a, b, hi, lo, state, phase, params, radius, own, pair, pair_lo, first
     n = len(phase)
     for i in range(n):
         for j in range(i + 1, n):
-            if pair[i, j] - hi > _SOON and not (i == a and j == b):
+            if pair[i, j] - hi > _SOON:
                 continue
+            due = pair[i, j] == hi and pair_lo[i, j] == lo
             ti = since(hi, lo, state[i, T0], state[i, T0_LO])
             tj = since(hi, lo, state[j, T0], state[j, T0_LO])
             xi, yi, vxi, vyi = place(state, phase, i, ti)
@@ -212,7 +280,7 @@ def gather(a, b, hi, lo, state, phase, params, radius, own, pair, pair_lo, first
             distance = norm(dx, dy)
             ex, ey = dx / distance, dy / distance
             speed = -(ex * (vxj - vxi) + ey * (vyj - vyi))
-            if i == a and j == b:
+            if due:
                 speed = max(speed, 0.0)
             elif distance - (radius[i] + radius[j]) > CONTACT_GAP or speed <= 0.0:
                 continue
@@ -242,22 +310,28 @@ def collide(
         nx: (>= count,) unit normals from first to second.
         ny: See nx.
         closing: (>= count,) speeds of approach, m/s.
-        scratch: (impulse, ones, work, dv, done), see `impulse.joint_impulses`.
+        scratch: (impulse, slipping, ones, work, dv, done), see `impulse.joint_impulses`.
         last_hit: (n,) time of each ball's last impact, s.
-        quick: (n,) int64, how many impacts it has had in quick succession.
+        quick: (n, 3) int64, how many impacts in a row were quick, quick or weak, and at one instant.
         counts: (N_COUNTS,) int64.
     """
-    impulse, ones, work, dv, done = scratch
+    impulse, slipping, ones, work, dv, done = scratch
     e = params[E_BALL]
     for c in range(count):
         for k in (first[c], second[c]):
-            if hi - last_hit[k] > CONTACT_TIME:
-                quick[k] = 0
-            last_hit[k] = hi
-            quick[k] += 1
-            if quick[k] > MANY_CONTACTS and e < 1.0:
+            count_impact(k, hi, closing[c], params, last_hit, quick)
+            if quick[k, QUICK] > MANY_CONTACTS and e < 1.0:
                 e = 1.0
                 counts[N_CONTACT_RULE] += 1
+    wedged = False
+    for c in range(count):
+        wedged = wedged or is_wedged(first[c], params, quick) or is_wedged(second[c], params, quick)
+    if wedged:
+        counts[N_CONTACT_RULE] += 1
+        for c in range(count):
+            halt(state, phase, first[c], params)
+            halt(state, phase, second[c], params)
+        return
     if count == 1:
         i, j = first[0], second[0]
         p = pair_impulse(closing[0], inv_mass[i], inv_mass[j], e)
@@ -276,30 +350,58 @@ def collide(
     for c in range(count):
         start(state, phase, first[c], params)
         start(state, phase, second[c], params)
-    # Contact-time rule: a pair that is pressed together separates for CONTACT_TIME at least. Friction cannot press
-    # harder than with 2 mu g, so whatever leaves faster than that makes up for has no need of it.
-    press = 2.0 * (params[SLIDE] if params[MOTION] == SLIDING_AND_ROLLING else params[ROLL])
-    if params[MOTION] == 0.0:
-        return
+    # Contact-time rule: a pair that is pressed together separates for CONTACT_TIME at least.
+    # All of it follows from the state right after the impact, so that the numbering of the contacts does not matter.
+    weak = 0.5 * CONTACT_TIME * press(params)
+    acts = False
     for c in range(count):
-        if e * closing[c] >= 0.5 * CONTACT_TIME * press and count == 1:
-            continue
+        impulse[c] = slipping[c] = 0.0
         i, j = first[c], second[c]
+        if quick[i, QUICK_OR_WEAK] <= PRESSED or quick[j, QUICK_OR_WEAK] <= PRESSED:
+            continue
         wx, wy = state[j, VX] - state[i, VX], state[j, VY] - state[i, VY]
         leaving = nx[c] * wx + ny[c] * wy
-        if leaving >= 0.5 * CONTACT_TIME * press or leaving < 0.0:
+        noise = NOISE * (norm(state[i, VX], state[i, VY]) + norm(state[j, VX], state[j, VY]))
+        if leaving >= weak or leaving < -noise:
             continue
         around = ny[c] * wx - nx[c] * wy
         ax, ay = state[j, AX] - state[i, AX], state[j, AY] - state[i, AY]
         distance = norm(state[j, X] - state[i, X], state[j, Y] - state[i, Y])
         least = -0.5 * CONTACT_TIME * (nx[c] * ax + ny[c] * ay + around * around / distance)
+        slips = False
+        if least > 0.0:
+            # It is given the speed for so long; then, as at a cushion, the spin gives it, or what came in goes out.
+            patient = max(quick[i, QUICK_OR_WEAK], quick[j, QUICK_OR_WEAK]) <= PATIENCE
+            spin_x = (state[i, VX] - state[i, UX]) - (state[j, VX] - state[j, UX])
+            spin_y = (state[i, VY] - state[i, UY]) - (state[j, VY] - state[j, UY])
+            lent = 0.4 * (nx[c] * spin_x + ny[c] * spin_y)
+            given = least if patient else max(CONTACT_TIME * params[ROLL], 2.0 * noise, closing[c])
+            least = min(max(least, 2.0 * noise), max(given, lent))
+            slips = params[MOTION] == SLIDING_AND_ROLLING and lent <= given
         if leaving < least:
             counts[N_CONTACT_RULE] += 1
-            p = (least - leaving) / (inv_mass[i] + inv_mass[j])
-            kick(state, i, -p * inv_mass[i] * nx[c], -p * inv_mass[i] * ny[c], params)
-            kick(state, j, p * inv_mass[j] * nx[c], p * inv_mass[j] * ny[c], params)
-            start(state, phase, i, params)
-            start(state, phase, j, params)
+            acts = True
+            impulse[c] = (least - leaving) / (inv_mass[i] + inv_mass[j])
+            if slips:
+                slipping[c] = impulse[c]
+    if not acts:
+        return
+    apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)
+    for c in range(count):
+        for k in (first[c], second[c]):
+            if done[k]:
+                state[k, VX] += dv[k, 0]
+                state[k, VY] += dv[k, 1]
+                done[k] = False
+    apply_impulses(count, first, second, nx, ny, slipping, ones, inv_mass, dv, done)
+    for c in range(count):
+        for k in (first[c], second[c]):
+            if done[k]:
+                state[k, UX] += dv[k, 0]
+                state[k, UY] += dv[k, 1]
+                done[k] = False
+        start(state, phase, first[c], params)
+        start(state, phase, second[c], params)
 
 
 @kernel
@@ -330,8 +432,15 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
     most = max(1, n * (n - 1) // 2)
     first, second = np.empty(most, np.int64), np.empty(most, np.int64)
     nx, ny, closing = np.empty(most), np.empty(most), np.empty(most)
-    scratch = np.empty(most), np.ones(most), np.empty((most, 4)), np.empty((n, 2)), np.zeros(n, np.bool_)
-    last_hit, quick = np.full(n, -math.inf), np.zeros(n, np.int64)
+    scratch = (
+        np.empty(most),
+        np.empty(most),
+        np.ones(most),
+        np.empty((most, 4)),
+        np.empty((n, 2)),
+        np.zeros(n, np.bool_),
+    )
+    last_hit, quick = np.full(n, -math.inf), np.zeros((n, 3), np.int64)
 
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
@@ -342,7 +451,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
         predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
     for i in range(n):
         for j in range(i + 1, n):
-            predict_pair(i, j, 0.0, 0.0, state, phase, radius, own, limit, pair, pair_lo)
+            predict_pair(i, j, 0.0, 0.0, state, phase, radius, own, own_kind, limit, pair, pair_lo)
 
     hi = lo = 0.0
     while True:
@@ -378,9 +487,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
         hi, lo = next_hi, next_lo
         acts = counts[N_CONTACT_RULE]
         if b >= 0:
-            count = gather(
-                a, b, hi, lo, state, phase, params, radius, own, pair, pair_lo, first, second, nx, ny, closing
-            )
+            count = gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, nx, ny, closing)
             collide(
                 count,
                 hi,
@@ -426,7 +533,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
             phase[a] = POTTED
         elif kind == CUSHION_HIT:
             move(state, phase, a, hi, lo, params)
-            speed = hit_cushion(a, other, state, phase, params, radius, counts)
+            speed = hit_cushion(a, other, hi, state, phase, params, radius, last_hit, quick, counts)
             hits[a, CUSHIONS] += 1
         else:
             finish(state, phase, a, hi, lo, params)

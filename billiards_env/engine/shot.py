@@ -213,7 +213,8 @@ def check_motion(
     bad = np.argwhere(~np.isfinite(array).all(axis=-1))
     if len(bad):
         at = tuple(bad[0])
-        raise ValueError(f"{name}: ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
+        shot = f"shot {at[0]}, " if len(at) == 2 else ""
+        raise ValueError(f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
     if obstacles:
         fixed = np.flatnonzero(np.isinf(scene.balls.mass))
         for i in fixed:
@@ -252,7 +253,10 @@ def check_shot(
     shape = np.shape(positions)[:-1]
     playing = np.ones(shape, np.bool_)
     if in_play is not None:
-        playing[...] = np.asarray(in_play, dtype=np.bool_)
+        given = np.asarray(in_play, dtype=np.bool_)
+        if given.shape not in (shape, shape[-1:]):
+            raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, a value a ball")
+        playing[...] = given
     placed = check_positions(scene, positions, in_play=playing)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(

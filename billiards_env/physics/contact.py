@@ -15,7 +15,7 @@ from billiards_env.physics.roots import first_descent
 
 
 @kernel
-def circle_time(dx, dy, wx, wy, bx, by, reach, end):
+def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
     """When two centres come within `reach` of each other.
 
     With the relative position d + w t + b t^2 / 2, the squared distance less reach^2 is a quartic.
@@ -29,6 +29,7 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end):
         by: See bx.
         reach: Distance of the centres at contact, m.
         end: Interval looked at, s; finite.
+        noise: Rounding of the relative velocity, m/s; what touches and moves no faster than that does not approach.
 
     Returns:
         The time of the next contact, s, or infinity.
@@ -36,6 +37,8 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end):
     distance = norm(dx, dy)
     c0 = (distance - reach) * (distance + reach)
     dw = dx * wx + dy * wy
+    if c0 <= 0.0 and abs(dw) <= noise * distance:
+        dw = 0.0
     ww = wx * wx + wy * wy
     if bx == 0.0 and by == 0.0:
         # Straight lines: the discriminant from the impact parameter |d x w| / |w|, which loses no digits far away.
@@ -64,7 +67,7 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end):
     elif c2 > 0.0:
         t = first_descent(c2, c3, c4, 0.0, 0.0, end)
     else:
-        return 0.0 if c3 < 0.0 else math.inf
+        return 0.0 if c3 < 0.0 and ww > 0.0 else math.inf  # ww may have underflowed
     if t < math.inf:
         # The quartic's constant term carries the rounding of d^2; one Newton step on the gap itself takes it out.
         px = dx + t * (wx + 0.5 * t * bx)

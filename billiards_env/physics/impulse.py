@@ -116,10 +116,10 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
         row = 1.0
         for k in range(n_contacts):
             if k != c:
-                row += abs(_coupling(c, k, first, second, nx, ny, inv_mass)) * work[c, 0] * work[k, 0]
+                term = abs(_coupling(c, k, first, second, nx, ny, inv_mass)) * work[c, 0] * work[k, 0]
+                row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # a sum of such is exact in any order
         bound = max(bound, row)
         largest = max(largest, closing[c] * work[c, 0])
-    bound = math.ldexp(math.ceil(math.ldexp(bound, 10)), -10)  # the last digits of a row sum depend on its order
     theta = 1.0
     for _ in range(_SWEEPS):
         apply_impulses(n_contacts, first, second, nx, ny, work[:, 1], work[:, 0], inv_mass, dv, dv_done)

@@ -1,0 +1,139 @@
+import dataclasses
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, layouts, simulate, simulate_batch
+from billiards_env.engine import STATUS
+from billiards_env.scene import SCENES
+
+ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
+SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
+
+
+def draw(scene, count, arrangement="random"):
+    rng = np.random.default_rng(0)
+    places = np.array([layouts.draw(arrangement, scene, rng) for _ in range(count)])
+    starts = rng.normal(size=(count, 2)) * 2
+    if arrangement != "random":
+        starts = 4 * (places[:, 1] - places[:, 0])
+    return places, starts, rng.normal(size=(count, 3)) * 20
+
+
+def check(batch, singles):
+    for name in ARRAYS:
+        assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
+    for name in SCALARS:
+        assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
+    assert [STATUS[k] for k in batch.status] == [shot.status for shot in singles]
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("threads", [1, 2, 3, None])
+def test_a_batch_gives_the_bits_of_single_shots(name, threads):
+    scene = Scene.named(name, 4)
+    places, starts, spins = draw(scene, 150)
+    given = None if name == "ideal" else spins
+    batch = simulate_batch(scene, places, starts, spins=given, threads=threads)
+    singles = [
+        simulate(scene, places[k], starts[k], spins=None if given is None else given[k]) for k in range(len(places))
+    ]
+    check(batch, singles)
+
+
+@pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
+def test_breaks_in_a_batch_give_the_bits_of_single_ones(arrangement):
+    scene = Scene.named("pool", 15)
+    places, starts, _ = draw(scene, 70, arrangement)
+    batch = simulate_batch(scene, places, starts, threads=2)
+    check(batch, [simulate(scene, places[k], starts[k]) for k in range(len(places))])
+    assert batch.potted.any()
+
+
+def test_rolling_balls_with_limits_in_a_batch():
+    scene = Scene.named("pool", 3)
+    scene = dataclasses.replace(
+        scene, physics=dataclasses.replace(scene.physics, motion="rolling", cushion="restitution")
+    )
+    places, starts, _ = draw(scene, 40)
+    limits: dict[str, Any]
+    for limits in ({"max_time": 0.5}, {"max_events": 3}, {"max_time": 0.0}):
+        batch = simulate_batch(scene, places, starts, **limits)
+        check(batch, [simulate(scene, places[k], starts[k], **limits) for k in range(len(places))])
+
+
+def test_velocities_and_spins_of_all_balls_and_balls_out_of_play():
+    scene = Scene.named("carom")
+    places, _, _ = draw(scene, 40)
+    rng = np.random.default_rng(1)
+    velocities, spins = rng.normal(size=(40, 3, 2)), rng.normal(size=(40, 3, 3)) * 20
+    playing = rng.random((40, 3)) < 0.7
+    batch = simulate_batch(scene, places, velocities, spins=spins, in_play=playing)
+    check(
+        batch,
+        [simulate(scene, places[k], velocities[k], spins=spins[k], in_play=playing[k]) for k in range(40)],
+    )
+    assert (batch.potted == ~playing).all()
+    same = simulate_batch(scene, places, velocities, in_play=[True, False, True])
+    assert (same.potted == [False, True, False]).all()
+
+
+def test_two_balls_two_shots_one_velocity_each():
+    # (m, 2) with m = n is still one velocity a shot
+    scene = Scene.named("ideal")
+    batch = simulate_batch(scene, [[[-0.5, 0.0], [0.5, 0.0]]] * 2, [[0.1, 0.0], [0.0, 0.1]], max_time=1.0)
+    assert batch.velocities[:, 0].tolist() == [[0.1, 0.0], [0.0, 0.1]]
+    assert not batch.velocities[:, 1].any()
+
+
+def test_an_empty_batch_is_a_batch():
+    batch = simulate_batch(Scene.named("pool"), np.empty((0, 2, 2)), np.empty((0, 2)))
+    assert batch.positions.shape == (0, 2, 2)
+    assert batch.time.shape == (0,)
+
+
+def test_the_caller_s_arrays_stay_as_they_are():
+    scene = Scene.named("pool")
+    places, starts, spins = draw(scene, 3)
+    copies = places.copy(), starts.copy(), spins.copy()
+    playing = np.ones((3, 2), np.bool_)
+    simulate_batch(scene, places, starts, spins=spins, in_play=playing)
+    assert all(np.array_equal(a, b) for a, b in zip(copies, (places, starts, spins), strict=True))
+    assert playing.all()
+
+
+CLEAR = [[-0.5, 0.0], [0.5, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"positions": CLEAR}, "positions has shape (2, 2): expected (m, 2, 2)"),
+        ({"positions": [CLEAR, [[0.0, 0.0], [0.05, 0.0]]]}, "positions: shot 1, balls 0 and 1 are 0.05 m apart"),
+        ({"positions": [CLEAR, [[0.0, 0.0], [9.0, 0.0]]]}, "positions: shot 1, ball 1 is at [9.0, 0.0]"),
+        ({"positions": [[[math.nan, 0.0], [0.0, 0.0]], CLEAR]}, "positions: shot 0, ball 0 is at [nan, 0.0]"),
+        ({"velocities": [1.0, 0.0, 0.0]}, "velocities has shape (3,): expected (2, 2, 2) for all balls or (2, 2) for"),
+        ({"spins": [[0.0, 0.0, 1.0]]}, "spins has shape (1, 3): expected (2, 2, 3) for all balls or (2, 3) for"),
+        ({"in_play": [[True, True]]}, "in_play has shape (1, 2): expected (2,), a value a ball"),
+        ({"threads": 0}, "threads = 0: expected a whole number >= 1"),
+        ({"threads": True}, "threads = True: expected a whole number >= 1"),
+        ({"threads": 1.5}, "threads = 1.5: expected a whole number >= 1"),
+        ({"mode": "pig"}, "mode = 'pig': expected one of 'pic'"),
+        ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
+        ({"max_time": -1}, "max_time = -1: expected a finite number of seconds >= 0"),
+    ],
+)
+def test_bad_batches_are_refused(arguments, message):
+    given = {"positions": [CLEAR, CLEAR], "velocities": [[1.0, 0.0], [2.0, 0.0]], **arguments}
+    with pytest.raises(ValueError, match=re.escape(message)):
+        simulate_batch(Scene.named("pool"), **given)
+
+
+def test_a_velocity_that_is_not_finite_is_refused_with_its_shot():
+    with pytest.raises(
+        ValueError, match=re.escape("velocities: shot 1, ball 0 has [nan, 0.0]: expected finite numbers")
+    ):
+        simulate_batch(Scene.named("pool"), [CLEAR, CLEAR], [[1.0, 0.0], [math.nan, 0.0]])

@@ -1,0 +1,145 @@
+"""The engine against two others: shots made with pooltool, and the high-precision simulator in `tests.oracle`."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, engine, layouts
+from tests.oracle import run
+
+simulate: Any = engine.simulate  # what it records is there wherever it is asked for
+
+REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
+SHOTS = REFERENCE["shots"]
+NAMES = {"ball-ball": "ball_ball", "ball-cushion": "cushion", "slide-roll": "roll", "roll-stop": "stop"}
+TIME, PLACE = 1e-5, 1e-4  # s, m: how well pooltool's spaced contacts are to be met
+NUDGE = 1e-9  # m; also the distance that pooltool moves balls apart by at a contact
+
+
+def scene_of(shot):
+    return Scene.named("pooltool_carom", len(shot["positions"]) - 1)
+
+
+def play(shot):
+    return simulate(scene_of(shot), shot["positions"], shot["velocity"], record=True)
+
+
+def of_interest(result):
+    """The events that the reference lists: a ball that spins on the spot is none."""
+    return result.events[result.events["kind"] != "spin_stop"]
+
+
+def in_order(events):
+    """(kind, balls) of events (time, kind, balls) in order; of those at one instant, up to rounding, by name."""
+    ordered, last = [], -1.0
+    for time, *what in sorted(events):
+        if time - last > 1e-8:
+            ordered.append([])
+        ordered[-1].append(tuple(what))
+        last = time
+    return [what for instant in ordered for what in sorted(instant)]
+
+
+def amplification(shot):
+    """How far apart a nudge of the cue ball has driven the balls before each collision and at the end, per metre."""
+    scene, result = scene_of(shot), play(shot)
+    hits = result.events["time"][result.events["kind"] == "ball_ball"]
+    times = [*(t - 1e-6 for t in hits), result.time]
+    grown = np.zeros(len(times))
+    for nudge in ([NUDGE, 0.0], [0.0, NUDGE]):
+        places = np.array(shot["positions"])
+        places[0] += nudge
+        moved = simulate(scene, places, shot["velocity"], record=True)
+        for k, t in enumerate(times):
+            grown[k] = max(grown[k], np.linalg.norm(moved.at(t) - result.at(t), axis=1).max() / NUDGE)
+    return grown
+
+
+def test_the_reference_is_made_with_the_constants_of_the_named_scene():
+    scene, ball, table = Scene.named("pooltool_carom"), REFERENCE["ball"], REFERENCE["table"]
+    physics = scene.physics
+    assert (scene.table.length, scene.table.width, scene.table.cushion_height) == tuple(table.values())
+    assert (scene.balls.radius[0], scene.balls.mass[0], scene.table.pockets) == (ball["radius"], ball["mass"], ())
+    for name in ("mu_slide", "mu_roll", "e_cushion", "mu_cushion", "g"):
+        assert getattr(physics, name) == ball[name]
+    assert (physics.motion, physics.cushion, physics.e_ball) == ("sliding", "han2005", 1.0)
+    assert physics.spin_decay == pytest.approx(5 * ball["mu_spin"] * ball["g"] / (2 * ball["radius"]))
+
+
+@pytest.mark.parametrize("number", range(len(SHOTS)))
+def test_reference_shot(number):
+    shot = SHOTS[number]
+    result = play(shot)
+    events = of_interest(result)
+    expected = shot["events"]
+    late = max((abs(t - e["time"]) for (t, _, _), e in zip(expected, events, strict=False)), default=0.0)
+    off = np.linalg.norm(result.positions - shot["final"], axis=1).max()
+    message = f"events off by up to {late:.1e} s, balls by up to {off:.1e} m"
+    if shot["n_ball_ball"] > 1:
+        grown = amplification(shot)
+        message += "; a nudge has grown, before each collision and at the end, by " + ", ".join(
+            f"{g:.0f}" for g in grown
+        )
+    # A cushion of the reference has a number of pooltool's own; only the ball is compared.
+    assert in_order((t, NAMES[kind], *balls[: 1 + (kind == "ball-ball")]) for t, kind, balls in expected) == in_order(
+        (float(e["time"]), str(e["kind"]), int(e["ball"]), *([int(e["other"])] if e["kind"] == "ball_ball" else []))
+        for e in events
+    ), message
+    assert late <= TIME, message
+    assert off <= PLACE, message
+    assert (result.n_contact_rule, result.status) == (0, "rest")
+
+
+@pytest.mark.parametrize("number", [k for k, shot in enumerate(SHOTS) if shot["n_ball_ball"] > 1])
+def test_what_is_left_between_the_two_simulators_is_their_nudge_amplified(number):
+    shot = SHOTS[number]
+    grown = amplification(shot)
+    off = np.linalg.norm(play(shot).positions - shot["final"], axis=1).max()
+    steps = ", ".join(f"{g:.0f}" for g in grown)
+    message = f"off by {off:.1e} m; a nudge has grown, before each collision and at the end, by {steps}"
+    assert (grown[1:] > grown[:-1]).all(), message
+    assert off <= 10 * grown[-1] * NUDGE, message
+
+
+# The oracle
+
+
+def lines(events):
+    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in events]
+
+
+@pytest.mark.parametrize(("name", "n"), [("pool", 1), ("pool", 5), ("carom", 2), ("ideal", 3), ("rolling", 4)])
+def test_random_shots_agree_with_the_high_precision_simulator(name, n):
+    scene = Scene.named("pool" if name == "rolling" else name, n)
+    if name == "rolling":
+        physics = dataclasses.replace(scene.physics, motion="rolling", cushion="restitution")
+        scene = dataclasses.replace(scene, physics=physics)
+    compared = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        places = layouts.random(scene, rng)
+        toward = places[1] - places[0] + rng.normal(size=2) * 0.02
+        start = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5)
+        spins = rng.normal(size=3) * 30 if scene.physics.motion == "sliding" else None
+        horizon = 3.0 if name == "ideal" else None
+        shot = simulate(scene, places, start, spins=spins, max_time=horizon, record=True)
+        exact = run(scene, places, start, spins, max_time=horizon, digits=40)
+        # Where a nudge grows beyond a thousandfold, so do the last digits of either's input.
+        moved = simulate(scene, places + np.eye(*places.shape) * NUDGE, start, spins=spins, max_time=horizon)
+        growth = np.abs(moved.positions - shot.positions).max() / NUDGE
+        if growth > 1e3:
+            continue
+        compared += 1
+        assert lines(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
+        assert shot.events["time"] == pytest.approx([float(e.time) for e in exact.events], abs=1e-11)
+        assert shot.positions == pytest.approx(np.array(exact.positions, float), abs=1e-11)
+        assert shot.velocities == pytest.approx(np.array(exact.velocities, float), abs=1e-11)
+        assert shot.spins == pytest.approx(np.array(exact.spins, float), abs=1e-9) or scene.physics.motion != "sliding"
+        assert shot.potted.tolist() == exact.potted
+        for t in rng.uniform(0, shot.time, 5):
+            assert shot.at(t) == pytest.approx(np.array(exact.positions_at(t), float), abs=1e-11)
+    assert compared >= 8

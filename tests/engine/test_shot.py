@@ -1,0 +1,216 @@
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, engine, layouts
+from billiards_env.engine import KINDS
+from billiards_env.scene import Balls, Physics, Table
+
+simulate: Any = engine.simulate  # what it records is there wherever it is asked for
+
+POOL = Scene.named("pool")
+PLACES = [[-0.5, 0.0], [0.5, 0.0]]
+
+
+def refused(message, kind: type[Exception] = ValueError):
+    """`pytest.raises` for an error that says this, literally."""
+    return pytest.raises(kind, match=re.escape(message))
+
+
+# Records
+
+
+SCATTERED = layouts.random(Scene.named("pool", 15), np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Sixteen balls set going at once; five are potted."""
+    velocities = np.random.default_rng(4).normal(size=(16, 2)) * 2
+    return simulate(Scene.named("pool", 15), SCATTERED, velocities, record=True)
+
+
+def test_a_record_begins_and_ends_where_the_shot_does(recorded):
+    assert np.array_equal(recorded.at(0.0), SCATTERED)
+    assert np.array_equal(recorded.at(recorded.time), recorded.positions)
+    assert np.array_equal(recorded.at(recorded.time + 1e9), recorded.positions)
+
+
+def test_positions_are_continuous_over_every_event(recorded):
+    gone = {e["ball"] for e in recorded.events if e["kind"] == "pocket"}
+    stay = [i for i in range(16) if i not in gone]
+    for t in np.unique(recorded.events["time"]):
+        before, after = recorded.at(max(0.0, t - 1e-10)), recorded.at(t + 1e-10)
+        assert np.abs(after - before)[stay].max() < 3e-9  # at 10 m/s at most
+
+
+def test_a_captured_ball_jumps_to_its_pocket_s_centre(recorded):
+    pockets = Scene.named("pool").table.pockets
+    captures = recorded.events[recorded.events["kind"] == "pocket"]
+    assert len(captures) > 0
+    for event in captures:
+        pocket = pockets[event["other"]]
+        edge = recorded.at(float(np.nextafter(event["time"], 0)))[event["ball"]]
+        assert math.dist(edge, (pocket.x, pocket.y)) == pytest.approx(pocket.radius, abs=1e-12)
+        assert recorded.at(event["time"])[event["ball"]].tolist() == [pocket.x, pocket.y]
+        assert recorded.positions[event["ball"]].tolist() == [pocket.x, pocket.y]
+    assert np.flatnonzero(recorded.potted).tolist() == sorted(captures["ball"])
+
+
+def test_events_come_in_order_with_their_place_and_speed(recorded):
+    events = recorded.events
+    assert set(events["kind"]) <= set(KINDS)
+    assert (np.diff(events["time"]) >= 0).all()
+    assert len(events) == recorded.n_events
+    for event in events[::10]:
+        place = (event["x"], event["y"])
+        if event["kind"] != "pocket":
+            assert recorded.at(event["time"])[event["ball"]] == pytest.approx(place, abs=1e-14)
+    assert (events["speed"][np.isin(events["kind"], ["ball_ball", "cushion", "pocket"])] >= 0).all()
+    assert not events["speed"][np.isin(events["kind"], ["roll", "stop", "spin_stop"])].any()
+
+
+def test_the_position_of_an_early_event_is_known_in_closed_form():
+    shot = simulate(POOL, PLACES, [2.0, 0.0], record=True)
+    t, d = shot.events["time"][0], 1.0 - 2 * POOL.balls.radius[0]
+    a = 0.2 * 9.81
+    v = math.sqrt(4 - 2 * a * d) if shot.events["kind"][0] == "ball_ball" else 10 / 7
+    assert t == pytest.approx((2 - v) / a, rel=1e-12)
+    assert shot.at(t / 2)[0, 0] == pytest.approx(-0.5 + t - a * t * t / 8, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["pool", "carom", "ideal"])
+def test_recording_changes_no_bit(name):
+    scene = Scene.named(name, 5)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        places, start = layouts.random(scene, rng), rng.normal(size=2) * 3
+        plain, record = (simulate(scene, places, start, record=r) for r in (False, True))
+        for field in ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit"):
+            assert np.array_equal(getattr(plain, field), getattr(record, field))
+        for field in ("time", "n_events", "status", "first_hit", "n_contact_rule"):
+            assert getattr(plain, field) == getattr(record, field)
+        assert plain.events is None
+        assert plain.segments is None
+
+
+def test_a_log_longer_than_its_first_room_is_complete():
+    scene = Scene.named("ideal", 15)
+    rng = np.random.default_rng(0)
+    places, velocities = layouts.random(scene, rng), rng.normal(size=(16, 2)) * 2
+    shot = simulate(scene, places, velocities, record=True, max_time=30.0)
+    assert shot.n_events > 1000
+    assert len(shot.events) == shot.n_events
+    assert shot.status == "max_time"
+    assert shot.at(30.0) == pytest.approx(shot.positions, abs=1e-15)
+    first = simulate(scene, places, velocities, record=True, max_time=float(shot.events["time"][100]))
+    assert np.array_equal(first.events, shot.events[: first.n_events])
+    assert first.n_events >= 100
+
+
+def test_asking_a_shot_that_was_not_recorded_is_refused():
+    with refused("shot.at: the shot was not recorded, expected simulate(..., record=True)"):
+        simulate(POOL, PLACES, [1.0, 0.0]).at(0.1)
+
+
+@pytest.mark.parametrize("t", [-1e-9, math.nan, math.inf])
+def test_a_time_that_is_none_is_refused(recorded, t):
+    with refused(f"t = {t!r}: expected a finite number of seconds >= 0"):
+        recorded.at(t)
+
+
+# Input
+
+
+def test_one_velocity_is_the_cue_ball_s():
+    one = simulate(POOL, PLACES, [2.0, 0.1], spins=[1.0, 2.0, 3.0])
+    all_of_them = simulate(POOL, PLACES, [[2.0, 0.1], [0.0, 0.0]], spins=[[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    assert np.array_equal(one.positions, all_of_them.positions)
+    assert one.time == all_of_them.time
+
+
+def test_with_two_balls_two_velocities_are_not_mistaken_for_one():
+    shot = simulate(POOL, PLACES, [[0.0, 0.0], [0.0, 0.5]], record=True)
+    assert set(shot.events["ball"]) == {1}
+
+
+def test_the_caller_s_arrays_stay_as_they_are():
+    places, velocities, spins = np.array(PLACES), np.array([[1.0, 0.0], [0.0, 1.0]]), np.ones((2, 3))
+    playing = np.array([True, True])
+    simulate(POOL, places, velocities, spins=spins, in_play=playing)
+    assert places.tolist() == PLACES
+    assert velocities.tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert (spins == 1).all()
+    assert playing.all()
+
+
+def test_balls_out_of_play_are_ignored_and_count_as_potted():
+    alone = simulate(Scene.named("pool", 0), PLACES[:1], [3.0, 0.0])
+    shot = simulate(POOL, PLACES, [3.0, 0.0], in_play=[True, False])
+    assert shot.potted.tolist() == [False, True]
+    assert np.array_equal(shot.positions, [alone.positions[0], PLACES[1]])
+    assert (shot.time, shot.n_events, shot.first_hit) == (alone.time, alone.n_events, -1)
+    elsewhere = simulate(POOL, [PLACES[0], [9.0, 9.0]], [3.0, 0.0], in_play=[True, False])
+    assert np.array_equal(elsewhere.positions[0], alone.positions[0])
+
+
+def test_results_have_the_types_that_are_promised():
+    shot = simulate(POOL, [[-1, 0], [0, 0]], [1, 0])
+    assert (shot.positions.shape, shot.velocities.shape, shot.spins.shape) == ((2, 2), (2, 2), (2, 3))
+    assert shot.positions.dtype == shot.velocities.dtype == shot.spins.dtype == np.float64
+    assert shot.potted.dtype == np.bool_
+    assert (type(shot.time), type(shot.n_events), type(shot.status)) == (float, int, str)
+    assert (type(shot.first_hit), type(shot.n_contact_rule)) == (int, int)
+
+
+def test_spin_is_zero_where_the_motion_knows_none():
+    physics = Physics(motion="rolling", cushion="restitution")
+    assert not simulate(Scene(Balls.uniform(1), physics=physics), [[0, 0]], [1, 0], max_time=0.1).spins.any()
+    rolling = simulate(Scene.named("carom", 0), [[0, 0]], [1, 0], max_time=0.5)
+    assert rolling.spins[0] == pytest.approx([0, rolling.velocities[0, 0] / 0.03075, 0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"positions": [0.0, 0.0]}, "positions has shape (2,): expected (2, 2), a row a ball"),
+        ({"positions": [PLACES]}, "positions has shape (1, 2, 2): expected (2, 2), a row a ball"),
+        ({"positions": [[0.0, 0.0]]}, "positions has shape (1, 2): expected (2, 2)"),
+        ({"positions": [[0.0, 0.0], [0.0, 0.05]]}, "positions: balls 0 and 1 are 0.05 m apart: expected at least"),
+        ({"positions": [[0.0, 0.0], [1.25, 0.0]]}, "positions: ball 1 is at [1.25, 0.0]: expected |x|"),
+        ({"velocities": [1.0]}, "velocities has shape (1,): expected (2, 2) for all balls or (2,) for the cue ball"),
+        ({"velocities": [[1.0, 0.0]] * 3}, "velocities has shape (3, 2): expected (2, 2) for all balls"),
+        ({"velocities": [math.nan, 0.0]}, "velocities: ball 0 has [nan, 0.0]: expected finite numbers"),
+        ({"velocities": [[0.0, 0.0], [0.0, math.inf]]}, "velocities: ball 1 has [0.0, inf]: expected finite numbers"),
+        ({"spins": [1.0, 2.0]}, "spins has shape (2,): expected (2, 3) for all balls or (3,) for the cue ball"),
+        ({"spins": [0.0, 0.0, math.nan]}, "spins: ball 0 has [0.0, 0.0, nan]: expected finite numbers"),
+        ({"in_play": [True]}, "in_play has shape (1,): expected (2,), a value a ball"),
+        ({"in_play": True}, "in_play has shape (): expected (2,), a value a ball"),
+        ({"mode": "pik"}, "mode = 'pik': expected one of 'pic'"),
+        ({"dt": 0.01}, "dt = 0.01 with mode='pic': expected None, PIC has no timestep"),
+        ({"max_time": -1.0}, "max_time = -1.0: expected a finite number of seconds >= 0"),
+        ({"max_time": math.nan}, "max_time = nan: expected a finite number of seconds >= 0"),
+        ({"max_time": math.inf}, "max_time = inf: expected a finite number of seconds >= 0"),
+    ],
+)
+def test_bad_shots_are_refused(arguments, message):
+    with refused(message):
+        simulate(POOL, **{"positions": PLACES, "velocities": [1.0, 0.0], **arguments})
+
+
+def test_obstacles_have_to_be_at_rest():
+    scene = Scene(Balls((0.03, 0.03), (0.2, math.inf)))
+    with refused("velocities: ball 1 has an infinite mass: expected it to be at rest"):
+        simulate(scene, PLACES, [[0.0, 0.0], [0.0, 0.1]])
+    with refused("spins: ball 1 has an infinite mass: expected it to be at rest"):
+        simulate(scene, PLACES, [0.0, 0.0], spins=[[0.0] * 3, [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("motion", ["ideal", "rolling"])
+def test_spins_are_refused_where_the_motion_knows_none(motion):
+    scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
+    with refused(f"spins with physics.motion = '{motion}': expected None, only sliding balls spin"):
+        simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])

@@ -1,0 +1,227 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from billiards_env.engine.shot import scene_arrays
+from billiards_env.physics.impulse import apply_impulses, han2005, joint_impulses, pair_impulse
+from billiards_env.scene import Balls, Physics, Scene, Table
+
+R = 0.03
+
+
+@pytest.mark.parametrize(
+    ("inverse", "e", "after"),
+    [
+        ((1.0, 1.0), 1.0, (0.0, 2.0)),
+        ((1.0, 1.0), 0.5, (0.5, 1.5)),
+        ((1.0, 1.0), 0.0, (1.0, 1.0)),
+        ((1.0, 0.0), 1.0, (-2.0, 0.0)),
+        ((1.0, 0.0), 0.5, (-1.0, 0.0)),
+        ((0.25, 1.0), 1.0, (1.2, 3.2)),
+    ],
+)
+def test_a_pair_parts_with_restitution(inverse, e, after):
+    p = pair_impulse(2.0, inverse[0], inverse[1], e)
+    assert (2.0 - p * inverse[0], p * inverse[1]) == pytest.approx(after)
+
+
+# Cushions
+
+
+def bounce(vn, vt, spin, params):
+    """Han's impact by the mechanics of a rigid sphere: an impulse P at the contact point changes v by P/m and the spin
+    by r x P / I. Frame: x into the cushion, y along it, z up; spin in rad/s; per unit of mass. Equations 14 to 23."""
+    e, mu, height = params[6], params[7], params[10]
+    theta = math.asin(height / R - 1)
+    into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the ball's centre to the contact point
+    up = np.array([-math.sin(theta), 0.0, math.cos(theta)])  # tangents of the contact
+    side = np.array([0.0, 1.0, 0.0])
+    velocity = np.array([vn, vt, 0.0])
+    surface = velocity + np.cross(spin, R * into)
+    s_up, s_side = surface @ up, surface @ side
+    squeeze = (1 + e) * (velocity @ into)
+    slip = math.hypot(s_up, s_side)
+    stick = slip * 2 / 7 <= mu * squeeze
+    friction = slip * 2 / 7 if stick else mu * squeeze
+    impulse = -squeeze * into - (friction * (s_up * up + s_side * side) / slip if slip else 0.0)
+    velocity = velocity + impulse
+    spin = spin + np.cross(R * into, impulse) / (0.4 * R * R)
+    return min(velocity[0], 0.0), velocity[1], spin, stick
+
+
+def run_han(vn, vt, spin, params):
+    un, ut = vn - R * spin[1], vt + R * spin[0]
+    vn, vt, un, ut, rwz = han2005(vn, vt, un, ut, R * spin[2], R, params)
+    return vn, vt, np.array([(ut - vt) / R, (vn - un) / R, rwz / R])
+
+
+def cushion(height=1.27 * R, **physics):
+    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics)))[0]
+
+
+@given(
+    st.floats(0.01, 5),
+    st.floats(-5, 5),
+    st.tuples(*[st.floats(-200, 200)] * 3),
+    st.floats(0.7, 1.6),
+    st.floats(0, 1),
+    st.floats(0, 0.5),
+)
+def test_han_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu):
+    params = cushion(height * R, e_cushion=e, mu_cushion=mu)
+    expected = bounce(vn, vt, np.array(spin), params)
+    found = run_han(vn, vt, np.array(spin), params)
+    assert found[:2] == pytest.approx(expected[:2], abs=1e-12)
+    assert found[2] == pytest.approx(expected[2], abs=1e-9)
+
+
+@pytest.mark.parametrize("sticks", [True, False])
+def test_han_s_friction_sticks_or_slides(sticks):
+    params = cushion(e_cushion=0.8, mu_cushion=2.0 if sticks else 0.01)
+    assert bounce(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)[3] == sticks
+    vn, vt, spin = run_han(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)
+    theta = math.asin(0.27)
+    up = np.array([-math.sin(theta), 0.0, math.cos(theta)])
+    surface = np.array([vn, vt, 0.0]) + np.cross(spin, R * np.array([math.cos(theta), 0.0, math.sin(theta)]))
+    # its vertical velocity, which the table takes up, is missing from the surface's along `up`
+    assert (abs(surface[1]) < 1e-14) == sticks
+    assert up[0] < 0
+
+
+def test_han_with_the_nose_at_the_centre_and_no_friction_is_restitution():
+    vn, vt, spin = run_han(2.0, 1.0, np.array([1.0, 2.0, 3.0]), cushion(R, e_cushion=0.75, mu_cushion=0.0))
+    assert (vn, vt) == (-1.5, 1.0)
+    assert spin == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_han_with_a_ball_that_does_not_slip_on_the_nose_divides_by_nothing():
+    vn, vt, spin = run_han(1.0, 0.0, np.zeros(3), cushion(R, e_cushion=1.0))
+    assert (vn, vt) == (-1.0, 0.0)
+    assert not spin.any()
+
+
+def test_running_english_speeds_a_ball_up_and_reverse_english_slows_it_down():
+    plain, running, reverse = (run_han(1.0, 1.0, np.array([0.0, 0.0, w]), cushion())[1] for w in (0.0, -100.0, 100.0))
+    assert reverse < plain < running
+
+
+def test_a_ball_never_goes_on_into_a_han_cushion():
+    assert run_han(1.0, 0.0, np.array([0.0, -200.0, 0.0]), cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0))[0] == 0.0
+
+
+# Simultaneous impacts
+
+
+def solve(n_balls, contacts, inverse):
+    """Impulses of contacts (first, second, angle of the normal, speed of approach)."""
+    first, second, angle, closing = (np.array(column) for column in zip(*contacts, strict=True))
+    count = len(contacts)
+    impulse = np.empty(count)
+    joint_impulses(
+        count,
+        first.astype(np.int64),
+        second.astype(np.int64),
+        np.cos(angle),
+        np.sin(angle),
+        closing.astype(float),
+        np.array(inverse, float),
+        impulse,
+        np.empty((count, 4)),
+        np.empty((n_balls, 2)),
+        np.zeros(n_balls, np.bool_),
+    )
+    return impulse
+
+
+def opening(n_balls, contacts, inverse, impulse):
+    """The contacts' speeds of separation after the impulses."""
+    dv = np.zeros((n_balls, 2))
+    for (i, j, angle, _), p in zip(contacts, impulse, strict=True):
+        n = np.array([math.cos(angle), math.sin(angle)])
+        dv[i] -= p * inverse[i] * n
+        dv[j] += p * inverse[j] * n
+    return np.array(
+        [(dv[j] - dv[i]) @ [math.cos(angle), math.sin(angle)] - closing for i, j, angle, closing in contacts]
+    )
+
+
+def flower(leaves, rng):
+    """Contacts of a ball with neighbours around it that touch each other, as in a rack of seven."""
+    contacts = [(0, k + 1, k * math.pi / 3, rng.uniform(0.01, 2)) for k in range(leaves)]
+    contacts += [(k + 1, k + 2, (k + 2) * math.pi / 3, rng.uniform(0.01, 2)) for k in range(leaves - 1)]
+    return contacts
+
+
+@given(st.integers(0, 10**6), st.integers(2, 6), st.booleans())
+def test_joint_impulses_solve_the_complementarity_problem(seed, leaves, fixed):
+    rng = np.random.default_rng(seed)
+    inverse = rng.uniform(0.5, 5, leaves + 1)
+    if fixed:
+        inverse[leaves] = 0.0
+    contacts = flower(leaves, rng)
+    impulse = solve(leaves + 1, contacts, inverse)
+    separation = opening(leaves + 1, contacts, inverse, impulse)
+    assert (impulse >= 0).all()
+    assert (separation >= -1e-11).all()
+    assert np.abs(impulse * separation).max() <= 1e-11
+    assert impulse.any()
+
+
+@given(st.integers(0, 10**6), st.integers(2, 6))
+def test_joint_impulses_do_not_depend_on_the_order_and_mirror_bit_for_bit(seed, leaves):
+    rng = np.random.default_rng(seed)
+    contacts = flower(leaves, rng)
+    inverse = np.full(leaves + 1, 1 / 0.17)
+    impulse = solve(leaves + 1, contacts, inverse)
+    order = rng.permutation(len(contacts))
+    names = rng.permutation(leaves + 1)
+    other = [(int(names[i]), int(names[j]), a, c) for i, j, a, c in (contacts[k] for k in order)]
+    assert np.array_equal(solve(leaves + 1, other, inverse), impulse[order])
+
+
+def test_two_contacts_have_a_closed_form():
+    # A ball strikes two that touch, symmetrically: p = m v cos(30) / 2.5, see the plastic solution
+    contacts = [(0, 1, math.pi / 6, math.cos(math.pi / 6)), (0, 2, -math.pi / 6, math.cos(math.pi / 6))]
+    assert solve(3, contacts, [1.0] * 3) == pytest.approx([math.cos(math.pi / 6) / 2.5] * 2, rel=1e-15)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_of_two_contacts_one_may_open_by_itself(order):
+    # Ball 1 is pushed out from between by ball 0 so fast that it leaves ball 2 behind
+    contacts = [(0, 1, 0.0, 5.0), (1, 2, math.pi, 0.1)]
+    found = solve(3, [contacts[k] for k in order], [1.0] * 3)
+    assert found[list(order)] == pytest.approx([2.5, 0.0])
+
+
+def test_contacts_without_a_ball_in_common_do_not_mix():
+    contacts = [(0, 1, 0.3, 1.0), (2, 3, 1.0, 2.0), (4, 5, 2.0, 4.0)]
+    assert solve(6, contacts, [1.0] * 6) == pytest.approx([0.5, 1.0, 2.0], rel=1e-15)
+
+
+@given(st.integers(0, 10**6))
+def test_impulses_are_added_up_exactly_in_any_order(seed):
+    rng = np.random.default_rng(seed)
+    contacts = flower(6, rng)
+    count, n = len(contacts), 7
+    first, second = (np.array([c[k] for c in contacts]) for k in (0, 1))
+    nx, ny = np.cos([c[2] for c in contacts]), np.sin([c[2] for c in contacts])
+    impulse, inverse = rng.uniform(0, 1, count), np.full(n, 1.0)
+    results = []
+    for order in (np.arange(count), rng.permutation(count)):
+        dv, done = np.zeros((n, 2)), np.zeros(n, np.bool_)
+        apply_impulses(
+            count, first[order], second[order], nx[order], ny[order], impulse[order], np.ones(count), inverse, dv, done
+        )
+        assert done.all()
+        results.append(dv)
+    assert np.array_equal(*results)
+    assert not results[0].sum(axis=0).any()  # momentum, to the last bit
+    assume(impulse.max() > 0.1)
+    plain = np.zeros((n, 2))
+    for i, j, x, y, p in zip(first, second, nx, ny, impulse, strict=True):
+        plain[i] -= p * np.array([x, y])
+        plain[j] += p * np.array([x, y])
+    assert results[0] == pytest.approx(plain, abs=1e-14)

@@ -1,0 +1,96 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from billiards_env.physics import jit
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package folder of two kernel sources."""
+    for folder in jit.KERNEL_FOLDERS:
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "kernels.py").write_text("x = 1\n")
+    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    return tmp_path
+
+
+@pytest.mark.parametrize("folder", jit.KERNEL_FOLDERS)
+def test_every_edit_of_a_kernel_changes_the_hash(package, folder):
+    before = jit.source_hash()
+    assert jit.source_hash() == before
+    (package / folder / "kernels.py").write_text("x = 2\n")
+    edited = jit.source_hash()
+    (package / folder / "more.py").write_text("y = 1\n")
+    assert len({before, edited, jit.source_hash()}) == 3
+
+
+def test_other_files_do_not_change_the_hash(package):
+    before = jit.source_hash()
+    (package / "scene.py").write_text("x = 1\n")
+    (package / "physics" / "notes.txt").write_text("x")
+    assert jit.source_hash() == before
+
+
+def test_the_cache_lies_in_the_package_under_the_sources_hash(package):
+    assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
+
+
+def test_the_environment_s_folder_is_used_alone(package, monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
+    assert jit.cache_folder() == tmp_path / "given" / f"kernels-{jit.source_hash()}"
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    assert jit.cache_folder() is None
+
+
+def test_a_package_that_cannot_be_written_falls_back_to_the_user_s_cache(package):
+    (package / "__pycache__").touch()  # no folder can be made here
+    assert jit.cache_folder() == package / "user" / "billiards_env" / f"kernels-{jit.source_hash()}"
+
+
+def test_without_a_folder_kernels_still_compile_and_a_warning_says_so(package, monkeypatch):
+    (package / "__pycache__").touch()
+    (package / "user").touch()
+    assert jit.cache_folder() is None
+    monkeypatch.setattr(jit, "_FOLDER", None)
+    with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR to one"):
+        double = jit.entry_point(lambda x: 2 * x)
+    assert double(3) == 6
+
+
+def test_an_entry_point_is_cached_in_the_folder_and_leaves_numba_s_setting_alone(tmp_path):
+    (tmp_path / "module.py").write_text(
+        "from billiards_env.physics.jit import entry_point\n"
+        "from numba.core import config\n"
+        "before = config.CACHE_DIR\n"
+        "@entry_point\n"
+        "def double(x):\n"
+        "    return 2 * x\n"
+        "assert config.CACHE_DIR == before\n"
+        "assert double(3) == 6\n"
+        "print(sum(double.stats.cache_hits.values()))\n"
+    )
+    root = Path(jit.__file__).parents[2]
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}"}
+    hits = [
+        int(subprocess.run([sys.executable, "-m", "module"], env=env, check=True, capture_output=True).stdout)
+        for _ in range(2)
+    ]
+    assert hits == [0, 1]
+    assert list((tmp_path / "cache").glob("kernels-*/**/*.nbc"))
+
+
+def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
+    divide = jit.kernel(lambda x, y: x / y)
+    assert divide(1.0, 0.0) == float("inf")
+    lost = jit.kernel(lambda x, y: (x + y) - x)
+    assert lost(1e16, 1.0) == 0.0
+    fused = jit.kernel(lambda x, y: x * x - y)
+    x = 1.0 + 2.0**-30
+    assert fused(x, x * x) == 0.0  # a fused multiply-add would give the rounding error of x * x
