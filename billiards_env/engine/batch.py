@@ -20,7 +20,7 @@ from billiards_env.engine.log import (
     N_EVENTS,
     SEGMENT_WIDTH,
 )
-from billiards_env.engine.shot import ENGINES, MAX_EVENTS, check_mode, check_shot, scene_arrays
+from billiards_env.engine.shot import ENGINES, MAX_EVENTS, check_mode, check_shot, check_whole, scene_arrays
 from billiards_env.scene import Scene
 
 _LEAST = 32  # shots that are worth a thread
@@ -97,10 +97,11 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_mode(mode, dt)
+    check_whole("max_events", max_events, 0)
     if np.ndim(positions) != 3:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected (m, {scene.n_balls}, 2)")
-    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-        raise ValueError(f"threads = {threads!r}: expected a whole number >= 1")
+    if threads is not None:
+        check_whole("threads", threads, 1)
     given = check_shot(scene, positions, velocities, spins, in_play, max_time)
     balls = given.positions, given.velocities, given.spins, given.in_play
     m, n = given.positions.shape[:2]

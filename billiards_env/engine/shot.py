@@ -178,6 +178,12 @@ def check_mode(mode: str, dt: float | None) -> None:
         raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep")
 
 
+def check_whole(name: str, value: Any, least: int) -> None:
+    """Raises a ValueError unless `value` is a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ValueError(f"{name} = {value!r}: expected a whole number >= {least}")
+
+
 def check_motion(
     scene: Scene, shape: tuple[int, ...], name: str, values: ArrayLike | None, width: int, obstacles: bool = True
 ) -> Floats:
@@ -317,6 +323,7 @@ def simulate(
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
     check_mode(mode, dt)
+    check_whole("max_events", max_events, 0)
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
     return run_checked(

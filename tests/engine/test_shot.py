@@ -214,3 +214,13 @@ def test_spins_are_refused_where_the_motion_knows_none(motion):
     scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
     with refused(f"spins with physics.motion = '{motion}': expected None, only sliding balls spin"):
         simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("max_events", [-1, 1.5, True, None])
+def test_a_limit_on_events_that_is_no_whole_number_is_refused(max_events):
+    scene = Scene.named("ideal")
+    places = [[-0.5, 0.0], [0.0, 0.0]]
+    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number >= 0"):
+        engine.simulate(scene, places, [1.0, 0.0], max_events=max_events)
+    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number >= 0"):
+        engine.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)
