@@ -2,7 +2,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
 
-.PHONY: help train test lint format clean
+.PHONY: help train test stress lint bench figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -14,11 +14,23 @@ train: $(INSTALLED)  ## train the example agent (resumes, if interrupted) and ev
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
 
+stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (25 minutes)
+	$(BIN)/pytest -n 2 -q -m slow tests/stress
+	$(BIN)/python -m benchmarks.stress
+
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
+
+bench: $(INSTALLED)  ## measure accuracy, speed and start-up; JSON goes to benchmarks/results
+	$(BIN)/python -m benchmarks.error_limit
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.start_up
+
+figures: $(INSTALLED)  ## draw the pictures in docs/images
+	$(BIN)/python -m benchmarks.figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

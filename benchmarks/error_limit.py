@@ -1,0 +1,232 @@
+"""The engine's error against the error that no double-precision engine can avoid.
+
+Random shots of several kinds are run by the engine and by the 50-digit oracle. Each is followed to its end, or until
+the unavoidable error (the unit roundoff times the shot's own condition number) reaches a thousandth of a ball's radius,
+or until the contact-time rule acts, of which the laws know nothing. Up to there the events have to be the same, and the
+error in the balls' positions is divided by the unavoidable one.
+
+    python -m benchmarks.error_limit            # 1,000 shots of each kind
+    python -m benchmarks.error_limit --shots 50
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import mpmath
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from agents.files import write_json
+from benchmarks import RESULTS, machine, print_machine, print_table
+from billiards_env import layouts
+from billiards_env.engine import simulate
+from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
+from billiards_env.scene import Scene
+from tests.oracle import OracleError, run
+
+Floats = NDArray[np.float64]
+
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+OF_A_RADIUS = 1e-3
+GAS_COLLISIONS = 100
+
+
+def _shot(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """A random layout; every other shot is aimed at some object ball, within its width, the rest anywhere."""
+    places = layouts.draw("random", scene, rng)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    if rng.random() < 0.5:
+        ball = rng.integers(1, scene.n_balls)
+        to = places[ball] - places[0]
+        reach = scene.balls.radius[0] + scene.balls.radius[ball]
+        angle = np.arctan2(to[1], to[0]) + rng.uniform(-1.0, 1.0) * np.arcsin(reach / np.hypot(*to))
+    return places, rng.uniform(0.3, 5.0) * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _break(scene: Scene, rng: np.random.Generator, loose: bool) -> tuple[Floats, Floats]:
+    """A break of a rack with gaps of 0.1 to 0.5 mm, or of 1 to 10 micrometres."""
+    places = layouts.draw("rack" if loose else "tight_rack", scene, rng)
+    if not loose:
+        spread = 1.0 + rng.uniform(1e-6, 1e-5) / (2.0 * scene.balls.radius[1])
+        places[2:] = places[1] + spread * (places[2:] - places[1])
+    to = places[1] - places[0]
+    angle = np.arctan2(to[1], to[0]) + rng.uniform(-0.5, 0.5) * np.arcsin(2.0 * scene.balls.radius[0] / np.hypot(*to))
+    return places, rng.uniform(3.0, 9.0) * np.array([np.cos(angle), np.sin(angle)])
+
+
+def _gas(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    return layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (scene.n_balls, 2))
+
+
+KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]]] = {
+    "1 object ball": (Scene.named("pool", 1), _shot),
+    "2 object balls": (Scene.named("pool", 2), _shot),
+    "5 object balls": (Scene.named("pool", 5), _shot),
+    "carom": (Scene.named("carom", 2), _shot),
+    "9-ball break, loose": (Scene.named("pool", 9), lambda scene, rng: _break(scene, rng, True)),
+    "9-ball break, tight": (Scene.named("pool", 9), lambda scene, rng: _break(scene, rng, False)),
+    "15-ball break, loose": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, True)),
+    "15-ball break, tight": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, False)),
+    "gas of 16 disks": (Scene.named("ideal", 15), _gas),
+}
+
+
+def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
+    """One shot by engine and oracle.
+
+    Args:
+        kind: One of `KINDS`.
+        seed: The shot's number.
+
+    Returns:
+        error (m), condition (m), ratio (error over condition times the unit roundoff), same_events, to_end (whether it
+        was followed to its end), events (how many were compared).
+    """
+    scene, draw = KINDS[kind]
+    rng = np.random.default_rng([seed, list(KINDS).index(kind)])
+    places, velocities = draw(scene, rng)
+    shot = simulate(scene, places, velocities, record=True)
+    assert shot.events is not None
+    if kind.startswith("gas"):
+        hits = shot.events["time"][shot.events["kind"] == "ball_ball"]
+        if len(hits) > GAS_COLLISIONS:
+            shot = simulate(scene, places, velocities, record=True, max_time=float(hits[GAS_COLLISIONS]))
+    assert shot.events is not None
+    times = np.append(shot.events["time"], shot.time)
+    until = shot.time
+    allowed = OF_A_RADIUS * min(scene.balls.radius) / UNIT_ROUNDOFF
+    for k, here in enumerate(shot.sensitivities(times)):
+        if here.condition > allowed or not here.smooth:
+            # Between the last event before and this one, so that rounding cannot move either across the end.
+            until = 0.5 * (times[k - 1] + times[k]) if k else 0.5 * times[0]
+            break
+    condition = shot.sensitivity(until).condition
+    limit = until if until < shot.time or scene.physics.max_time else None
+    try:
+        exact = run(scene, places.tolist(), velocities.tolist(), max_time=limit)
+    except OracleError as stopped:
+        exact = stopped.shot
+    ours = sorted(
+        (str(e["kind"]), int(e["ball"]), int(e["other"]), float(e["time"])) for e in shot.events if e["time"] <= until
+    )
+    theirs = sorted((e.kind, e.ball, -1 if e.other is None else e.other, float(e.time)) for e in exact.events)
+    same = [e[:3] for e in ours] == [e[:3] for e in theirs]
+    # At its very end a shot is compared as it ended: the oracle's last event may lie beyond `until` by a rounding.
+    places, exactly = (shot.at(until), exact.positions_at(until)) if limit else (shot.positions, exact.positions)
+    pairs = zip(places.tolist(), exactly, strict=True)
+    error = max(float(mpmath.hypot(a[0] - b[0], a[1] - b[1])) for a, b in pairs)
+    return {
+        "error": error,
+        "condition": condition,
+        "ratio": error / (condition * UNIT_ROUNDOFF) if error else 0.0,  # nothing depends on anything with all potted
+        "same_events": same,
+        "to_end": until == shot.time,
+        "events": len(ours),
+    }
+
+
+def _work(task: tuple[str, int]) -> tuple[str, dict[str, float | bool | int]]:
+    return task[0], compare(*task)
+
+
+def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, float | int]:
+    """What the table tells of the shots of one kind."""
+    ratio = np.array([r["ratio"] for r in results])
+    return {
+        "shots": len(results),
+        "same_events": sum(bool(r["same_events"]) for r in results),
+        "to_end": sum(bool(r["to_end"]) for r in results),
+        "events": int(np.sum([r["events"] for r in results])),
+        "median_condition_m": float(np.median([r["condition"] for r in results])),
+        "median_error_m": float(np.median([r["error"] for r in results])),
+        "median_ratio": float(np.median(ratio)),
+        "p99_ratio": float(np.quantile(ratio, 0.99)),
+        "max_ratio": float(ratio.max()),
+    }
+
+
+def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: Path) -> None:
+    """The errors of all shots over their condition numbers, with the limit."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
+    for kind, results in found.items():
+        pairs = [(r["condition"], r["error"]) for r in results if r["error"]]
+        axes.plot(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.6, label=kind)
+    ends = np.array(axes.get_xlim())
+    axes.plot(ends, ends * UNIT_ROUNDOFF, color="black", linewidth=1.2, label="unavoidable")
+    axes.set(xscale="log", yscale="log", xlabel="condition number of the shot (m)", ylabel="error of the engine (m)")
+    axes.set_title("The error is the one that rounding the input makes")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, markerscale=4, loc="upper left")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part.png")
+    figure.savefig(part, dpi=110)
+    plt.close(figure)
+    part.replace(path)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; see `python -m benchmarks.error_limit --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.error_limit", description="The engine's error against the unavoidable one."
+    )
+    parser.add_argument("--shots", type=int, default=1000, help="shots of each kind (default: 1000)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "error_limit.json", help="where the JSON goes")
+    parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="where the picture goes")
+    args = parser.parse_args(arguments)
+    for name in ("shots", "workers"):
+        if getattr(args, name) < 1:
+            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= 1")
+    on = machine()
+    tasks = [(kind, seed) for kind in KINDS for seed in range(args.shots)]
+    found: dict[str, list[dict[str, float | bool | int]]] = {kind: [] for kind in KINDS}
+    with ProcessPoolExecutor(args.workers) as pool:
+        for kind, result in tqdm(pool.map(_work, tasks, chunksize=5), total=len(tasks), unit="shot"):
+            found[kind].append(result)
+    kinds = {kind: summary(results) for kind, results in found.items()}
+    write_json(args.output, {"machine": on, "kinds": kinds})
+    draw(found, args.picture)
+
+    print_machine(on)
+    head = (
+        "shots of a kind",
+        "same events",
+        "to their end",
+        "events",
+        "condition",
+        "error",
+        "ratio",
+        "99 %",
+        "largest",
+    )
+    rows = [
+        (
+            kind,
+            f"{s['same_events']} of {s['shots']}",
+            f"{s['to_end']}",
+            f"{s['events']:,}",
+            f"{s['median_condition_m']:.2g} m",
+            f"{s['median_error_m']:.1e} m",
+            f"{s['median_ratio']:.2f}",
+            f"{s['p99_ratio']:.1f}",
+            f"{s['max_ratio']:.1f}",
+        )
+        for kind, s in kinds.items()
+    ]
+    print_table(head, rows)
+    print(f"\nCondition, error and ratio are medians. Written to {args.output} and {args.picture}.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""How long it takes until a first shot can be played: `python -m benchmarks.start_up`.
+
+Every measurement is a fresh process. "Compile" has numba's cache in a new, empty folder; "second process" starts after
+it with that folder full. Medians are reported, with the single values beside them in the JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import time
+
+from agents.files import write_json
+from benchmarks import RESULTS, machine, print_machine, print_table
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# Wall-clock times, not a process's own clock: the parent's reading before it starts the process counts as well.
+IMPORTS = """
+import json, time
+times = [time.time()]
+import gymnasium, numba
+times.append(time.time())
+import billiards_env
+times.append(time.time())
+from billiards_env import simulate
+times.append(time.time())
+print(json.dumps(times))
+"""
+FIRST_STEP = """
+import json, time
+times = [time.time()]
+import gymnasium
+import billiards_env
+env = gymnasium.make("Billiards-v0")
+env.reset(seed=0)
+times.append(time.time())
+env.step(env.action_space.sample())
+times.append(time.time())
+print(json.dumps(times))
+"""
+
+
+def run(code: str, cache: Path) -> list[float]:
+    """Runs `code` in a fresh process with numba's cache in `cache`; the start, then what it printed, s since 1970."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    begin = time()
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, check=True, stdout=subprocess.PIPE, text=True
+    )
+    return [begin, *json.loads(done.stdout)]
+
+
+def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
+    """Starts the processes, the kinds in turn.
+
+    Args:
+        repeats: Starts of each kind.
+        compilations: Starts with an empty cache, which take far longer.
+
+    Returns:
+        Seconds, a list for each thing measured.
+    """
+    seconds: dict[str, list[float]] = {
+        "import gymnasium, numba": [],
+        "import billiards_env, on top": [],
+        "load the engine, on top": [],
+        "first env.step, compiling": [],
+        "first env.step, compiled before": [],
+        "process start to first env.step done, compiling": [],
+        "process start to first env.step done, compiled before": [],
+    }
+
+    def first_step(cache: Path, how: str) -> None:
+        begin, _, made, stepped = run(FIRST_STEP, cache)
+        seconds[f"first env.step, {how}"].append(stepped - made)
+        seconds[f"process start to first env.step done, {how}"].append(stepped - begin)
+
+    with tempfile.TemporaryDirectory() as folder:
+        for k in range(compilations):
+            first_step(Path(folder) / str(k), "compiling")
+        full = Path(folder) / "0"
+        for _ in range(repeats):
+            _, start, others, package, engine = run(IMPORTS, full)
+            seconds["import gymnasium, numba"].append(others - start)
+            seconds["import billiards_env, on top"].append(package - others)
+            seconds["load the engine, on top"].append(engine - package)
+            first_step(full, "compiled before")
+    return seconds
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; see `python -m benchmarks.start_up --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.start_up", description="Measure how long it takes until a first shot can be played."
+    )
+    parser.add_argument("--repeats", type=int, default=9, help="starts of each kind (default: 9)")
+    parser.add_argument("--compilations", type=int, default=3, help="starts that have to compile (default: 3)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "start_up.json", help="where the JSON goes")
+    args = parser.parse_args(arguments)
+    for name in ("repeats", "compilations"):
+        if getattr(args, name) < 1:
+            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= 1")
+    on = machine()
+    seconds = measure(args.repeats, args.compilations)
+    medians = {name: statistics.median(values) for name, values in seconds.items()}
+    result = {"machine": on, "median_seconds": medians, "seconds": seconds}
+    write_json(args.output, result)
+
+    print_machine(on)
+    print(f"Fresh processes; medians of {args.repeats} starts, of {args.compilations} where they compile.\n")
+    print_table(("what", "s"), [(name, f"{value:.2f}") for name, value in medians.items()])
+    print(f"\nWritten to {args.output}.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The README's examples run and print what they say, and its tables and commands agree with the code."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+from billiards_env.envs import BilliardsEnv
+from billiards_env.layouts import LAYOUTS
+from billiards_env.scene import SCENES, Physics, Scene
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def table(head: str) -> dict[str, list[str]]:
+    """The rows of the table whose first column is called `head`, by that column's text without its backticks."""
+    _, _, rest = README.partition(f"\n| {head} |")
+    rows = rest.partition("\n\n")[0].splitlines()[2:]
+    cells = [[cell.strip() for cell in row.strip("| ").split(" | ")] for row in rows]
+    assert cells
+    return {first.strip("`"): others for first, *others in cells}
+
+
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_examples_run_and_print_what_they_say(number, capsys):
+    code = BLOCKS[number]
+    exec(compile(code, f"README.md, python block {number}", "exec"), {"__name__": "readme"})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
+
+
+def test_there_are_examples():
+    assert len(BLOCKS) >= 4
+
+
+def test_arguments_are_those_of_the_environment():
+    parameters = list(inspect.signature(BilliardsEnv).parameters.values())
+    rows = table("Argument")
+    assert list(rows) == [p.name for p in parameters]
+    for p in parameters:
+        assert ast.literal_eval(rows[p.name][0].strip("`")) == p.default
+
+
+def test_every_layout_is_listed():
+    assert re.findall(r'`"(\w+)"`', table("Argument")["layout"][1].partition(";")[0]) == list(LAYOUTS)
+
+
+def test_scenes_are_those_there_are():
+    rows = {name.strip('"'): others for name, others in table("Scene").items()}
+    assert tuple(rows) == SCENES
+    for name, (count, _) in rows.items():
+        usual, most = (int(n) for n in re.findall(r"\d+", count))
+        assert Scene.named(name).n_balls == 1 + usual
+        assert Scene.named(name, most).n_balls == 1 + most
+        with pytest.raises(ValueError, match="n_object_balls"):
+            Scene.named(name, most + 1)
+
+
+def test_physics_defaults_are_those_of_the_code():
+    physics = Physics()
+    rows = table("Field")
+    assert list(rows) == [f"physics.{name}" for name in inspect.signature(Physics).parameters]
+    for name, (default, _) in rows.items():
+        assert ast.literal_eval(default.strip("`")) == getattr(physics, name.removeprefix("physics."))
+
+
+def test_commands_exist():
+    modules = set(re.findall(r"python -m ([\w.]+)", README))
+    assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
+    assert all(importlib.util.find_spec(module) for module in modules)
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(re.findall(r"(?:^|`)make (\w+)", README, re.MULTILINE)) <= set(targets)
+    assert all((ROOT / path).is_file() for path in re.findall(r"configs/[\w/]+\.yaml", README))
+
+
+def test_links_lead_somewhere():
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", README) if not link.startswith("https://")]
+    assert links
+    assert all((ROOT / link).exists() for link in links)
