@@ -69,12 +69,14 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
     else:
         return 0.0 if c3 < 0.0 and ww > 0.0 else math.inf  # ww may have underflowed
     if t < math.inf:
-        # The quartic's constant term carries the rounding of d^2; one Newton step on the gap itself takes it out.
+        # The quartic's constant term carries the rounding of d^2; one Newton step on the gap itself takes it out. Where
+        # the two hardly close in, the step would be the gap's own rounding divided by next to nothing: none is taken.
         px = dx + t * (wx + 0.5 * t * bx)
         py = dy + t * (wy + 0.5 * t * by)
+        ux, uy = wx + t * bx, wy + t * by
         distance = norm(px, py)
-        closing = (px * (wx + t * bx) + py * (wy + t * by)) / distance
-        if closing < 0.0:
+        closing = (px * ux + py * uy) / distance
+        if closing < -1e-6 * (abs(ux) + abs(uy)):
             t = max(0.0, t - (distance - reach) / closing)
     return t
 

@@ -1,0 +1,330 @@
+"""Runs shots with their logs on, and looks at every event of each: overlap, energy, momentum, places.
+
+The checks read the log of trajectories alone, so they judge what the engine says happened, not how it got there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine.log import (
+    BALL_BALL,
+    EVENT_WIDTH,
+    N_CONTACT_RULE,
+    N_COUNTS,
+    N_EVENTS,
+    SEGMENT_WIDTH,
+)
+from billiards_env.engine.log import ENDED as STATUS_COLUMN
+from billiards_env.engine.pic import CONTACT_TIME, run_shots
+from billiards_env.engine.shot import MAX_EVENTS, check_shot, scene_arrays
+from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    MOTION,
+    POTTED,
+    ROLLING,
+    SLIDING,
+    SLIDING_AND_ROLLING,
+    SPIN_DECAY,
+    T0,
+    T0_LO,
+    UX,
+    UY,
+    VX,
+    VY,
+    WZ,
+    X,
+    Y,
+    since,
+)
+from billiards_env.scene import Scene
+
+OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
+"""Columns of what is found of a shot: the deepest overlap, the farthest beyond a cushion or into a pocket (m), the
+largest rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the largest
+change of momentum in an impact relative to the sum of the balls' momenta, whether something is not a number or out of
+order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of what they changed
+the momentum by (kg m/s)."""
+N_FOUND = 10
+
+ENERGY_RISE = 1e-12  # relative; above it a rise has to be the contact-time rule's
+DEPTH = 1e-12  # m, of overlaps and beyond cushions
+
+
+@kernel
+def _at(row, phase, t):
+    """Position and velocity of a ball t seconds after its row's time."""
+    if ROLLING <= phase < POTTED:
+        x = row[X] + t * (row[VX] + 0.5 * t * row[AX])
+        y = row[Y] + t * (row[VY] + 0.5 * t * row[AY])
+        return x, y, row[VX] + t * row[AX], row[VY] + t * row[AY]
+    return row[X], row[Y], 0.0, 0.0
+
+
+@kernel
+def _energy(rows, phases, radius, mass, hi, lo, scale, params):
+    """Kinetic energy of all balls with velocities in units of `scale`, J."""
+    total = 0.0
+    for i in range(len(phases)):
+        if phases[i] == POTTED or math.isinf(mass[i]):
+            continue
+        t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+        _, _, vx, vy = _at(rows[i], phases[i], t)
+        vx, vy = vx / scale, vy / scale
+        twice = vx * vx + vy * vy
+        if params[MOTION] == SLIDING_AND_ROLLING:
+            ux, uy = rows[i, UX], rows[i, UY]
+            if phases[i] == SLIDING:
+                ux += 3.5 * t * rows[i, AX]
+                uy += 3.5 * t * rows[i, AY]
+            ux, uy = ux / scale, uy / scale
+            wz = radius[i] * max(0.0, abs(rows[i, WZ]) - params[SPIN_DECAY] * t) / scale
+            twice += 0.4 * ((vx - ux) * (vx - ux) + (vy - uy) * (vy - uy) + wz * wz)
+        total += 0.5 * mass[i] * twice
+    return total
+
+
+@kernel
+def _look(rows, phases, radius, pockets, params, hi, lo, xy, found):
+    """Compares the places of the balls at (hi, lo) with each other, with the cushions and with the pockets."""
+    n = len(phases)
+    for i in range(n):
+        if phases[i] == POTTED:
+            continue
+        t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+        x, y, vx, vy = _at(rows[i], phases[i], t)
+        if not math.isfinite(x + y + vx + vy):
+            found[BROKEN] = 1.0
+        xy[i, 0], xy[i, 1] = x, y
+        out = max(abs(x) - (params[HALF_LENGTH] - radius[i]), abs(y) - (params[HALF_WIDTH] - radius[i]))
+        for k in range(len(pockets)):
+            out = max(out, pockets[k, 2] - norm(x - pockets[k, 0], y - pockets[k, 1]))
+        found[OUTSIDE] = max(found[OUTSIDE], out)
+        for j in range(i):
+            if phases[j] != POTTED:
+                dx, dy, reach = x - xy[j, 0], y - xy[j, 1], radius[i] + radius[j]
+                if dx * dx + dy * dy < reach * reach:
+                    found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
+
+
+@kernel
+def _check(events, n_events, segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found):
+    """Goes through the log of one shot."""
+    n = len(radius)
+    found[:] = 0.0
+    found[OUTSIDE] = found[OVERLAP] = -math.inf
+    scale = 0.0
+    for i in range(n):
+        rows[i] = segments[i, 2:]
+        phases[i] = int(segments[i, 1])
+        scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
+    hi = lo = 0.0
+    _look(rows, phases, radius, pockets, params, hi, lo, xy, found)
+    if scale == 0.0:
+        return
+    if acts > 0:
+        scale = max(scale, 1e-100)  # what the rule gives to slower balls would overflow in units of their speed
+    energy = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+    least = 1e-30 * energy  # velocities near zero carry the rounding of what they were before
+    k, row = 0, n
+    while k < n_events:
+        before_hi = hi
+        hi, lo = events[k, 0], events[k, 1]
+        if not hi >= before_hi:
+            found[BROKEN] = 1.0
+        if hi > before_hi:
+            _look(rows, phases, radius, pockets, params, 0.5 * (hi + before_hi), 0.0, xy, found)
+        before = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+        for i in range(n):
+            t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+            _, _, momenta[i, 0], momenta[i, 1] = _at(rows[i], phases[i], t)
+        impacts_only, fixed = True, False
+        while k < n_events and events[k, 0] == hi and events[k, 1] == lo:
+            impact = events[k, 2] == BALL_BALL
+            impacts_only = impacts_only and impact
+            found[IMPACTS] += impact
+            for _ in range(2 if impact else 1):
+                i = int(segments[row, 0])
+                fixed = fixed or math.isinf(mass[i])
+                rows[i] = segments[row, 2:]
+                phases[i] = int(segments[row, 1])
+                row += 1
+            k += 1
+        after = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+        for rise, base in ((before - energy, energy), (after - before, before)):
+            if rise > least:
+                if rise > ENERGY_RISE * base:
+                    found[RISE_SUM] += rise * scale * scale
+                found[RISE] = max(found[RISE], rise / base if base > 0.0 else math.inf)
+        energy = after
+        if impacts_only and not fixed:
+            px = py = total = 0.0
+            for i in range(n):
+                if phases[i] == POTTED or math.isinf(mass[i]):
+                    continue
+                t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+                _, _, vx, vy = _at(rows[i], phases[i], t)
+                px += mass[i] * ((vx - momenta[i, 0]) / scale)
+                py += mass[i] * ((vy - momenta[i, 1]) / scale)
+                total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, 0] / scale, momenta[i, 1] / scale))
+            found[DRIFT_X] += px * scale
+            found[DRIFT_Y] += py * scale
+            if total > 0.0:
+                found[MOMENTUM] = max(found[MOMENTUM], norm(px, py) / total)
+        _look(rows, phases, radius, pockets, params, hi, lo, xy, found)
+    if not math.isfinite(energy):
+        found[BROKEN] = 1.0
+
+
+@entry_point
+def _run_checked(
+    params,
+    radius,
+    inv_mass,
+    pockets,
+    limit,
+    max_events,
+    positions,
+    velocities,
+    spins,
+    in_play,
+    times,
+    hits,
+    counts,
+    events,
+    segments,
+    found,
+):
+    n = len(radius)
+    mass = 1.0 / inv_mass
+    rows, phases = np.empty((n, SEGMENT_WIDTH - 2)), np.empty(n, np.int64)
+    momenta, xy, used = np.empty((n, 2)), np.empty((n, 2)), np.zeros(2, np.int64)
+    for shot in range(len(positions)):
+        run_shots(
+            shot,
+            shot + 1,
+            params,
+            radius,
+            inv_mass,
+            pockets,
+            limit,
+            max_events,
+            positions,
+            velocities,
+            spins,
+            in_play,
+            times,
+            hits,
+            counts,
+            events,
+            segments,
+            used,
+        )
+        if used[0] > len(events) or used[1] > len(segments):
+            found[shot, FULL] = 1.0
+        else:
+            log = events, used[0], segments
+            acts = counts[shot, N_CONTACT_RULE]
+            _check(*log, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found[shot])
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Checked:
+    """What became of m shots, each with a row.
+
+    Attributes:
+        positions: (m, n, 2) float64, m, at the end.
+        velocities: (m, n, 2) float64, m/s, at the end.
+        potted: (m, n) bool.
+        time: (m,) float64, s.
+        status: (m,) int64, indices into `engine.STATUS`.
+        n_events: (m,) int64.
+        n_contact_rule: (m,) int64.
+        found: (m, N_FOUND) float64; the columns are named above.
+        rise_bound: The most energy that one act of the contact-time rule may add, J.
+    """
+
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    potted: NDArray[np.bool_]
+    time: NDArray[np.float64]
+    status: NDArray[np.int64]
+    n_events: NDArray[np.int64]
+    n_contact_rule: NDArray[np.int64]
+    found: NDArray[np.float64]
+    rise_bound: float
+
+    def bad(self, may_time_out: bool = False) -> NDArray[np.bool_]:
+        """(m,) bool: shots that did not end, or broke one of the rules."""
+        f = self.found
+        return (
+            (self.status > (1 if may_time_out else 0))
+            | ~np.isfinite(self.positions).all(axis=(1, 2))
+            | (f[:, [BROKEN, FULL]] != 0).any(axis=1)
+            | ~(f[:, OVERLAP] <= DEPTH)
+            | ~(f[:, OUTSIDE] <= DEPTH)
+            | ((self.n_contact_rule == 0) & ~(f[:, MOMENTUM] <= 1e-14))
+            | ~(f[:, RISE_SUM] <= self.n_contact_rule * self.rise_bound * (1 + 1e-6))
+        )
+
+
+def run_checked(
+    scene: Scene,
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+    spins: NDArray[np.float64] | None = None,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+    log_rows: int = 16_384,
+) -> Checked:
+    """Runs m shots and checks every event of each.
+
+    Args:
+        scene: The scene.
+        positions: (m, n, 2) m.
+        velocities: (m, n, 2) or (m, 2) m/s.
+        spins: (m, n, 3) or (m, 3) rad/s.
+        max_time: As in `simulate`.
+        max_events: As in `simulate`.
+        log_rows: Room for so many events; a shot with more is run again with room for all of its own.
+
+    Returns:
+        What was found.
+    """
+    given = check_shot(scene, positions, velocities, spins, None, max_time)
+    m, n = given.positions.shape[:2]
+    times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
+    found = np.zeros((m, N_FOUND))
+    arrays = scene_arrays(scene)
+    log = np.empty((log_rows, EVENT_WIDTH)), np.empty((2 * log_rows + n, SEGMENT_WIDTH))
+    at, v, w, playing = given.positions.copy(), given.velocities.copy(), given.spins.copy(), given.in_play.copy()
+    _run_checked(*arrays, given.limit, max_events, *given[:4], times, hits, counts, *log, found)
+    for k in np.flatnonzero(found[:, FULL]):
+        rows = int(counts[k, N_EVENTS])
+        log = np.empty((rows, EVENT_WIDTH)), np.empty((2 * rows + n, SEGMENT_WIDTH))
+        found[k] = 0.0
+        one = slice(k, k + 1)
+        again = at[one], v[one], w[one], playing[one]
+        _run_checked(*arrays, given.limit, max_events, *again, times[one], hits[one], counts[one], *log, found[one])
+    p = scene.physics
+    heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
+    return Checked(
+        positions=given.positions,
+        velocities=given.velocities,
+        potted=~given.in_play,
+        time=times,
+        status=counts[:, STATUS_COLUMN].copy(),
+        n_events=counts[:, N_EVENTS].copy(),
+        n_contact_rule=counts[:, N_CONTACT_RULE].copy(),
+        found=found,
+        rise_bound=0.5 * heaviest * (CONTACT_TIME * max(p.mu_slide, p.mu_roll) * p.g) ** 2,
+    )

@@ -1,0 +1,155 @@
+"""Random scenes and random shots: places in contact and apart, gentle and absurd speeds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine.shot import scene_arrays
+from billiards_env.physics.jit import entry_point
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+
+_TRIES = 1000
+_FROZEN = 5e-13  # m; frozen balls overlap, and stick out of the table, by their rounding only
+
+
+@entry_point
+def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
+    """Fills out (m, n, 2) with m layouts: ball after ball in `order`, with probability `frozen` in contact.
+
+    Returns the number of layouts filled; fewer than m if a ball finds no room.
+    """
+    for shot in range(len(out)):
+        for placed in range(len(order)):
+            i = order[placed]
+            room_x, room_y = half_x - radius[i], half_y - radius[i]
+            for attempt in range(_TRIES + 1):
+                if attempt == _TRIES:
+                    return shot
+                x, y = room_x * (2.0 * rng.random() - 1.0), room_y * (2.0 * rng.random() - 1.0)
+                if rng.random() < frozen:
+                    kind = rng.random()
+                    if kind < 0.6 and placed > 0:
+                        j = order[int(rng.random() * placed)]
+                        angle = 2.0 * math.pi * rng.random()
+                        ex, ey = math.cos(angle), math.sin(angle)
+                        if kind < 0.2:
+                            ex, ey = (1.0, 0.0) if kind < 0.1 else (0.0, -1.0)
+                        reach = radius[i] + radius[j]
+                        x, y = out[shot, j, 0] + reach * ex, out[shot, j, 1] + reach * ey
+                    if kind > 0.5 and kind < 0.9:
+                        x = math.copysign(room_x, x)
+                    if kind > 0.75:
+                        y = math.copysign(room_y, y)
+                good = abs(x) <= room_x + _FROZEN and abs(y) <= room_y + _FROZEN
+                for before in range(placed):
+                    j = order[before]
+                    reach = radius[i] + radius[j] - _FROZEN
+                    dx, dy = x - out[shot, j, 0], y - out[shot, j, 1]
+                    good = good and math.sqrt(dx * dx + dy * dy) >= reach
+                for k in range(len(pockets)):
+                    dx, dy = x - pockets[k, 0], y - pockets[k, 1]
+                    good = good and math.sqrt(dx * dx + dy * dy) >= pockets[k, 2] + 1e-12
+                if good:
+                    out[shot, i, 0], out[shot, i, 1] = x, y
+                    break
+    return len(out)
+
+
+def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0) -> NDArray[np.float64] | None:
+    """(m, n, 2) random places, each ball with probability `frozen` in contact; None if the scene has no room."""
+    order = np.argsort(-np.array(scene.balls.radius), kind="stable")
+    _, radius, _, pockets = scene_arrays(scene)
+    out = np.zeros((m, scene.n_balls, 2))
+    half = scene.table.length / 2, scene.table.width / 2
+    return out if _scatter(rng, radius, order, *half, pockets, frozen, out) == m else None
+
+
+def cue_shots(
+    scene: Scene, rng: np.random.Generator, m: int, low: float = 0.05, high: float = 12.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Velocities (m, 2) of cue balls in every direction, and their spins (m, 3) if the scene's balls spin."""
+    speed, angle = rng.uniform(low, high, m), rng.uniform(0, 2 * np.pi, m)
+    velocities = speed[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    spins = None
+    if scene.physics.motion == "sliding":
+        spins = rng.uniform(-1.5, 1.5, (m, 3)) * (speed / scene.balls.radius[0])[:, None]
+    return velocities, spins
+
+
+def wild_scene(rng: np.random.Generator) -> Scene:
+    """Any scene there may be: 1 to 12 balls, radii up to 1:50, any masses, laws and restitutions, pockets or none."""
+    n = int(rng.choice([1, 2, 3, 4, 6, 9, 12]))
+    motion = str(rng.choice(["ideal", "rolling", "sliding"], p=[0.2, 0.2, 0.6]))
+    han = motion == "sliding" and rng.random() < 0.6
+    if rng.random() < 0.5:
+        radius = np.full(n, 0.03)
+    else:
+        radius = 0.1 * 50.0 ** -rng.random(n)
+        if rng.random() < 0.5:
+            radius[rng.integers(n)] = 0.002
+            radius[rng.integers(n)] = 0.1
+    kind = rng.random()
+    mass = np.full(n, 0.17) if kind < 0.4 else 10.0 ** rng.uniform(-3, 3, n) if kind < 0.8 else (radius / 0.03) ** 3
+    mass = np.where((rng.random(n) < 0.15) & (np.arange(n) > 0), np.inf, mass)
+    length, width = (float(rng.choice([0.3, 0.7, 1.27, 2.54])) for _ in range(2))
+    height = float(rng.uniform(0.05, 1.95) * radius.min())
+    pockets = ()
+    if rng.random() < 0.4:
+        corners = [(sx * length / 2, sy * width / 2) for sx in (-1, 1) for sy in (-1, 1)]
+        chosen = rng.random(4) < 0.5
+        pockets = tuple(
+            Pocket(x, y, float(rng.uniform(0.01, 0.12))) for (x, y), p in zip(corners, chosen, strict=True) if p
+        )
+
+    def restitution() -> float:
+        return float(rng.choice([0.0, 1.0, rng.random(), rng.uniform(0.8, 1.0)]))
+
+    physics = Physics(
+        motion=motion,
+        cushion="han2005" if han else "restitution",
+        mu_slide=float(10.0 ** rng.uniform(-1, 0)),
+        mu_roll=float(10.0 ** rng.uniform(-2, -1)),
+        spin_decay=float(10.0 ** rng.uniform(0, 2)),
+        e_ball=restitution(),
+        e_cushion=restitution(),
+        mu_cushion=float(rng.choice([0.0, rng.random()])),
+        max_time=3.0 if motion == "ideal" else None,
+    )
+    table = Table(length, width, height, pockets)
+    return Scene(Balls(tuple(radius.tolist()), tuple(mass.tolist())), table, physics)
+
+
+def wild_shots(
+    scene: Scene, rng: np.random.Generator, m: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | None:
+    """Positions (m, n, 2), velocities (m, n, 2) and spins (m, n, 3) with frozen balls and speeds of 1e-300 to 100 m/s.
+
+    None if the scene has no room for its balls.
+    """
+    places = layouts(scene, rng, m, float(rng.choice([0.0, 0.5, 0.9])))
+    if places is None:
+        return None
+    n = scene.n_balls
+    fastest = 2.0 if n <= 4 else 1.0  # heaps that are hit so hard take a million events, and some time, to settle
+    extremes = rng.choice([-300.0, -100.0, -9.0, -4.0, fastest], m, p=[0.2, 0.2, 0.25, 0.3, 0.05])
+    exponent = np.where(rng.random(m) < 0.7, rng.uniform(-2, 1, m), extremes)
+    speed = (10.0**exponent)[:, None] * np.where(rng.random((m, n)) < 0.7, 1.0, rng.random((m, n)))
+    moving = (rng.random((m, n)) < 0.4) | (np.arange(n) == 0)
+    speed *= moving & np.isfinite(scene.balls.mass)
+    quarter = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    angle = rng.uniform(0, 2 * np.pi, (m, n))
+    direction = np.where(
+        rng.random((m, n, 1)) < 0.3,
+        quarter[rng.integers(4, size=(m, n))],
+        np.stack([np.cos(angle), np.sin(angle)], axis=-1),
+    )
+    velocities = speed[..., None] * direction
+    spins = None
+    if scene.physics.motion == "sliding":
+        spins = rng.normal(size=(m, n, 3)) * (speed / np.array(scene.balls.radius))[..., None]
+        factor = np.where(speed.max(axis=1) > 20, 0.1, rng.choice([0.0, 0.3, 1.0, 3.0], m))
+        spins *= factor[:, None, None]
+    return places, velocities, spins

@@ -1,0 +1,195 @@
+"""Measurements that take a long run each: drift, time reversal, counts of collisions, chaos."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env import layouts
+from billiards_env.engine import simulate
+from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
+from billiards_env.scene import Balls, Physics, Scene, Table
+from tests import oracle
+from tests.stress import draw
+from tests.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, run_checked
+
+LONG = 1e9  # s; longer than any run of an ideal gas here
+
+
+def gas(n: int, length: float = 1.0, width: float = 1.0, radius: float = 0.03, masses: Any = None) -> Scene:
+    """`n` elastic disks without friction between elastic cushions."""
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=LONG)
+    mass = (0.17,) * n if masses is None else tuple(masses)
+    return Scene(Balls((radius,) * n, mass), Table(length, width), physics)
+
+
+def gas_state(scene: Scene, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(n, 2) random places and velocities, m and m/s."""
+    places = draw.layouts(scene, rng, 1)
+    assert places is not None
+    return places[0], rng.normal(size=(scene.n_balls, 2))
+
+
+def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[str, Any]:
+    """What energy and momentum of an ideal gas have come to after so many ball-ball collisions.
+
+    The momentum is that which the collisions between balls have made, cushions apart: it should be none.
+    """
+    rng = np.random.default_rng(seed)
+    scene = {2: gas(2, 0.3, 0.25), 16: gas(16), 100: gas(100, 2.54, 1.27)}.get(n) or gas(n)
+    places, velocities = gas_state(scene, rng)
+    mass = np.array(scene.balls.mass)[:, None]
+    energy = start = float((mass * velocities**2).sum() / 2)
+    momentum, done, overlap, worst, events = np.zeros(2), 0, 0.0, 0.0, 0
+    while done < collisions:
+        r = run_checked(scene, places[None], velocities[None], max_events=chunk, log_rows=chunk + 64)
+        places, velocities = r.positions[0], r.velocities[0]
+        found = r.found[0]
+        momentum += found[[DRIFT_X, DRIFT_Y]]
+        overlap, worst = max(overlap, float(found[OVERLAP])), max(worst, float(found[MOMENTUM]))
+        done, events = done + int(found[IMPACTS]), events + int(r.n_events[0])
+        energy = float((mass * velocities**2).sum() / 2)
+    total = float((mass[:, 0] * np.hypot(*velocities.T)).sum())
+    return {
+        "disks": n,
+        "collisions": done,
+        "events": events,
+        "energy_drift": abs(energy / start - 1),
+        "momentum_drift": math.hypot(momentum[0], momentum[1]) / total,
+        "momentum_of_one_collision": worst,
+        "deepest_overlap_m": overlap,
+    }
+
+
+def reversal(seed: int, time: float = 1.0, n: int = 16) -> dict[str, float]:
+    """Runs an ideal gas, flips every velocity, runs it back.
+
+    Returns:
+        The error of the places it comes back to, m, the error that amplified roundoff predicts, m, and the collisions.
+    """
+    rng = np.random.default_rng(seed)
+    scene = gas(n)
+    places, velocities = gas_state(scene, rng)
+    there = simulate(scene, places, velocities, max_time=time, record=True)
+    back = simulate(scene, there.positions, -there.velocities, max_time=time, record=True)
+    assert there.events is not None
+    return {
+        "error": float(np.abs(back.positions - places).max()),
+        "predicted": UNIT_ROUNDOFF * back.sensitivity().condition,
+        "collisions": int((there.events["kind"] == "ball_ball").sum()),
+    }
+
+
+def blocks(k: int, wall: str = "cushion") -> int:
+    """Collisions of Galperin's blocks (2003), Playing pool with pi: a mass of 100^k runs into a mass of 1 at a wall.
+
+    The wall is a cushion or a ball of infinite mass. There are floor(pi 10^k) collisions.
+    """
+    radius, heavy = 0.03125, 1
+    masses, x = (1.0, 100.0**k), [-31.5, -31.0]
+    if wall == "ball":
+        masses, x = (*masses, math.inf), [-0.5, 0.0, -1.0]
+    scene = gas(len(masses), 64.0, 1.0, radius, masses)  # room to the right for slow last collisions
+    velocities = np.zeros((len(x), 2))
+    velocities[heavy, 0] = -1.0
+    shot = simulate(
+        scene, np.stack([x, np.zeros(len(x))], 1), velocities, max_time=1000.0, max_events=4_000_000, record=True
+    )
+    assert shot.events is not None
+    kinds, ball, other = shot.events["kind"], shot.events["ball"], shot.events["other"]
+    far = np.flatnonzero((kinds == "cushion") & (other == 1))  # what comes after they have left for the far cushion
+    end = int(far[0]) if len(far) else len(kinds)
+    near = (kinds == "ball_ball") | ((kinds == "cushion") & (other == 0) & (ball == 0))
+    return int(near[:end].sum())
+
+
+def lyapunov(seed: int, n: int = 16, spans: int = 60, span: float = 0.1, size: float = 1e-8) -> dict[str, float]:
+    """The largest Lyapunov exponent of an ideal gas, 1/s, from two trajectories and from the sensitivity.
+
+    Two trajectories: a small separation grows for a span of time and is scaled back, again and again (Benettin,
+    Galgani and Strelcyn 1976). Sensitivity: the slope of the logarithm of the norm of the positions' derivative.
+    """
+    rng = np.random.default_rng(seed)
+    scene = gas(n)
+    places, velocities = gas_state(scene, rng)
+    settle = 20 * span
+    first = simulate(scene, places, velocities, max_time=settle)
+    places, velocities = first.positions, first.velocities
+    shift = rng.normal(size=(2, n, 2))
+    for _ in range(10):  # places that overlap have to be drawn anew
+        shift *= size / np.sqrt((shift**2).sum())
+        try:
+            simulate(scene, places + shift[0], velocities + shift[1], max_time=0.0)
+            break
+        except ValueError:
+            shift = rng.normal(size=(2, n, 2))
+    total, begin = 0.0, (places, velocities)
+    for _ in range(spans):
+        a = simulate(scene, places, velocities, max_time=span)
+        b = simulate(scene, places + shift[0], velocities + shift[1], max_time=span)
+        shift = np.stack([b.positions - a.positions, b.velocities - a.velocities])
+        growth = np.sqrt((shift**2).sum()) / size
+        total += math.log(growth)
+        shift /= growth
+        places, velocities = a.positions, a.velocities
+    shot = simulate(scene, *begin, max_time=spans * span, record=True)
+    assert shot.events is not None
+    early, late = (np.linalg.norm(s.jacobian) for s in shot.sensitivities([10 * span, spans * span]))
+    collisions = int((shot.events["kind"] == "ball_ball").sum())
+    return {
+        "two_trajectories": total / (spans * span),
+        "sensitivity": float(math.log(late / early) / ((spans - 10) * span)),
+        "collisions_per_second": collisions / (spans * span),
+    }
+
+
+def predictability(
+    scene: Scene, places: NDArray[np.float64], velocities: NDArray[np.float64], collisions: int, digits: int = 50
+) -> dict[str, Any]:
+    """How a shot's error grows: the engine against the reference simulator.
+
+    Returns:
+        `errors`, m: the largest error of a position at each ball-ball collision of the reference until the sequences
+        of events part, `predicted`, m: what amplified roundoff makes of it, as far as the engine's shot depends
+        smoothly on its beginning, `agree`: the ball-ball collisions until they part, and `all`: those there are.
+    """
+    try:
+        exact = oracle.run(scene, places, velocities, stop_after=collisions, digits=digits, max_time=LONG)
+    except oracle.OracleError as error:  # balls that come to press against each other: no law for that
+        exact = error.shot
+    limit = float(exact.time) if scene.physics.motion == "ideal" else None
+    shot = simulate(scene, places, velocities, max_time=limit, record=True)
+    assert shot.events is not None
+    errors, times = [], []
+    total = sum(event.kind == "ball_ball" for event in exact.events)
+    for mine, event in zip(shot.events, exact.events, strict=False):
+        if (str(mine["kind"]), int(mine["ball"]), int(mine["other"])) != (event.kind, event.ball, event.other):
+            break
+        if event.kind == "ball_ball":
+            times.append(float(event.time))
+            reference = np.array([[float(x) for x in p] for p in exact.positions_at(event.time)])
+            errors.append(float(np.abs(shot.at(times[-1]) - reference).max()))
+    hits = shot.events["time"][shot.events["kind"] == "ball_ball"]
+    predicted = [UNIT_ROUNDOFF * s.condition for s in shot.sensitivities(hits) if s.smooth]
+    return {"errors": errors, "predicted": predicted, "agree": len(errors), "all": total}
+
+
+def break_shot(kind: str, seed: int, balls: int = 15) -> tuple[Scene, NDArray[np.float64], NDArray[np.float64]]:
+    """A break: the pool scene, places with a "rack" or "tight_rack", and velocities (n, 2)."""
+    rng = np.random.default_rng(seed)
+    scene = Scene.named("pool", balls)
+    places = layouts.draw(kind, scene, rng)
+    aim = places[1] - places[0] + [0.0, rng.uniform(-0.01, 0.01)]
+    velocities = np.zeros_like(places)
+    velocities[0] = rng.uniform(5, 11) * aim / np.hypot(*aim)
+    return scene, places, velocities
+
+
+def closed_pool_break(seed: int) -> tuple[Scene, NDArray[np.float64], NDArray[np.float64]]:
+    """A loose 15-ball break as above, on a table without pockets."""
+    scene, places, velocities = break_shot("rack", seed)
+    return dataclasses.replace(scene, table=dataclasses.replace(scene.table, pockets=())), places, velocities

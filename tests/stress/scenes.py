@@ -1,0 +1,85 @@
+"""Small scenes with round numbers, for tests that know what comes out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine import ShotResult, simulate
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from tests.stress.checks import run_checked
+
+R = 0.03125  # m, a power of two: sums and halves of it are exact
+
+
+def ideal(
+    *masses: float,
+    e_ball: float = 1.0,
+    e_cushion: float = 1.0,
+    radius: tuple[float, ...] | None = None,
+    length: float = 4.0,
+    width: float = 2.0,
+    max_time: float = 10.0,
+) -> Scene:
+    """Frictionless balls of these masses, kg."""
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=max_time)
+    return Scene(Balls(radius or (R,) * len(masses), masses), Table(length, width), physics)
+
+
+def rough(
+    *masses: float, length: float = 4.0, width: float = 2.0, pockets: tuple[Pocket, ...] = (), **physics: Any
+) -> Scene:
+    """Balls that slide and roll, with cushions of simple restitution unless told otherwise."""
+    laws: dict[str, Any] = {"cushion": "restitution"} | physics
+    return Scene(Balls((R,) * len(masses), masses), Table(length, width, 1.2 * R, pockets), Physics(**laws))
+
+
+def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options: Any) -> ShotResult:
+    """The recorded shot, once every rule has been checked at every event of it."""
+    shot = simulate(scene, places, velocities, spins=spins, record=True, **options)
+    moving = np.zeros((scene.n_balls, 2))
+    moving[...] = velocities if np.ndim(velocities) == 2 else moving
+    if np.ndim(velocities) == 1:
+        moving[0] = velocities
+    turning = None
+    if spins is not None:
+        turning = np.zeros((1, scene.n_balls, 3))
+        turning[0] = spins if np.ndim(spins) == 2 else turning[0]
+        if np.ndim(spins) == 1:
+            turning[0, 0] = spins
+    result = run_checked(scene, np.array([places], dtype=float), moving[None], turning, **options)
+    assert not result.bad(scene.physics.motion == "ideal").any(), result.found
+    return shot
+
+
+def kinds(shot: ShotResult, *wanted: str) -> list[tuple[str, int, int]]:
+    """(kind, ball, other) of the events, of the wanted kinds only if any are named."""
+    assert shot.events is not None
+    names = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
+    return [name for name in names if not wanted or name[0] in wanted]
+
+
+def energy(scene: Scene, velocities: NDArray[np.float64]) -> float:
+    """Kinetic energy of the balls that can move, spin apart, J."""
+    masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
+    return float(0.5 * (np.array(masses)[:, None] * velocities**2).sum())
+
+
+def momentum(scene: Scene, velocities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) kg m/s."""
+    masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
+    return (np.array(masses)[:, None] * velocities).sum(axis=0)
+
+
+def triangle(rows: int, x: float = 0.5, radius: float = R) -> NDArray[np.float64]:
+    """(n, 2) places of a frozen rack with its apex at (x, 0)."""
+    return np.array(
+        [
+            [x + math.sqrt(3) * radius * row, (2 * place - row) * radius]
+            for row in range(rows)
+            for place in range(row + 1)
+        ]
+    )

@@ -1,0 +1,68 @@
+"""Random shots in all scenes: they end, and at no event is anything out of order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.stress import checks, draw, families
+
+
+@pytest.mark.parametrize("name", list(families.FAMILIES))
+def test_ordinary_shots(name):
+    found = families.run(name, seed=1, shots=20)
+    assert found["bad"] == []
+    assert found["overlap"] <= checks.DEPTH
+    assert found["outside"] <= checks.DEPTH
+    assert found["rise"] <= checks.ENERGY_RISE
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_wild_shots_in_wild_scenes(seed):
+    assert families.run("wild", seed, shots=5)["bad"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(families.FAMILIES))
+def test_many_shots(name):
+    for seed in range(10):
+        assert families.run(name, seed, shots=200)["bad"] == []
+
+
+@st.composite
+def nasty_shots(draw_from):
+    """Few balls, in a row or a corner, with numbers that hypothesis makes as awkward as it can."""
+    seed = draw_from(st.integers(0, 2**32 - 1))
+    rng = np.random.default_rng(seed)
+    scene = draw.wild_scene(rng)
+    shots = draw.wild_shots(scene, rng, 1)
+    if shots is None:
+        return None
+    places, velocities, spins = shots
+    speed = draw_from(st.sampled_from([1e-300, 1e-12, 1e-6, 0.1, 1.0, 10.0]))
+    angle = draw_from(st.floats(0, 2 * np.pi))
+    velocities[0, 0] = speed * np.cos(angle), speed * np.sin(angle)
+    return scene, places, velocities, spins
+
+
+def check_nasty(shots) -> None:
+    if shots is None:
+        return
+    scene, places, velocities, spins = shots
+    result = checks.run_checked(scene, places, velocities, spins)
+    assert not result.bad(scene.physics.motion == "ideal").any(), result.found
+
+
+@settings(max_examples=100)
+@given(nasty_shots())
+def test_nasty_shots(shots):
+    check_nasty(shots)
+
+
+@pytest.mark.slow
+@settings(max_examples=5000)
+@given(nasty_shots())
+def test_many_nasty_shots(shots):
+    check_nasty(shots)
