@@ -14,7 +14,7 @@ train: $(INSTALLED)  ## train the example agent (resumes, if interrupted) and ev
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
 
-stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (25 minutes)
+stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (15 minutes)
 	$(BIN)/pytest -n 2 -q -m slow tests/stress
 	$(BIN)/python -m benchmarks.stress
 

@@ -1,6 +1,6 @@
 """The stress run: ten million random shots, each checked at every event, and what is left after very long runs.
 
-`python -m benchmarks.stress` takes about 25 minutes on two cores, prints its tables and writes them to
+`python -m benchmarks.stress` takes 10 to 25 minutes on two cores, prints its tables and writes them to
 `benchmarks/results/stress.json` and `stress.md`, and the growth of errors to `docs/images/predictability.png`.
 It ends with an error if any shot breaks a rule.
 """

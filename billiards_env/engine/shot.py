@@ -34,8 +34,9 @@ Floats = NDArray[np.float64]
 # The engines; each module has run_shots with the same signature.
 ENGINES = {"pic": pic.run_shots}
 
-MAX_EVENTS = 1_000_000
-"""A shot is given up, loudly, after so many events; no ordinary shot comes near it."""
+MAX_EVENTS = 10_000_000
+"""A shot is given up, loudly, after so many events. Breaks take hundreds, thousands at most; a heap of balls that absurd
+spins press into a corner for minutes takes millions."""
 
 EVENT_DTYPE = np.dtype(
     [
