@@ -35,8 +35,10 @@ Floats = NDArray[np.float64]
 ENGINES = {"pic": pic.run_shots}
 
 MAX_EVENTS = 10_000_000
-"""A shot is given up, loudly, after so many events. Breaks take hundreds, thousands at most; a heap of balls that absurd
-spins press into a corner for minutes takes millions."""
+"""A shot is given up, loudly, after so many events.
+
+Breaks take hundreds, at most thousands; a heap of balls that absurd spins press into a corner for minutes, millions.
+"""
 
 EVENT_DTYPE = np.dtype(
     [
