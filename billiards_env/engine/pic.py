@@ -70,15 +70,17 @@ from billiards_env.physics.state import (
     since,
 )
 
-CONTACT_GAP = 1e-12  # m; scene.CONTACT_GAP, which says why
+# m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
+CONTACT_GAP = 1e-12
 
 # The contact-time rule, after the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a
 # dissipative hard-sphere gas: balls touch for about so long, so nothing that comes back sooner is a separate impact.
 CONTACT_TIME = 2e-4  # s; 200 to 300 microseconds for billiard balls (Marlow 1995)
-PRESSED = 3  # after so many impacts of a ball that are quick (within CONTACT_TIME of the last) or weak, it is pressed
-PATIENCE = 1_000  # after so many, a pressed pair is given no more energy than rolling resistance can have taken
+PRESSED = 3  # after so many impacts of a ball in a row that are quick or weak, it is pressed
+PATIENCE = 1_000  # after so many, a pressed pair has its speed from its spin, or as it came in, and not for nothing
 MANY_CONTACTS = 100  # after so many quick impacts of a ball they are elastic
-# A weak impact is one that friction, pressing with 2 mu g at most, can bring about within CONTACT_TIME.
+# A quick impact comes within half of CONTACT_TIME after the ball's last one; a weak one is no faster than what
+# friction, pressing with 2 mu g at most, can bring about within CONTACT_TIME.
 QUICK, QUICK_OR_WEAK, AT_ONCE = 0, 1, 2
 # A ball that is wedged between bodies that do not give way would bounce for ever. After so many impacts at one instant,
 # or so many quick ones where impacts or the cloth take energy, it and what it touches next come to rest.
@@ -177,6 +179,17 @@ def kick(state, i, dvx, dvy, params):
     if params[MOTION] == SLIDING_AND_ROLLING:
         s[UX] += dvx
         s[UY] += dvy
+
+
+@kernel
+def spread(count, first, second, dv, done, state, column):
+    """Adds the changes `dv` (n, 2), m/s, of the balls in `count` contacts to two columns of their rows, once each."""
+    for c in range(count):
+        for k in (first[c], second[c]):
+            if done[k]:
+                state[k, column] += dv[k, 0]
+                state[k, column + 1] += dv[k, 1]
+                done[k] = False
 
 
 @kernel
@@ -387,19 +400,10 @@ def collide(
     if not acts:
         return
     apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)
-    for c in range(count):
-        for k in (first[c], second[c]):
-            if done[k]:
-                state[k, VX] += dv[k, 0]
-                state[k, VY] += dv[k, 1]
-                done[k] = False
+    spread(count, first, second, dv, done, state, VX)
     apply_impulses(count, first, second, nx, ny, slipping, ones, inv_mass, dv, done)
+    spread(count, first, second, dv, done, state, UX)
     for c in range(count):
-        for k in (first[c], second[c]):
-            if done[k]:
-                state[k, UX] += dv[k, 0]
-                state[k, UY] += dv[k, 1]
-                done[k] = False
         start(state, phase, first[c], params)
         start(state, phase, second[c], params)
 

@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, engine, layouts
+from billiards_env.engine import pic
 from billiards_env.engine.pic import CONTACT_TIME
 from billiards_env.physics import state as layout
-from billiards_env.scene import Balls, Physics, Pocket, Table
+from billiards_env.scene import CONTACT_GAP, Balls, Physics, Pocket, Table
 
 simulate: Any = engine.simulate  # what it records is there wherever it is asked for
 
@@ -658,3 +659,7 @@ def test_dead_balls_that_push_each_other_come_to_rest():
     ]
     shot = simulate(scene, places, velocities, max_events=2000)
     assert shot.status == "rest"
+
+
+def test_the_kernels_hold_balls_for_touching_that_the_scene_does():
+    assert pic.CONTACT_GAP == CONTACT_GAP
