@@ -34,18 +34,16 @@ from billiards_env.engine.log import (
     store,
 )
 from billiards_env.physics.contact import circle_time, line_time
-from billiards_env.physics.impulse import apply_impulses, han2005, joint_impulses, pair_impulse
+from billiards_env.physics.impulse import apply_impulses, exchange, reflect
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import finish, move, norm, place, start
 from billiards_env.physics.state import (
     AX,
     AY,
-    CUSHION,
     E_BALL,
     E_CUSHION,
     HALF_LENGTH,
     HALF_WIDTH,
-    HAN2005,
     IDEAL,
     LASTS,
     MOTION,
@@ -171,17 +169,6 @@ def predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_ki
 
 
 @kernel
-def kick(state, i, dvx, dvy, params):
-    """Changes ball i's velocity; its spin stays, so the slip changes as much."""
-    s = state[i]
-    s[VX] += dvx
-    s[VY] += dvy
-    if params[MOTION] == SLIDING_AND_ROLLING:
-        s[UX] += dvx
-        s[UY] += dvy
-
-
-@kernel
 def spread(count, first, second, dv, done, state, column):
     """Adds the changes `dv` (n, 2), m/s, of the balls in `count` contacts to two columns of their rows, once each."""
     for c in range(count):
@@ -239,10 +226,9 @@ def hit_cushion(i, side, hi, state, phase, params, radius, last_hit, quick, coun
     Where the contact-time rule has the ball's impacts elastic, its normal velocity is just reversed.
     """
     s = state[i]
-    n, t = (VX, VY) if side < 2 else (VY, VX)
-    un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
+    n = VX if side < 2 else VY
+    un = n + UX - VX  # the column of the slip
     sign = 1.0 if side % 2 else -1.0
-    turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
     speed = sign * s[n]
     count_impact(i, hi, speed, params, last_hit, quick)
     if is_wedged(i, params, quick):
@@ -251,15 +237,7 @@ def hit_cushion(i, side, hi, state, phase, params, radius, last_hit, quick, coun
         return speed
     elastic = quick[i, QUICK] > MANY_CONTACTS
     counts[N_CONTACT_RULE] += elastic
-    if params[CUSHION] == HAN2005 and not elastic:
-        after = han2005(max(0.0, speed), turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], params)
-        s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
-        s[WZ] = after[4] / radius[i]
-    else:
-        normal = -(1.0 if elastic else params[E_CUSHION]) * s[n]
-        if params[MOTION] == SLIDING_AND_ROLLING:
-            s[un] += normal - s[n]
-        s[n] = normal
+    reflect(state, i, side, elastic, radius, params)
     start(state, phase, i, params)
     # Contact-time rule: a ball that its spin presses against the cushion leaves it for CONTACT_TIME at least. It is the
     # spin that gives the speed; as no more is taken than 2/5 of it, energy does not rise (it does not, for d <= 2/5 w,
@@ -328,7 +306,7 @@ def collide(
         quick: (n, 3) int64, how many impacts in a row were quick, quick or weak, and at one instant.
         counts: (N_COUNTS,) int64.
     """
-    impulse, slipping, ones, work, dv, done = scratch
+    impulse, slipping, ones, _, dv, done = scratch
     e = params[E_BALL]
     for c in range(count):
         for k in (first[c], second[c]):
@@ -345,21 +323,7 @@ def collide(
             halt(state, phase, first[c], params)
             halt(state, phase, second[c], params)
         return
-    if count == 1:
-        i, j = first[0], second[0]
-        p = pair_impulse(closing[0], inv_mass[i], inv_mass[j], e)
-        kick(state, i, -p * inv_mass[i] * nx[0], -p * inv_mass[i] * ny[0], params)
-        kick(state, j, p * inv_mass[j] * nx[0], p * inv_mass[j] * ny[0], params)
-    else:
-        joint_impulses(count, first, second, nx, ny, closing, inv_mass, impulse, work, dv, done)
-        for c in range(count):
-            impulse[c] *= 1.0 + e
-        apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)
-        for c in range(count):
-            for k in (first[c], second[c]):
-                if done[k]:
-                    kick(state, k, dv[k, 0], dv[k, 1], params)
-                    done[k] = False
+    exchange(count, e, state, params, inv_mass, first, second, nx, ny, closing, scratch)
     for c in range(count):
         start(state, phase, first[c], params)
         start(state, phase, second[c], params)

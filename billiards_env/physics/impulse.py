@@ -5,7 +5,20 @@ from __future__ import annotations
 import math
 
 from billiards_env.physics.jit import kernel
-from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
+from billiards_env.physics.state import (
+    CUSHION,
+    CUSHION_HEIGHT,
+    E_CUSHION,
+    HAN2005,
+    MOTION,
+    MU_CUSHION,
+    SLIDING_AND_ROLLING,
+    UX,
+    UY,
+    VX,
+    VY,
+    WZ,
+)
 
 _SWEEPS = 2000
 
@@ -60,6 +73,29 @@ def han2005(vn, vt, un, ut, rwz, radius, params):
     rwt += 2.5 * (px * sin - pz * cos)
     rwz += 2.5 * pye * cos
     return vn_after, vt, vn_after - rwt, vt + rwn, rwz
+
+
+@kernel
+def reflect(state, i, side, elastic, radius, params):
+    """Changes ball i's velocity, slip and spin as cushion `side` (0 to 3: -x, +x, -y, +y) does.
+
+    Where `elastic`, its normal velocity is just turned round.
+    """
+    s = state[i]
+    n, t = (VX, VY) if side < 2 else (VY, VX)
+    un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
+    sign = 1.0 if side % 2 else -1.0
+    turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
+    if params[CUSHION] == HAN2005 and not elastic:
+        speed = max(0.0, sign * s[n])
+        after = han2005(speed, turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], params)
+        s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
+        s[WZ] = after[4] / radius[i]
+    else:
+        normal = -(1.0 if elastic else params[E_CUSHION]) * s[n]
+        if params[MOTION] == SLIDING_AND_ROLLING:
+            s[un] += normal - s[n]
+        s[n] = normal
 
 
 @kernel
@@ -188,3 +224,50 @@ def apply_impulses(n_contacts, first, second, nx, ny, impulse, scale, inv_mass, 
                 dv[k, 0] *= inv_mass[k]
                 dv[k, 1] *= inv_mass[k]
                 dv_done[k] = True
+
+
+@kernel
+def kick(state, i, dvx, dvy, params):
+    """Changes ball i's velocity; its spin stays, so the slip changes as much."""
+    s = state[i]
+    s[VX] += dvx
+    s[VY] += dvy
+    if params[MOTION] == SLIDING_AND_ROLLING:
+        s[UX] += dvx
+        s[UY] += dvy
+
+
+@kernel
+def exchange(count, e, state, params, inv_mass, first, second, nx, ny, closing, scratch):
+    """Changes the balls' velocities as `count` impacts at one instant do.
+
+    Args:
+        count: Number of contacts in first, second, nx, ny, closing.
+        e: Restitution.
+        state: (n, WIDTH) float64.
+        params: (N_PARAMS,) float64.
+        inv_mass: (n,) float64, 1/kg.
+        first: (>= count,) int64, a ball of each contact; second the other.
+        second: See first.
+        nx: (>= count,) unit normals from first to second.
+        ny: See nx.
+        closing: (>= count,) speeds of approach, m/s.
+        scratch: (impulse, slipping, ones, work, dv, done), of which `impulse` (>= count,), `ones` (>= count,) of
+            1.0, `work` (>= count, 4), `dv` (n, 2) and `done` (n,) are those of `joint_impulses`.
+    """
+    impulse, _, ones, work, dv, done = scratch
+    if count == 1:
+        i, j = first[0], second[0]
+        p = pair_impulse(closing[0], inv_mass[i], inv_mass[j], e)
+        kick(state, i, -p * inv_mass[i] * nx[0], -p * inv_mass[i] * ny[0], params)
+        kick(state, j, p * inv_mass[j] * nx[0], p * inv_mass[j] * ny[0], params)
+        return
+    joint_impulses(count, first, second, nx, ny, closing, inv_mass, impulse, work, dv, done)
+    for c in range(count):
+        impulse[c] *= 1.0 + e
+    apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)
+    for c in range(count):
+        for k in (first[c], second[c]):
+            if done[k]:
+                kick(state, k, dv[k, 0], dv[k, 1], params)
+                done[k] = False
