@@ -64,6 +64,7 @@ def simulate_batch(
     *,
     mode: str = "pic",
     dt: float | None = None,
+    fix: str | None = None,
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
     max_time: float | None = None,
@@ -78,6 +79,7 @@ def simulate_batch(
         velocities: (m, n, 2) m/s, or (m, 2), the cue balls'.
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
+        fix: As in `simulate`.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; none by default.
         in_play: (m, n) or (n,) bool; all balls are in play by default.
         max_time: As in `simulate`.
@@ -96,7 +98,7 @@ def simulate_batch(
         >>> batch.first_hit.tolist()
         [1, 1, -1]
     """
-    check_mode(mode, dt)
+    check_mode(mode, dt, fix)
     check_whole("max_events", max_events, 0)
     if np.ndim(positions) != 3:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected (m, {scene.n_balls}, 2)")
@@ -106,7 +108,7 @@ def simulate_batch(
     balls = given.positions, given.velocities, given.spins, given.in_play
     m, n = given.positions.shape[:2]
     times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
-    arrays = scene_arrays(scene)
+    arrays = scene_arrays(scene, dt, fix)
     engine = ENGINES[mode]
 
     def work(begin: int, end: int) -> None:

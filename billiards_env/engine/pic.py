@@ -36,10 +36,11 @@ from billiards_env.engine.log import (
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.impulse import apply_impulses, exchange, reflect
 from billiards_env.physics.jit import entry_point, kernel
-from billiards_env.physics.motion import finish, move, norm, place, start
+from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
     AX,
     AY,
+    CONTACT_GAP,
     E_BALL,
     E_CUSHION,
     HALF_LENGTH,
@@ -61,15 +62,11 @@ from billiards_env.physics.state import (
     VX,
     VY,
     WIDTH,
-    WZ,
     X,
     Y,
     later,
     since,
 )
-
-# m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
-CONTACT_GAP = 1e-12
 
 # The contact-time rule, after the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a
 # dissipative hard-sphere gas: balls touch for about so long, so nothing that comes back sooner is a separate impact.
@@ -495,10 +492,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
         if kind == POCKETED:
             move(state, phase, a, hi, lo, params)
             speed = norm(state[a, VX], state[a, VY])
-            for c in (VX, VY, AX, AY, UX, UY, WZ):
-                state[a, c] = 0.0
-            state[a, X], state[a, Y] = pockets[other, 0], pockets[other, 1]
-            phase[a] = POTTED
+            capture(state, phase, a, pockets[other, 0], pockets[other, 1])
         elif kind == CUSHION_HIT:
             move(state, phase, a, hi, lo, params)
             speed = hit_cushion(a, other, hi, state, phase, params, radius, last_hit, quick, counts)

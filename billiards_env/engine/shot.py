@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.engine import pic
+from billiards_env.engine import pic, pit
 from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
@@ -32,7 +32,10 @@ from billiards_env.scene import MOTIONS, Scene, check_positions, choose
 Floats = NDArray[np.float64]
 
 # The engines; each module has run_shots with the same signature.
-ENGINES = {"pic": pic.run_shots}
+ENGINES = {"pic": pic.run_shots, "pit": pit.run_shots}
+
+LEAST_DT = 1e-9
+"""The smallest timestep of PIT, s: with it a shot takes minutes, and below it for ever."""
 
 MAX_EVENTS = 10_000_000
 """A shot is given up, loudly, after so many events.
@@ -136,7 +139,7 @@ class ShotResult:
             The derivative and the condition number, see `Sensitivity`.
 
         Raises:
-            ValueError: If the shot was not recorded, or t is negative or not finite.
+            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
         """
         return next(self.sensitivities([self.time if t is None else t]))
 
@@ -150,18 +153,21 @@ class ShotResult:
             An iterator of one sensitivity a time.
 
         Raises:
-            ValueError: If the shot was not recorded, or a time is negative, not finite or earlier than the last.
+            ValueError: If the shot was not recorded or not run by "pic", or a time is negative, not finite or earlier
+                than the last.
         """
         if self.segments is None or self._log is None or self._arrays is None:
-            raise ValueError("shot.sensitivity: the shot was not recorded, expected simulate(..., record=True)")
+            raise ValueError("shot.sensitivity: expected a shot of simulate(..., mode='pic', record=True)")
         array = np.asarray(times, dtype=np.float64)
         if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
             raise ValueError(f"times = {times!r}: expected finite numbers of seconds >= 0 in ascending order")
         return sensitivity_along(self.segments, self._log, self._arrays, np.minimum(array, self.time))
 
 
-@functools.lru_cache(maxsize=64)
-def scene_arrays(scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
+@functools.lru_cache(maxsize=256)
+def scene_arrays(
+    scene: Scene, dt: float | None = None, fix: str | None = None
+) -> tuple[Floats, Floats, Floats, Floats]:
     """The scene as the kernels take it: params (N_PARAMS,), radius (n,), inverse mass (n,), pockets (k, 3)."""
     p = scene.physics
     params = np.zeros(layout.N_PARAMS)
@@ -172,15 +178,27 @@ def scene_arrays(scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
     params[layout.E_BALL], params[layout.E_CUSHION], params[layout.MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
     params[layout.HALF_LENGTH], params[layout.HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
     params[layout.CUSHION_HEIGHT] = scene.table.cushion_height
+    params[layout.DT] = 0.0 if dt is None else dt
+    params[layout.FIX] = layout.FIXES.index(layout.FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
     return params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets
 
 
-def check_mode(mode: str, dt: float | None) -> None:
-    """Raises a ValueError unless `mode` is an engine and `dt` suits it."""
+def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
+    """Raises a ValueError unless `mode` is an engine and `dt` and `fix` suit it."""
     choose("mode", mode, tuple(ENGINES))
-    if dt is not None:
-        raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep")
+    if mode == "pic":
+        if dt is not None:
+            raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep")
+        if fix is not None:
+            raise ValueError(f"fix = {fix!r} with mode='pic': expected None, PIC has no overlaps to fix")
+        return
+    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not LEAST_DT <= float(dt) < np.inf:
+        raise ValueError(
+            f"dt = {dt!r} with mode='pit': expected the timestep in s, a finite number >= {LEAST_DT}, such as 1/60"
+        )
+    if fix is not None:
+        choose("fix", fix, layout.FIXES)
 
 
 def check_whole(name: str, value: Any, least: int) -> None:
@@ -294,6 +312,7 @@ def simulate(
     *,
     mode: str = "pic",
     dt: float | None = None,
+    fix: str | None = None,
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
     record: bool = False,
@@ -306,8 +325,10 @@ def simulate(
         scene: Table, balls and physics.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (n, 2) m/s, or (2,), the cue ball's.
-        mode: The engine: "pic" (event-driven, exact).
-        dt: None; PIC has no timestep.
+        mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
+        dt: The timestep of "pit", s; None with "pic", which has none.
+        fix: What "pit" does about balls that it finds overlapping: "push_apart" (its default), "move_back" or "none",
+            see `engine.pit`; None with "pic", where none overlap.
         spins: (n, 3) or (3,) angular velocities, rad/s; none by default, and only with "sliding" motion.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. All are by default.
         record: Whether to keep the events and trajectories.
@@ -327,17 +348,22 @@ def simulate(
         >>> shot.status, shot.first_hit, shot.velocities.tolist()
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
-    check_mode(mode, dt)
+    check_mode(mode, dt, fix)
     check_whole("max_events", max_events, 0)
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
-    return run_checked(
-        scene, check_shot(scene, positions, velocities, spins, in_play, max_time), mode, record, max_events
-    )
+    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    return run_checked(scene, given, mode, dt, fix, record, max_events)
 
 
 def run_checked(
-    scene: Scene, given: ShotInput, mode: str = "pic", record: bool = False, max_events: int = MAX_EVENTS
+    scene: Scene,
+    given: ShotInput,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    record: bool = False,
+    max_events: int = MAX_EVENTS,
 ) -> ShotResult:
     """`simulate` for input that is known to be right, such as the balls where another shot has left them.
 
@@ -345,6 +371,8 @@ def run_checked(
         scene: Table, balls and physics.
         given: The input, of one shot; an unrecorded shot is run in its arrays.
         mode: The engine.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
         record: As in `simulate`.
         max_events: As in `simulate`.
 
@@ -353,7 +381,8 @@ def run_checked(
     """
     n = scene.n_balls
     times, hits, counts = np.empty(1), np.empty((1, n, 2), np.int32), np.empty((1, N_COUNTS), np.int64)
-    arrays = scene_arrays(scene)
+    arrays = scene_arrays(scene, dt, fix)
+    exact = mode == "pic"
     room = 256 if record else 0
     while True:
         balls = given[:4]
@@ -397,8 +426,8 @@ def run_checked(
         n_contact_rule=int(count[N_CONTACT_RULE]),
         events=_event_array(events[: used[0]]) if record else None,
         segments=segments[: used[1]].copy() if record else None,
-        _arrays=arrays if record else None,
-        _log=events[: used[0]].copy() if record else None,
+        _arrays=arrays if record and exact else None,
+        _log=events[: used[0]].copy() if record and exact else None,
     )
 
 

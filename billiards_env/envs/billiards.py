@@ -122,8 +122,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scene` | str or dict | `"pool"` | name of a scene, or a scene in the form of `Scene.to_dict()` |
     | `task` | str | `"pot"` | `"pot"` (needs pockets) or `"carom"` |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
-    | `mode` | str | `"pic"` | the engine: `"pic"`, the predicted instant of collision |
-    | `dt` | float or None | `None` | timestep, for engines that have one; `"pic"` has none |
+    | `mode` | str | `"pic"` | the engine: `"pic"` (exact) or `"pit"` (fixed timestep) |
+    | `dt` | float or None | `None` | the timestep of `"pit"`, s; `"pic"` has none |
+    | `fix` | str or None | `None` | what `"pit"` does about overlaps: `"push_apart"` (None), `"move_back"`, `"none"` |
     | `max_shots` | int | `1` | the most shots of an episode |
     | `max_speed` | float | `4.0` | speed of the fastest shot, m/s |
     | `layout` | str or None | `"random"` | the starting state; None for the game's own |
@@ -148,6 +149,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         n_object_balls: int | None = None,
         mode: str = "pic",
         dt: float | None = None,
+        fix: str | None = None,
         max_shots: int = 1,
         max_speed: float = 4.0,
         layout: str | None = "random",
@@ -158,9 +160,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.scene = make_scene(scene, n_object_balls)
         self.targets = task_targets(task, self.scene)
         self.task = task
-        check_mode(mode, dt)
+        check_mode(mode, dt, fix)
         self.mode = mode
         self.dt = dt
+        self.fix = fix
         if isinstance(max_shots, bool) or not isinstance(max_shots, (int, np.integer)) or max_shots < 1:
             raise ValueError(f"max_shots = {max_shots!r}: expected a whole number >= 1")
         self.max_shots = int(max_shots)
@@ -244,7 +247,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         velocities[0] = cue_velocity(action, self.max_speed)
         # The balls lie where the last shot, or a checked layout, has left them.
         given = ShotInput(self._positions.copy(), velocities, np.zeros((n, 3)), ~self._potted, self._time_limit)
-        shot = run_checked(self.scene, given, self.mode)
+        shot = run_checked(self.scene, given, self.mode, self.dt, self.fix)
         if shot.status == "event_limit":
             warnings.warn(
                 f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "

@@ -145,3 +145,13 @@ def finish(state, phase, i, hi, lo, params):
     elif phase[i] == SPINNING:
         s[WZ] = 0.0
     start(state, phase, i, params)
+
+
+@kernel
+def capture(state, phase, i, x, y):
+    """Takes ball i out of play, to the centre (x, y) of a pocket."""
+    s = state[i]
+    for c in (VX, VY, AX, AY, UX, UY, WZ):
+        s[c] = 0.0
+    s[X], s[Y] = x, y
+    phase[i] = POTTED

@@ -35,7 +35,15 @@ SLIDE, ROLL = 2, 3  # decelerations mu g, m/s^2
 SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
-N_PARAMS = 11
+DT, FIX = 11, 12  # of PIT: its timestep, s, and what it does about overlaps
+N_PARAMS = 13
+
+# m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
+CONTACT_GAP = 1e-12
+
+# What PIT does about overlaps.
+FIXES = ("push_apart", "move_back", "none")
+PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
 
 
 @kernel

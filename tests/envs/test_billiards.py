@@ -448,7 +448,7 @@ def test_bad_arguments_are_refused(kwargs, error, message):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    def cut_off(scene, given, mode):
+    def cut_off(scene, given, mode, dt, fix):
         n = scene.n_balls
         return SimpleNamespace(
             positions=given.positions,
