@@ -24,13 +24,17 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure accuracy, speed and start-up; JSON goes to benchmarks/results
+bench: $(INSTALLED)  ## measure accuracy, speed, growth and start-up; JSON goes to benchmarks/results
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.start_up
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures
+	$(BIN)/python -m benchmarks.paper_figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

@@ -52,7 +52,9 @@ from billiards_env.physics.state import (
     FIX,
     HALF_LENGTH,
     HALF_WIDTH,
+    IDEAL,
     LASTS,
+    MOTION,
     MOVE_BACK,
     POTTED,
     PUSH_APART,
@@ -274,7 +276,9 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
             for i in range(1, n):
                 next_change = min(next_change, change[i, 0])
             any_changed = True
-        if counts[N_EVENTS] >= max_events and (moves > 0 or next_change < math.inf):
+        # What is under way has a next change, but for free balls, which have none.
+        under_way = next_change < math.inf or (moves > 0 and params[MOTION] == IDEAL)
+        if counts[N_EVENTS] >= max_events and under_way:
             counts[ENDED] = AT_EVENT_LIMIT
             for i in range(n):
                 move(state, phase, i, end, 0.0, params)

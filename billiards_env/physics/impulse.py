@@ -139,13 +139,14 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
     if n_contacts == 2:
         b0, b1 = closing[0] * work[0, 0], closing[1] * work[1, 0]
         a = _coupling(0, 1, first, second, nx, ny, inv_mass) * work[0, 0] * work[1, 0]
-        p0, p1 = (b0 - a * b1) / (1.0 - a * a), (b1 - a * b0) / (1.0 - a * a)
-        if p0 <= 0.0:
-            p0, p1 = 0.0, b1
-        elif p1 <= 0.0:
-            p0, p1 = b0, 0.0
-        impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[1, 0]
-        return
+        if a * a < 1.0:  # else one ball lies in two fixed ones, in a row
+            p0, p1 = (b0 - a * b1) / (1.0 - a * a), (b1 - a * b0) / (1.0 - a * a)
+            if p0 <= 0.0:
+                p0, p1 = 0.0, b1
+            elif p1 <= 0.0:
+                p0, p1 = b0, 0.0
+            impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[1, 0]
+            return
     bound = 1.0  # of the largest eigenvalue: the largest absolute row sum
     largest = 0.0
     for c in range(n_contacts):
