@@ -137,7 +137,7 @@ def part_pressed(count, state, phase, params, inv_mass, first, second, nx, ny, c
     All of it follows from the state right after the impact, so that the numbering of the contacts does not matter. The
     arguments are those of `collide`.
     """
-    impulse, slipping, ones, _, dv, done = scratch
+    impulse, slipping, ones, _, _, dv, done = scratch
     for c in range(count):
         start(state, phase, first[c], params)
         start(state, phase, second[c], params)
@@ -199,7 +199,7 @@ def collide(
         nx: (>= count,) unit normals from first to second.
         ny: See nx.
         closing: (>= count,) speeds of approach, m/s.
-        scratch: (impulse, slipping, ones, work, dv, done), see `impulse.joint_impulses`.
+        scratch: An `impulse.impulse_scratch`.
         last_hit: (n,) time of each ball's last impact, s.
         quick: (n, 3) int64, how many impacts in a row were quick, quick or weak, and at one instant.
         counts: (N_COUNTS,) int64.

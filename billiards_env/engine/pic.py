@@ -32,6 +32,7 @@ from billiards_env.engine.log import (
     store,
 )
 from billiards_env.engine.queue import BOUND, earliest, find_near, predict_ball, predict_pairs, solve_pair
+from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
 from billiards_env.physics.state import (
@@ -218,14 +219,7 @@ def workspace(n):
     own, own_kind = np.empty((n, 2)), np.empty((n, 2), np.int64)
     queue = np.full((n, n), math.inf), np.zeros((n, n)), np.empty((n, 2)), np.empty(n, np.int64)
     contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
-    scratch = (
-        np.empty(most),
-        np.empty(most),
-        np.ones(most),
-        np.empty((most, 4)),
-        np.empty((n, 2)),
-        np.zeros(n, np.bool_),
-    )
+    scratch = impulse_scratch(n, most)
     last_hit, quick = np.empty(n), np.empty((n, 3), np.int64)
     return (
         own,

@@ -42,7 +42,7 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.physics.impulse import apply_impulses, exchange, reflect
+from billiards_env.physics.impulse import apply_impulses, exchange, impulse_scratch, reflect
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
@@ -158,7 +158,7 @@ def go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing
 @kernel
 def push_apart(count, state, radius, inv_mass, here, first, second, nx, ny, scratch):
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
-    overlap, _, ones, _, shift, done = scratch
+    overlap, _, ones, _, _, shift, done = scratch
     for c in range(count):
         i, j = first[c], second[c]
         distance = norm(here[j, 0] - here[i, 0], here[j, 1] - here[i, 1])
@@ -204,8 +204,7 @@ def workspace(n):
     """The arrays that a shot of n balls is run with."""
     most = max(1, n * (n - 1) // 2)
     contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
-    impulse, done = np.empty(most), np.zeros(n, np.bool_)
-    scratch = (impulse, impulse, np.ones(most), np.empty((most, 4)), np.empty((n, 2)), done)
+    scratch = impulse_scratch(n, most)
     here, back = np.zeros((n, 4)), np.zeros(n)  # x, y, vx, vy at this test; how long a ball goes back, s
     change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
     moving = np.empty(n, np.int64)  # the balls that are under way when the step begins

@@ -33,6 +33,7 @@ from billiards_env.engine.log import (
     store,
 )
 from billiards_env.physics.contact import circle_time, line_time
+from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
@@ -197,14 +198,7 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
     most = max(1, n * (n - 1) // 2)
     first, second = np.empty(most, np.int64), np.empty(most, np.int64)
     nx, ny, closing = np.empty(most), np.empty(most), np.empty(most)
-    scratch = (
-        np.empty(most),
-        np.empty(most),
-        np.ones(most),
-        np.empty((most, 4)),
-        np.empty((n, 2)),
-        np.zeros(n, np.bool_),
-    )
+    scratch = impulse_scratch(n, most)
     last_hit, quick = np.full(n, -math.inf), np.zeros((n, 3), np.int64)
 
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
