@@ -20,7 +20,7 @@ from billiards_env.engine.log import (
     N_EVENTS,
     SEGMENT_WIDTH,
 )
-from billiards_env.engine.shot import ENGINES, MAX_EVENTS, check_mode, check_shot, check_whole, scene_arrays
+from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_whole, engine_of, scene_arrays
 from billiards_env.scene import Scene
 
 _LEAST = 32  # shots that are worth a thread
@@ -109,7 +109,7 @@ def simulate_batch(
     m, n = given.positions.shape[:2]
     times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
     arrays = scene_arrays(scene, dt, fix)
-    engine = ENGINES[mode]
+    engine = engine_of(mode, n)
 
     def work(begin: int, end: int) -> None:
         log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)

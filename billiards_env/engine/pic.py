@@ -31,7 +31,7 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.engine.queue import BOUND, earliest, find_near, predict_ball, predict_pairs, solve_pair
+from billiards_env.engine.queue import BOUND, earliest, find_near, pair_time, predict_ball, predict_pairs
 from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
@@ -46,50 +46,138 @@ from billiards_env.physics.state import (
     since,
 )
 
-_SOON = 1e-6  # s; pairs predicted to meet within it of an impact are looked at for being part of it
+SOON = 1e-6  # s; pairs predicted to meet within it of an impact are looked at for being part of it
+
+
+@inlined
+def join(i, j, due, due_lo, hi, lo, state, phase, radius, params, count, contacts):
+    """Makes balls i < j contact number `count` of (hi, lo) if they meet or touch and approach then. Returns whether.
+
+    They are predicted to meet at (due, due_lo); balls that take part are brought to that instant.
+    """
+    first, second, nx, ny, closing = contacts
+    ti = since(hi, lo, state[i, T0], state[i, T0_LO])
+    tj = since(hi, lo, state[j, T0], state[j, T0_LO])
+    xi, yi, vxi, vyi = place(state, phase, i, ti)
+    xj, yj, vxj, vyj = place(state, phase, j, tj)
+    dx, dy = xj - xi, yj - yi
+    distance = norm(dx, dy)
+    ex, ey = dx / distance, dy / distance
+    speed = -(ex * (vxj - vxi) + ey * (vyj - vyi))
+    if due == hi and due_lo == lo:
+        speed = max(speed, 0.0)
+    elif distance - (radius[i] + radius[j]) > CONTACT_GAP or speed <= 0.0:
+        return False
+    move(state, phase, i, hi, lo, params)
+    move(state, phase, j, hi, lo, params)
+    first[count], second[count] = i, j
+    nx[count], ny[count], closing[count] = ex, ey, speed
+    return True
 
 
 @inlined
 def gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts):
-    """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number.
-
-    Balls that take part are brought to that instant.
-    """
+    """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number."""
     pair, pair_lo, near, near_with = queue
-    first, second, nx, ny, closing = contacts
     count = 0
     n = len(phase)
     for i in range(n):
-        if near[i, 0] - hi > _SOON:
+        if near[i, 0] - hi > SOON:
             continue
         for j in range(i + 1, n):
-            if pair[i, j] - hi > _SOON:
+            if pair[i, j] - hi > SOON:
                 continue
             if pair_lo[i, j] == BOUND:
-                solve_pair(i, j, state, phase, radius, own, own_kind, limit, pair, pair_lo)
+                pair[i, j], pair_lo[i, j] = pair_time(i, j, state, phase, radius, own, own_kind, limit)
                 if near_with[i] == j:
                     find_near(i, n, pair, pair_lo, near, near_with)
-                if pair[i, j] - hi > _SOON:
+                if pair[i, j] - hi > SOON:
                     continue
-            due = pair[i, j] == hi and pair_lo[i, j] == lo
-            ti = since(hi, lo, state[i, T0], state[i, T0_LO])
-            tj = since(hi, lo, state[j, T0], state[j, T0_LO])
-            xi, yi, vxi, vyi = place(state, phase, i, ti)
-            xj, yj, vxj, vyj = place(state, phase, j, tj)
-            dx, dy = xj - xi, yj - yi
-            distance = norm(dx, dy)
-            ex, ey = dx / distance, dy / distance
-            speed = -(ex * (vxj - vxi) + ey * (vyj - vyi))
-            if due:
-                speed = max(speed, 0.0)
-            elif distance - (radius[i] + radius[j]) > CONTACT_GAP or speed <= 0.0:
-                continue
-            move(state, phase, i, hi, lo, params)
-            move(state, phase, j, hi, lo, params)
-            first[count], second[count] = i, j
-            nx[count], ny[count], closing[count] = ex, ey, speed
-            count += 1
+            if join(i, j, pair[i, j], pair_lo[i, j], hi, lo, state, phase, radius, params, count, contacts):
+                count += 1
     return count
+
+
+@inlined
+def impacts(
+    count,
+    hi,
+    lo,
+    state,
+    phase,
+    params,
+    inv_mass,
+    contacts,
+    scratch,
+    last_hit,
+    quick,
+    hits,
+    counts,
+    events,
+    used,
+    changed,
+):
+    """Resolves and logs the first `count` contacts, at (hi, lo). Returns how many balls it puts into `changed`."""
+    first, second, nx, ny, closing = contacts
+    acts = counts[N_CONTACT_RULE]
+    collide(
+        count,
+        hi,
+        state,
+        phase,
+        params,
+        inv_mass,
+        first,
+        second,
+        nx,
+        ny,
+        closing,
+        scratch,
+        last_hit,
+        quick,
+        counts,
+    )
+    for c in range(count):
+        i, j = first[c], second[c]
+        if i == 0:
+            if counts[FIRST_HIT] < 0:
+                counts[FIRST_HIT] = j
+            if hits[j, CUSHIONS_BEFORE_HIT] < 0:
+                hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
+        log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c], counts[N_CONTACT_RULE] > acts)
+        changed[2 * c], changed[2 * c + 1] = i, j
+    counts[N_EVENTS] += count
+    return 2 * count
+
+
+@inlined
+def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hit, quick, hits, counts, events, used):
+    """Carries out and logs what happens to ball i alone at (hi, lo), see `queue.predict_ball`."""
+    acts = counts[N_CONTACT_RULE]
+    speed = 0.0
+    if kind == POCKETED:
+        move(state, phase, i, hi, lo, params)
+        speed = norm(state[i, VX], state[i, VY])
+        capture(state, phase, i, pockets[other, 0], pockets[other, 1])
+    elif kind == CUSHION_HIT:
+        move(state, phase, i, hi, lo, params)
+        speed = hit_cushion(i, other, hi, state, phase, params, radius, last_hit, quick, counts)
+        hits[i, CUSHIONS] += 1
+    else:
+        end_phase(state, phase, i, hi, lo, params)
+    counts[N_EVENTS] += 1
+    log_event(events, used, hi, lo, kind, i, other, state, speed, counts[N_CONTACT_RULE] > acts)
+
+
+@inlined
+def wind_up(hi, state, phase, params, limit, counts):
+    """Brings all balls to the shot's end, when nothing more happens before `limit`. Returns its time, s."""
+    if limit < math.inf:
+        for i in range(len(phase)):
+            if phase[i] != POTTED and phase[i] != REST:
+                counts[ENDED] = AT_MAX_TIME
+                move(state, phase, i, limit, 0.0, params)
+    return limit if counts[ENDED] == AT_MAX_TIME else hi
 
 
 @kernel
@@ -120,7 +208,6 @@ def run(
     n = len(phase)
     own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
     pair, pair_lo, near, near_with = queue
-    first, second, nx, ny, closing = contacts
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     used[0] = used[1] = 0
@@ -145,7 +232,8 @@ def run(
             next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
             if next_lo != BOUND or next_hi > limit:
                 break
-            solve_pair(a, near_with[a], state, phase, radius, own, own_kind, limit, pair, pair_lo)
+            b = near_with[a]
+            pair[a, b], pair_lo[a, b] = pair_time(a, b, state, phase, radius, own, own_kind, limit)
             find_near(a, n, pair, pair_lo, near, near_with)
         if next_hi > limit or next_hi == math.inf:
             break
@@ -155,61 +243,48 @@ def run(
                 move(state, phase, i, hi, lo, params)
             return hi
         hi, lo = next_hi, next_lo
-        acts = counts[N_CONTACT_RULE]
         if of_pair:
             count = gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts)
-            collide(
+            changes = impacts(
                 count,
                 hi,
+                lo,
                 state,
                 phase,
                 params,
                 inv_mass,
-                first,
-                second,
-                nx,
-                ny,
-                closing,
+                contacts,
                 scratch,
                 last_hit,
                 quick,
+                hits,
                 counts,
+                events,
+                used,
+                changed,
             )
-            for c in range(count):
-                i, j = first[c], second[c]
-                if i == 0:
-                    if counts[FIRST_HIT] < 0:
-                        counts[FIRST_HIT] = j
-                    if hits[j, CUSHIONS_BEFORE_HIT] < 0:
-                        hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
-                log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c], counts[N_CONTACT_RULE] > acts)
-                changed[2 * c], changed[2 * c + 1] = i, j
-            counts[N_EVENTS] += count
-            changes = 2 * count
-            continue
-        kind, other = own_kind[a, 0], own_kind[a, 1]
-        speed = 0.0
-        if kind == POCKETED:
-            move(state, phase, a, hi, lo, params)
-            speed = norm(state[a, VX], state[a, VY])
-            capture(state, phase, a, pockets[other, 0], pockets[other, 1])
-        elif kind == CUSHION_HIT:
-            move(state, phase, a, hi, lo, params)
-            speed = hit_cushion(a, other, hi, state, phase, params, radius, last_hit, quick, counts)
-            hits[a, CUSHIONS] += 1
         else:
-            end_phase(state, phase, a, hi, lo, params)
-        counts[N_EVENTS] += 1
-        log_event(events, used, hi, lo, kind, a, other, state, speed, counts[N_CONTACT_RULE] > acts)
-        changed[0], changes = a, 1
-    if limit < math.inf:
-        for i in range(n):
-            if phase[i] != POTTED and phase[i] != REST:
-                counts[ENDED] = AT_MAX_TIME
-                move(state, phase, i, limit, 0.0, params)
-        if counts[ENDED] == AT_MAX_TIME:
-            return limit
-    return hi
+            kind, other = own_kind[a, 0], own_kind[a, 1]
+            alone(
+                a,
+                kind,
+                other,
+                hi,
+                lo,
+                state,
+                phase,
+                params,
+                radius,
+                pockets,
+                last_hit,
+                quick,
+                hits,
+                counts,
+                events,
+                used,
+            )
+            changed[0], changes = a, 1
+    return wind_up(hi, state, phase, params, limit, counts)
 
 
 @allocating

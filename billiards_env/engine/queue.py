@@ -109,16 +109,15 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
 
 
 @kernel
-def solve_pair(i, j, state, phase, radius, own, own_kind, limit, pair, pair_lo):
-    """When balls i < j next meet, looking from the time of the last event of either: pair[i, j], pair_lo[i, j]."""
-    pair[i, j], pair_lo[i, j] = math.inf, 0.0
+def pair_time(i, j, state, phase, radius, own, own_kind, limit):
+    """When balls i < j, of which one moves, next meet, looking from the time of the last event of either: (hi, lo)."""
     hi, lo = state[i, T0], state[i, T0_LO]
     if state[j, T0] > hi or (state[j, T0] == hi and state[j, T0_LO] > lo):
         hi, lo = state[j, T0], state[j, T0_LO]
     # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
     for k in (i, j):
         if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
-            return
+            return math.inf, 0.0
     end = min(min(own[i, 0], own[j, 0]), limit) - hi
     ti = since(hi, lo, state[i, T0], state[i, T0_LO])
     tj = since(hi, lo, state[j, T0], state[j, T0_LO])
@@ -136,7 +135,8 @@ def solve_pair(i, j, state, phase, radius, own, own_kind, limit, pair, pair_lo):
         NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
     )
     if t < math.inf:
-        pair[i, j], pair_lo[i, j] = later(hi, lo, t)
+        return later(hi, lo, t)
+    return math.inf, 0.0
 
 
 @inlined
@@ -193,8 +193,7 @@ def predict_pairs(i, hi, lo, state, phase, radius, own, own_kind, limit, queue, 
                     t_lo = BOUND
                     t = hi + bound if bound > 1e-9 + 1e-12 * hi else hi
             if not LAZY and (not SKIP or t < math.inf):
-                solve_pair(a, b, state, phase, radius, own, own_kind, limit, pair, pair_lo)
-                t, t_lo = pair[a, b], pair_lo[a, b]
+                t, t_lo = pair_time(a, b, state, phase, radius, own, own_kind, limit)
         pair[a, b], pair_lo[a, b] = t, t_lo
         if t < near[a, 0] or (t == near[a, 0] and t_lo < near[a, 1]):
             near[a, 0], near[a, 1], near_with[a] = t, t_lo, b

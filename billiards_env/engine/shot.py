@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.engine import pic, pit
+from billiards_env.engine import crowd, pic, pit
 from billiards_env.engine.admit import plainly_right
 from billiards_env.engine.log import (
     CUSHIONS,
@@ -34,6 +34,9 @@ Floats = NDArray[np.float64]
 
 # The engines; each module has run_shots with the same signature.
 ENGINES = {"pic": pic.run_shots, "pit": pit.run_shots}
+
+CROWD = 64
+"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then."""
 
 LEAST_DT = 1e-9
 """The smallest timestep of PIT, s: with it a shot takes minutes, and below it for ever."""
@@ -196,6 +199,11 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> tuple[Floa
     params[layout.FIX] = layout.FIXES.index(layout.FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
     return params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets
+
+
+def engine_of(mode: str, n_balls: int) -> Callable[..., None]:
+    """The `run_shots` of a mode, for so many balls."""
+    return crowd.run_shots if mode == "pic" and n_balls >= CROWD else ENGINES[mode]
 
 
 def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
@@ -414,7 +422,7 @@ def run_checked(
         events, segments = np.empty((room, EVENT_WIDTH)), np.empty((4 * room, SEGMENT_WIDTH))
         used = np.zeros(2, np.int64)
         places, moving, spinning, playing = balls
-        ENGINES[mode](
+        engine_of(mode, n)(
             0,
             1,
             *arrays,
