@@ -110,8 +110,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Many at Once
 
-    `gym.make_vec("Billiards-v0", num_envs=1024)` gives a `BilliardsVectorEnv`, which plays the shots of all environments
-    in compiled code on several threads; environment i plays what one of these plays when it is seeded alike.
+    `gym.make_vec("Billiards-v0", num_envs=1024)` gives a `BilliardsVectorEnv`, which plays the shots of all
+    environments in compiled code on several threads; each plays what one of these plays when it is seeded alike.
 
     ## Arguments
 
