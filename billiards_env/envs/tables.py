@@ -137,14 +137,14 @@ def shorten(x, y, max_speed):
 
 
 @kernel
-def observe(positions, half_length, half_width, shots_left, max_shots, observation):
-    """Fills an observation: the balls' places as shares of the half table and, if it is longer, of the shots left."""
-    n = len(positions)
+def observe(k, positions, tally, max_shots, half_length, half_width, observations):
+    """Observes table k: places as shares of the half table and, if there is room for it, the share of shots left."""
+    n = positions.shape[1]
     for i in range(n):
-        observation[2 * i] = min(max(positions[i, 0] / half_length, -1.0), 1.0)
-        observation[2 * i + 1] = min(max(positions[i, 1] / half_width, -1.0), 1.0)
-    if len(observation) > 2 * n:
-        observation[2 * n] = shots_left / max_shots
+        observations[k, 2 * i] = min(max(positions[k, i, 0] / half_length, -1.0), 1.0)
+        observations[k, 2 * i + 1] = min(max(positions[k, i, 1] / half_width, -1.0), 1.0)
+    if observations.shape[1] > 2 * n:
+        observations[k, 2 * n] = tally[k, SHOTS_LEFT] / max_shots
 
 
 @entry_point
@@ -168,7 +168,7 @@ def start(
             tally[k, :] = 0
             tally[k, SHOTS_LEFT] = max_shots
             over[k] = False
-        observe(positions[k], half_length, half_width, tally[k, SHOTS_LEFT], max_shots, observations[k])
+        observe(k, positions, tally, max_shots, half_length, half_width, observations)
 
 
 @entry_point
@@ -206,14 +206,13 @@ def settle(
     observations,
 ):
     """What the shots were worth, and what is seen after them; see `Tables.shoot`."""
+    cushions_before_hit = hits[:, :, CUSHIONS_BEFORE_HIT]
     for k in range(begin, end):
         for i in range(in_play.shape[1]):
             potted[k, i] = not in_play[k, i]
         rewards[k] = 0.0
         if not still[k]:
-            points, decided, success = judge(
-                task, targets, potted_before[k], potted[k], hits[k, :, CUSHIONS_BEFORE_HIT]
-            )
+            points, decided, success = judge(task, k, targets, potted_before, potted, cushions_before_hit)
             tally[k, POINTS] = points
             tally[k, SCORE] += points
             tally[k, SHOTS_LEFT] -= 1
@@ -221,4 +220,4 @@ def settle(
                 tally[k, SUCCESS] = 1
             over[k] = decided or tally[k, SHOTS_LEFT] == 0
             rewards[k] = points - scratch_penalty if potted[k, 0] else float(points)
-        observe(positions[k], half_length, half_width, tally[k, SHOTS_LEFT], max_shots, observations[k])
+        observe(k, positions, tally, max_shots, half_length, half_width, observations)

@@ -84,16 +84,14 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         self._tables = self.single_env.tables(self.num_envs)
         self._rows = np.zeros((self.num_envs, 4), np.uint64)
-        self._seeds: list[int | None] = [None] * self.num_envs
+        self._seeds = [-1] * self.num_envs  # less than 0 for one that has none yet
         self._begun = np.zeros(self.num_envs, np.bool_)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The seed of each environment; it is drawn for one that was never given any."""
-        for i, seed in enumerate(self._seeds):
-            if seed is None:
-                self._seed(i, int(np.random.SeedSequence().generate_state(1, np.uint64)[0]))
-        return tuple(seed for seed in self._seeds if seed is not None)
+        self._seed_the_rest()
+        return tuple(self._seeds)
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -130,11 +128,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         placed = placed_by_hand(self.single_env.scene, options, mask)
         if not (self._begun | mask).all():
             raise ResetNeeded("reset_mask leaves out environments that have never been reset: reset all of them first")
-        for i in np.flatnonzero(mask).tolist():
-            if seeds[i] is not None:
-                self._seed(i, seeds[i])
-        if any(self._seeds[i] is None for i in np.flatnonzero(mask).tolist()):
-            _ = self.np_random_seed
+        if seeds is not None:
+            for i in np.flatnonzero(mask).tolist():
+                if seeds[i] is not None:
+                    self._seed(i, seeds[i])
+        if not self._begun.all():
+            self._seed_the_rest()
         tables = self._tables
         if placed is not None:
             tables.shots.positions[mask] = placed[mask]
@@ -236,11 +235,17 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._rows[i] = streams.seeded(seed)
         self._seeds[i] = seed
 
-    def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
+    def _seed_the_rest(self) -> None:
+        """Draws a seed for each environment that has none."""
+        unseeded = [i for i, seed in enumerate(self._seeds) if seed < 0]
+        for i, seed in zip(unseeded, np.random.SeedSequence().generate_state(len(unseeded), np.uint64), strict=True):
+            self._seed(i, int(seed))
+
+    def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None] | None:
         """One seed an environment, or None."""
-        seeds: Sequence[int | None]
         if seed is None:
-            return [None] * self.num_envs
+            return None
+        seeds: Sequence[int | None]
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one an environment")
