@@ -164,8 +164,9 @@ def start(
     """The loop of `Tables.start`."""
     for k in range(begin, end):
         if wanted[k]:
-            in_play[k, :] = True
-            tally[k, :] = 0
+            for i in range(in_play.shape[1]):
+                in_play[k, i] = True
+            tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
             tally[k, SHOTS_LEFT] = max_shots
             over[k] = False
         observe(k, positions, tally, max_shots, half_length, half_width, observations)
@@ -175,11 +176,13 @@ def start(
 def aim(begin, end, still, actions, max_speed, positions, velocities, spins, in_play, starts, potted_before):
     """Sets the balls of a shot at rest, except for the cue ball on tables that do not keep still."""
     for k in range(begin, end):
-        starts[k] = positions[k]
         for i in range(in_play.shape[1]):
             potted_before[k, i] = not in_play[k, i]
-        velocities[k, :] = 0.0
-        spins[k, :] = 0.0
+            for c in range(2):
+                starts[k, i, c] = positions[k, i, c]
+                velocities[k, i, c] = 0.0
+            for c in range(3):
+                spins[k, i, c] = 0.0
         if not still[k]:
             velocities[k, 0, 0], velocities[k, 0, 1] = shorten(actions[k, 0], actions[k, 1], max_speed)
 
