@@ -121,7 +121,8 @@ def spread(work: Callable[[int, int], None], m: int, threads: int | None = None)
     try:
         take()
     finally:
-        errors = [helper.exception() for helper in helpers]
+        # A helper that has not woken up by now would find nothing left to do.
+        errors = [helper.exception() for helper in helpers if not helper.cancel()]
     for error in errors:
         if error is not None:
             raise error
