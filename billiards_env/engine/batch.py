@@ -121,6 +121,7 @@ def spread(work: Callable[[int, int], None], m: int, threads: int | None = None)
     try:
         take()
     finally:
+        pieces.clear()  # after an error the rest is not worth doing
         # A helper that has not woken up by now would find nothing left to do.
         errors = [helper.exception() for helper in helpers if not helper.cancel()]
     for error in errors:

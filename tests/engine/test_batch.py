@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, layouts, simulate, simulate_batch
-from billiards_env.engine import spread
-from billiards_env.engine import STATUS
+from billiards_env.engine import STATUS, spread
 from billiards_env.scene import SCENES
 
 ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
