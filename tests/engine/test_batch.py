@@ -1,5 +1,6 @@
 import dataclasses
 import math
+import multiprocessing
 import re
 import threading
 from typing import Any
@@ -153,8 +154,9 @@ def test_work_is_spread_over_pieces_that_make_up_the_whole(m, threads):
     assert (done == 20).all()
 
 
-def test_work_runs_on_several_threads_at_the_same_time():
-    meeting = threading.Barrier(3, timeout=60)  # breaks unless three threads are in it at once
+def threads_at_work(wanted):
+    """Spreads work over so many threads and gives their number, if all were at work at the same time."""
+    meeting = threading.Barrier(wanted, timeout=60)  # breaks unless so many threads are in it at once
     met = set()
 
     def work(begin, end):
@@ -162,8 +164,31 @@ def test_work_runs_on_several_threads_at_the_same_time():
             met.add(threading.get_ident())
             meeting.wait()
 
-    spread(work, 1000, 3)
-    assert len(met) == 3
+    spread(work, 1000, wanted)
+    return len(met)
+
+
+def test_work_runs_on_several_threads_at_the_same_time():
+    assert threads_at_work(3) == 3
+
+
+def _child(queue):
+    queue.put(threads_at_work(3))
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    threads_at_work(3)  # starts threads, which a fork does not take along
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_child, args=(queue,))
+    process.start()
+    try:
+        assert queue.get(timeout=60) == 3
+    finally:
+        process.kill()
+        process.join()
 
 
 def test_an_error_in_any_piece_is_raised_and_the_threads_live_on():

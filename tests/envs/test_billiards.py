@@ -259,6 +259,18 @@ def test_balls_rest_between_shots_where_the_last_one_left_them():
     assert (info["shot_time"], info["n_events"]) == (0.0, 0)
 
 
+def test_a_shot_ended_by_its_time_leaves_no_spin_to_the_next():
+    scene = Scene.named("pool").to_dict()
+    scene["physics"]["max_time"] = 0.05  # the cue ball still slides then
+    env = BilliardsEnv(scene=scene, max_shots=2)
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
+    before, *_, info = env.step([1.0, 0.0])
+    assert info["status"] == "max_time"
+    after, *_, info = env.step([0.0, 0.0])
+    assert np.array_equal(before, after)
+    assert (info["shot_time"], info["n_events"]) == (0.0, 0)
+
+
 def test_carom_scores_when_the_cue_ball_touches_every_object_ball():
     env = BilliardsEnv(scene="ideal", task="carom", n_object_balls=2)
     env.reset(options={"positions": CAROM})

@@ -2,7 +2,6 @@
 
 import copy
 import itertools
-import multiprocessing
 import pickle
 import warnings
 from typing import Any
@@ -326,25 +325,6 @@ def test_a_copy_goes_on_as_its_original(twin_of):
     twin = twin_of(envs)
     for action in actions[1:]:
         same(envs.step(action), twin.step(action))
-
-
-def _observe(queue):
-    queue.put(BilliardsVectorEnv(128, threads=2).reset(seed=0)[0])
-
-
-@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork")
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-def test_a_forked_process_has_threads_of_its_own():
-    expected = BilliardsVectorEnv(128, threads=2).reset(seed=0)[0]  # starts threads, which a fork does not take along
-    context = multiprocessing.get_context("fork")
-    queue = context.Queue()
-    process = context.Process(target=_observe, args=(queue,))
-    process.start()
-    try:
-        assert np.array_equal(queue.get(timeout=60), expected)
-    finally:
-        process.kill()
-        process.join()
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
