@@ -1,5 +1,6 @@
-"""The Gymnasium side: environments, and the tasks they set."""
+"""The Gymnasium side: environments, one or many at once, and the tasks they set."""
 
 from billiards_env.envs.billiards import BilliardsEnv
+from billiards_env.envs.vector import BilliardsVectorEnv
 
-__all__ = ["BilliardsEnv"]
+__all__ = ["BilliardsEnv", "BilliardsVectorEnv"]

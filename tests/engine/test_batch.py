@@ -1,13 +1,15 @@
 import dataclasses
 import math
+import multiprocessing
 import re
+import threading
 from typing import Any
 
 import numpy as np
 import pytest
 
 from billiards_env import Scene, layouts, simulate, simulate_batch
-from billiards_env.engine import STATUS
+from billiards_env.engine import STATUS, spread
 from billiards_env.scene import SCENES
 
 ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
@@ -137,3 +139,67 @@ def test_a_velocity_that_is_not_finite_is_refused_with_its_shot():
         ValueError, match=re.escape("velocities: shot 1, ball 0 has [nan, 0.0]: expected finite numbers")
     ):
         simulate_batch(Scene.named("pool"), [CLEAR, CLEAR], [[1.0, 0.0], [math.nan, 0.0]])
+
+
+@pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
+@pytest.mark.parametrize("threads", [None, 1, 2, 7])
+def test_work_is_spread_over_pieces_that_make_up_the_whole(m, threads):
+    done = np.zeros(m, np.int64)
+
+    def work(begin, end):
+        done[begin:end] += 1
+
+    for _ in range(20):
+        spread(work, m, threads)
+    assert (done == 20).all()
+
+
+def threads_at_work(wanted):
+    """Spreads work over so many threads and gives their number, if all were at work at the same time."""
+    meeting = threading.Barrier(wanted, timeout=60)  # breaks unless so many threads are in it at once
+    met = set()
+
+    def work(begin, end):
+        if threading.get_ident() not in met:
+            met.add(threading.get_ident())
+            meeting.wait()
+
+    spread(work, 1000, wanted)
+    return len(met)
+
+
+def test_work_runs_on_several_threads_at_the_same_time():
+    assert threads_at_work(3) == 3
+
+
+def _child(queue):
+    queue.put(threads_at_work(3))
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    threads_at_work(3)  # starts threads, which a fork does not take along
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_child, args=(queue,))
+    process.start()
+    try:
+        assert queue.get(timeout=60) == 3
+    finally:
+        process.kill()
+        process.join()
+
+
+def test_an_error_in_any_piece_is_raised_and_the_threads_live_on():
+    def work(begin, end):
+        if begin <= 500 < end:
+            raise ValueError("piece of 500")
+
+    for _ in range(10):
+        with pytest.raises(ValueError, match="piece of 500"):
+            spread(work, 1000, 3)
+    assert (
+        simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3).first_hit.tolist()
+        == [1] * 100
+    )

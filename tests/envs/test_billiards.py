@@ -2,7 +2,6 @@ import copy
 import json
 import pickle
 import warnings
-from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -14,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import OrderEnforcing
 
 import billiards_env.envs.billiards as billiards
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import BilliardsEnv, tables
 from billiards_env.envs.tasks import TASKS
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene, check_positions
@@ -260,6 +259,18 @@ def test_balls_rest_between_shots_where_the_last_one_left_them():
     assert (info["shot_time"], info["n_events"]) == (0.0, 0)
 
 
+def test_a_shot_ended_by_its_time_leaves_no_spin_to_the_next():
+    scene = Scene.named("pool").to_dict()
+    scene["physics"]["max_time"] = 0.05  # the cue ball still slides then
+    env = BilliardsEnv(scene=scene, max_shots=2)
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
+    before, *_, info = env.step([1.0, 0.0])
+    assert info["status"] == "max_time"
+    after, *_, info = env.step([0.0, 0.0])
+    assert np.array_equal(before, after)
+    assert (info["shot_time"], info["n_events"]) == (0.0, 0)
+
+
 def test_carom_scores_when_the_cue_ball_touches_every_object_ball():
     env = BilliardsEnv(scene="ideal", task="carom", n_object_balls=2)
     env.reset(options={"positions": CAROM})
@@ -448,24 +459,13 @@ def test_bad_arguments_are_refused(kwargs, error, message):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    def cut_off(scene, given, mode, dt, fix):
-        n = scene.n_balls
-        return SimpleNamespace(
-            positions=given.positions,
-            potted=np.zeros(n, bool),
-            time=0.5,
-            n_events=10**6,
-            status="event_limit",
-            first_hit=-1,
-            cushions=np.zeros(n, np.int32),
-            cushions_before_hit=np.full(n, -1, np.int32),
-        )
-
-    monkeypatch.setattr(billiards, "run_checked", cut_off)
+    monkeypatch.setattr(tables, "MAX_EVENTS", 2)
     env = BilliardsEnv()
-    env.reset(seed=0)
-    with pytest.warns(RuntimeWarning, match="cut off at the engine's limit, after 1000000 events and 0.5 s"):
-        *_, info = env.step(np.zeros(2))
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
+    with pytest.warns(
+        RuntimeWarning, match=r"after 2 events and .* s; .* positions \[\[-0.5, 0.0\], .* action \[1.0, 0"
+    ):
+        *_, info = env.step([1.0, 0.0])
     assert info["status"] == "event_limit"
 
 
@@ -487,4 +487,4 @@ def test_final_positions_of_every_variant_can_be_placed_again():
             env.reset(seed=seed)
             *_, info = env.step([0.7, 0.5])
             if not info["potted"].any():
-                check_positions(env.scene, env._positions)
+                check_positions(env.scene, env._tables.shots.positions[0])

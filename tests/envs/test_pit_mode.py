@@ -81,7 +81,7 @@ def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
     # 4 m/s in steps of 1/15 s: without a fix some ball comes to rest deep in another one, or beyond a cushion
     env = BilliardsEnv(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
     deepest, beyond = 0.0, -np.inf
-    room = env._half - env.scene.balls.radius[0]
+    room = np.array([env.scene.table.length, env.scene.table.width]) / 2 - env.scene.balls.radius[0]
     for seed in range(10):
         env.reset(seed=seed)
         rng = np.random.default_rng(seed)
@@ -90,7 +90,7 @@ def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
             observation, _, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
             assert observation in env.observation_space
             assert info["status"] == "rest"
-            places = env._positions[~info["potted"]]
+            places = env._tables.shots.positions[0][~info["potted"]]
             apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
             deepest = max(deepest, 2 * env.scene.balls.radius[0] - apart.min())
             beyond = max(beyond, (np.abs(places) - room).max())
