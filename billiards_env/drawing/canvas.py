@@ -7,6 +7,7 @@ table as the balls move on.
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -68,7 +69,7 @@ class Canvas:
         scale: Pixels a metre.
     """
 
-    def __init__(self, scene: Scene, width: int = 960) -> None:
+    def __init__(self, scene: Scene, width: int = 800) -> None:
         """Prepares to draw a scene in frames of `width` pixels."""
         if isinstance(width, bool) or not isinstance(width, (int, np.integer)) or not 160 <= width <= 7680:
             raise ValueError(f"width = {width!r}: expected a whole number of pixels from 160 to 7680")
@@ -92,7 +93,9 @@ class Canvas:
     def pixels_of(self, places: ArrayLike) -> Floats:
         """Where places (..., 2), m, lie in a frame: (..., 2) pixels from its upper left corner."""
         array = np.asarray(places, dtype=np.float64)
-        return np.stack((self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1)
+        return np.stack(
+            (self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1
+        )
 
     def film(
         self,
@@ -145,7 +148,7 @@ class Canvas:
                     steps = self._path_steps(shot, i, times)
                 tracks.append((shot, ring, i, places, steps))
         for k, t in enumerate(times):
-            for shot, ring, i, _, steps in tracks:
+            for _, ring, i, _, steps in tracks:
                 if steps is not None and k > 0 and len(steps[k - 1]) > 1:
                     self._draw_path(base, steps[k - 1], self._looks[i].path, dotted=ring and k % 2 == 0)
             if only_last and k < len(times) - 1:
@@ -243,7 +246,7 @@ class Canvas:
         large.fill((ink.r, ink.g, ink.b, 0))
         line = z * (points - corner)
         half = z * wide / 2
-        for start, end in zip(line[:-1], line[1:], strict=True):
+        for start, end in itertools.pairwise(line):
             along = end - start
             length = math.hypot(*along)
             if length > 0:
@@ -280,7 +283,9 @@ class Canvas:
         small.set_alpha(150)
         surface.blit(small, corner.tolist())
 
-    def _draw_bar(self, surface: pygame.Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
+    def _draw_bar(
+        self, surface: pygame.Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]
+    ) -> None:
         """Writes the lines of text under the table, and between them the potted balls."""
         y = self.size[1] - self._bar / 2
         x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
@@ -321,7 +326,9 @@ def pixels(surface: pygame.Surface) -> Frame:
     """A copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
     array = np.empty((height, width, 3), np.uint8)
-    for k, view in enumerate((pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue)):
+    for k, view in enumerate(
+        (pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue)
+    ):
         array[..., k] = view(surface).T
     return array
 

@@ -32,8 +32,7 @@ from billiards_env.scene import CUSHIONS as CUSHION_MODELS
 from billiards_env.scene import MOTIONS, Scene, check_positions, choose
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+    from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
 
 Floats = NDArray[np.float64]
@@ -265,7 +264,8 @@ class ShotResult:
         from billiards_env.drawing.page import make_page
 
         page = html.escape(make_page(self.recording("_repr_html_")), quote=True)
-        return f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" class="billiards-shot"></iframe>'
+        style = "width: 100%; height: 680px; border: 0"
+        return f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" style="{style}"></iframe>'
 
     def recording(self, method: str = "recording") -> Recording:
         """The shot as the arrays that `billiards_env.drawing` takes.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import warnings
 from collections.abc import Mapping
@@ -9,6 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
@@ -263,7 +265,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         velocities[0] = cue_velocity(action, self.max_speed)
         # The balls lie where the last shot, or a checked layout, has left them.
         given = ShotInput(self._positions.copy(), velocities, np.zeros((n, 3)), ~self._potted, self._time_limit)
-        noted = None if self._renderer is None else ShotInput(*(a.copy() for a in given[:4]), given.limit)
+        noted = None if self._renderer is None else copy.deepcopy(given)  # a shot is run in its arrays
         shot = run_checked(self.scene, given, self.mode, self.dt, self.fix)
         if shot.status == "event_limit":
             warnings.warn(
@@ -298,12 +300,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward = points - self.scratch_penalty if scratch else float(points)
         if self._renderer is not None and noted is not None:
             done = self.max_shots - self._shots_left
-            speed = math.hypot(*velocities[0])
+            speed = math.hypot(*noted.velocities[0])
             left = f"{self.task}   shot {done} of {self.max_shots}   {speed:.2f} m/s"
             self._renderer.shot(noted, left, f"reward {reward:g}   score {self._score}")
         return self._observation(), reward, self._over, False, info
 
-    def render(self) -> NDArray[np.uint8] | list[NDArray[np.uint8]] | None:
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Shows the shots, as the class's docstring says.
 
         Returns:

@@ -6,11 +6,14 @@ drawn then; so a render mode that nobody looks at costs next to nothing, and pyg
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
@@ -82,7 +85,7 @@ class Renderer:
         if self.render_mode == "human":
             self._play()
 
-    def render(self) -> Frame | list[Frame] | None:
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
         """What `Env.render` returns in the render mode.
 
         Returns:
@@ -147,8 +150,8 @@ class RecordVideo(gym.wrappers.RecordVideo):
     """`gymnasium.wrappers.RecordVideo` for steps that give many frames.
 
     Gymnasium's own keeps one frame a step, the last, which is a shot's end. This one keeps all frames that a step
-    gives, so the film shows the shots in motion; everything else is the same. It takes an environment whose
-    `render_mode` is "rgb_array_list".
+    gives, so the film shows the shots in motion, and it writes them as they come, so a long film needs no more memory
+    than a short one. Arguments and files are the same. It takes an environment whose `render_mode` is "rgb_array_list".
 
     Example:
         ```python
@@ -164,11 +167,25 @@ class RecordVideo(gym.wrappers.RecordVideo):
                 f"render_mode = {env.render_mode!r}: expected 'rgb_array_list', which gives all frames of a shot"
             )
         super().__init__(env, *args, **kwargs)
+        self._file = contextlib.ExitStack()
+        self._write: Callable[[Frame], None] | None = None
 
     def _capture_frame(self) -> None:
-        seen = len(self.render_history)
-        super()._capture_frame()
-        if self.recording:
-            self.recorded_frames[-1:] = self.render_history[seen:]
-            # Those that `render` gives next; nobody need ever ask for them.
-            del self.render_history[:seen]
+        from billiards_env.drawing.film import mp4_writer
+
+        frames = cast("list[Frame]", self.env.render())
+        self.render_history = list(frames)  # what `render` gives next, if anybody asks for it
+        for frame in frames:
+            if self._write is None:
+                path = Path(self.video_folder, f"{self._video_name}.mp4")
+                size = (frame.shape[1], frame.shape[0])
+                self._write = self._file.enter_context(mp4_writer(path, size, self.frames_per_sec))
+            self._write(frame)
+            self.recorded_frames.append("")  # of which the wrapper compares the number with `video_length`
+
+    def stop_recording(self) -> None:
+        """Finishes the film and puts it in its place."""
+        self.recorded_frames = []
+        self.recording = False
+        self._write = None
+        self._file.close()
