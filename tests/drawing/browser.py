@@ -9,6 +9,7 @@ import os
 import select
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,19 @@ class Page:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
 
+    @contextlib.contextmanager
+    def frame(self) -> Iterator[None]:
+        """Within the block the page is the sandboxed frame in it, which has a process of its own."""
+        outer, self._session = self._session, None
+        targets = self.call("Target.getTargets")["targetInfos"]
+        (inner,) = [target["targetId"] for target in targets if target["type"] == "iframe"]
+        self._session = self.call("Target.attachToTarget", targetId=inner, flatten=True)["sessionId"]
+        try:
+            self.call("Runtime.enable")
+            yield
+        finally:
+            self._session = outer
+
     def screenshot(self) -> bytes:
         return base64.b64decode(self.call("Page.captureScreenshot")["data"])
 
@@ -104,13 +118,19 @@ def browser(executable: str, profile: Path, size: tuple[int, int] = (1200, 800))
     receive, from_browser = os.pipe()
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
     options += ["--remote-debugging-pipe", f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"]
-    # The browser reads from descriptor 3 and writes to 4.
-    shell = f'exec "$0" "$@" 3<&{to_browser} 4>&{from_browser}'
+    # The browser reads from descriptor 3 and writes to 4. The copies lie well above both.
+    launch = (
+        "import fcntl, os, sys\n"
+        "ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]\n"
+        "for end, descriptor in zip(ends, (3, 4)):\n"
+        "    os.dup2(end, descriptor)\n"
+        "os.execv(sys.argv[3], sys.argv[3:])\n"
+    )
     process = subprocess.Popen(
-        ["sh", "-c", shell, executable, *options],
+        [sys.executable, "-c", launch, str(to_browser), str(from_browser), executable, *options],
         pass_fds=(to_browser, from_browser),
-        stderr=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )
     os.close(to_browser)
     os.close(from_browser)
