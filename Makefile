@@ -24,10 +24,11 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure accuracy, speed and start-up; JSON goes to benchmarks/results
+bench: $(INSTALLED)  ## measure accuracy, speed, start-up and rendering; JSON goes to benchmarks/results
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.start_up
+	$(BIN)/python -m benchmarks.rendering
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures

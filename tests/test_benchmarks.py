@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import error_limit, figures, print_table, speed, start_up
+from benchmarks import error_limit, figures, print_table, rendering, speed, start_up
 from billiards_env.engine import simulate_batch
 from billiards_env.scene import Scene
 
@@ -99,7 +99,7 @@ def test_a_failing_process_is_not_a_measurement(tmp_path):
         start_up.run("raise SystemExit(1)", tmp_path)
 
 
-@pytest.mark.parametrize("module", [speed, error_limit, start_up])
+@pytest.mark.parametrize("module", [speed, error_limit, rendering, start_up])
 def test_counts_below_one_are_refused(module, capsys):
     option = "--shots" if module is error_limit else "--repeats"
     with pytest.raises(SystemExit):

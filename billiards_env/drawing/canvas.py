@@ -40,6 +40,7 @@ from billiards_env.drawing.style import (
 from billiards_env.scene import Scene
 
 Frame = NDArray[np.uint8]
+Surface = pygame.Surface
 
 TABLE_ZOOM, BALL_ZOOM, PATH_ZOOM = 3, 8, 4
 """How much larger than shown the parts are drawn."""
@@ -87,7 +88,7 @@ class Canvas:
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self._looks = looks(scene)
         self._font = pygame.font.Font(None, round(0.62 * self._bar))
-        self._sprites: dict[tuple[int, int, int, int], pygame.Surface] = {}
+        self._sprites: dict[tuple[int, int, int, int], Surface] = {}
         self._table = self._draw_table()
 
     def pixels_of(self, places: ArrayLike) -> Floats:
@@ -106,7 +107,7 @@ class Canvas:
         compare: Recording | None = None,
         arrow: bool = True,
         only_last: bool = False,
-    ) -> Iterator[pygame.Surface]:
+    ) -> Iterator[Surface]:
         """Draws a shot in motion, a frame for each of `frame_times`.
 
         Args:
@@ -174,9 +175,9 @@ class Canvas:
         last = np.searchsorted(at, times[1:], side="right")
         return [points[a:b] for a, b in zip(first, last, strict=True)]
 
-    def _draw_table(self) -> pygame.Surface:
+    def _draw_table(self) -> Surface:
         z, table = TABLE_ZOOM, self.scene.table
-        large = pygame.Surface((z * self.size[0], z * self.size[1]), 0, 32)
+        large = Surface((z * self.size[0], z * self.size[1]), 0, 32)
         large.fill(PAPER)
         for edge, colour, corner in (
             (self._rail, RAIL, 0.6 * self._rail),
@@ -200,7 +201,7 @@ class Canvas:
             pygame.draw.polygon(large, CHALK, [(cx - size, cy), (cx, cy - size), (cx + size, cy), (cx, cy + size)])
         return pygame.transform.smoothscale(large, self.size)
 
-    def _stamp(self, surface: pygame.Surface, ball: int, place: Floats, way: int) -> None:
+    def _stamp(self, surface: Surface, ball: int, place: Floats, way: int) -> None:
         """Puts a ball, drawn in one of the ways, at `place` (2,), pixels."""
         corner = place - self._sprite_size(ball) / 2
         whole = np.floor(corner)
@@ -210,20 +211,20 @@ class Canvas:
     def _sprite_size(self, ball: int) -> int:
         return 2 * math.ceil(self.scale * self.scene.balls.radius[ball] + 2)
 
-    def _sprite(self, ball: int, way: int, fx: int, fy: int) -> pygame.Surface:
+    def _sprite(self, ball: int, way: int, fx: int, fy: int) -> Surface:
         key = (ball, way, fx, fy)
         if key not in self._sprites:
             self._sprites[key] = self._draw_ball(ball, way, (fx + 0.5) / PHASES, (fy + 0.5) / PHASES)
         return self._sprites[key]
 
-    def _draw_ball(self, ball: int, way: int, dx: float, dy: float, radius: float | None = None) -> pygame.Surface:
+    def _draw_ball(self, ball: int, way: int, dx: float, dy: float, radius: float | None = None) -> Surface:
         """A ball whose centre is (dx, dy) pixels off the middle of the surface; `radius`, pixels, if not to scale."""
         look, z = self._looks[ball], BALL_ZOOM
         r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
         side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
         edge = pygame.Color(INK if way == BALL else look.path)
         # Transparent in the colour of the edge, which the shrinking mixes in.
-        large = pygame.Surface((z * side, z * side), pygame.SRCALPHA, 32)
+        large = Surface((z * side, z * side), pygame.SRCALPHA, 32)
         large.fill((edge.r, edge.g, edge.b, 0))
         cx, cy = z * ((side - 1) / 2 + dx), z * ((side - 1) / 2 + dy)
         if way == BALL:
@@ -234,7 +235,7 @@ class Canvas:
             pygame.draw.circle(large, (edge.r, edge.g, edge.b, 90), (cx, cy), r)
         return pygame.transform.smoothscale(large, (side, side))
 
-    def _draw_path(self, surface: pygame.Surface, points: Floats, colour: str, dotted: bool) -> None:
+    def _draw_path(self, surface: Surface, points: Floats, colour: str, dotted: bool) -> None:
         """Draws a line of round ends through points (m, 2), pixels."""
         if dotted or not np.ptp(points, axis=0).any():
             return
@@ -242,7 +243,7 @@ class Canvas:
         corner = np.floor(points.min(0) - wide).astype(int)
         side = np.ceil(points.max(0) + wide).astype(int) - corner
         ink = pygame.Color(colour)
-        large = pygame.Surface((z * side).tolist(), pygame.SRCALPHA, 32)
+        large = Surface((z * side).tolist(), pygame.SRCALPHA, 32)
         large.fill((ink.r, ink.g, ink.b, 0))
         line = z * (points - corner)
         half = z * wide / 2
@@ -256,7 +257,7 @@ class Canvas:
             pygame.draw.circle(large, ink, point, half)
         surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
 
-    def _draw_arrow(self, surface: pygame.Surface, recording: Recording) -> None:
+    def _draw_arrow(self, surface: Surface, recording: Recording) -> None:
         """Draws the cue ball's velocity at the start as an arrow from its edge."""
         first = int(np.flatnonzero(recording.ball == 0)[0])
         velocity = recording.velocity[first]
@@ -275,7 +276,7 @@ class Canvas:
         points = np.array(shape)
         corner = np.floor(points.min(0) - 1).astype(int)
         side = np.ceil(points.max(0) + 1).astype(int) - corner
-        large = pygame.Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+        large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
         ink = pygame.Color(INK)
         large.fill((ink.r, ink.g, ink.b, 0))
         pygame.draw.polygon(large, ink, (PATH_ZOOM * (points - corner)).tolist())
@@ -283,9 +284,7 @@ class Canvas:
         small.set_alpha(150)
         surface.blit(small, corner.tolist())
 
-    def _draw_bar(
-        self, surface: pygame.Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]
-    ) -> None:
+    def _draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
         """Writes the lines of text under the table, and between them the potted balls."""
         y = self.size[1] - self._bar / 2
         x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
@@ -301,18 +300,18 @@ class Canvas:
             surface.blit(image, (round(x - image.get_width() / 2), round(y - image.get_height() / 2)))
 
 
-def _paint_ball(large: pygame.Surface, look: Look, cx: float, cy: float, r: float) -> None:
+def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> None:
     """Paints a ball with its number, `BALL_ZOOM` times as large as it will be, about (cx, cy)."""
     inner = r - max(BALL_ZOOM, 0.08 * r)
     pygame.draw.circle(large, INK, (cx, cy), r)
     pygame.draw.circle(large, CHALK if look.striped else look.fill, (cx, cy), inner)
     if look.striped:  # a band across the middle
-        band = pygame.Surface(large.get_size(), pygame.SRCALPHA, 32)
+        band = Surface(large.get_size(), pygame.SRCALPHA, 32)
         pygame.draw.circle(band, look.fill, (cx, cy), inner)
         for y0, y1 in ((0.0, cy - 0.56 * r), (cy + 0.56 * r, band.get_height())):
             band.fill((0, 0, 0, 0), pygame.Rect(0, round(y0), band.get_width(), round(y1 - y0)))
         large.blit(band, (0, 0))
-    shine = pygame.Surface(large.get_size(), pygame.SRCALPHA, 32)
+    shine = Surface(large.get_size(), pygame.SRCALPHA, 32)
     pygame.draw.circle(shine, (255, 255, 255, 110), (cx - 0.42 * r, cy - 0.46 * r), 0.22 * r)
     large.blit(shine, (0, 0))
     if look.number:
@@ -322,7 +321,7 @@ def _paint_ball(large: pygame.Surface, look: Look, cx: float, cy: float, r: floa
         large.blit(text, (round(cx - box.centerx), round(cy - box.centery)))
 
 
-def pixels(surface: pygame.Surface) -> Frame:
+def pixels(surface: Surface) -> Frame:
     """A copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
     array = np.empty((height, width, 3), np.uint8)
@@ -333,31 +332,31 @@ def pixels(surface: pygame.Surface) -> Frame:
     return array
 
 
-def tile(frames: Sequence[Frame], columns: int | None = None, gap: int = 4) -> Frame:
-    """Frames side by side.
+def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:
+    """Films of one size beside each other; one that has ended shows its last frame.
 
     Args:
-        frames: (height, width, 3) each, all of one size.
-        columns: How many in a row; None for about as many as rows.
+        films: Their frames, of one film at least.
         gap: Pixels between them.
 
-    Returns:
-        (rows * (height + gap) - gap, columns * (width + gap) - gap, 3) uint8; what is left over is white.
-
-    Raises:
-        ValueError: If there are none or their sizes differ.
-
-    Example:
-        >>> tile([np.zeros((10, 20, 3), np.uint8)] * 3, gap=2).shape
-        (22, 42, 3)
+    Yields:
+        The frame, valid until the next is asked for.
     """
-    if len({frame.shape for frame in frames}) != 1:
-        raise ValueError(f"frames of shapes {[frame.shape for frame in frames]}: expected one size, and one at least")
-    columns = math.ceil(math.sqrt(len(frames))) if columns is None else columns
-    rows = math.ceil(len(frames) / columns)
-    height, width, _ = frames[0].shape
-    whole = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), 255, np.uint8)
-    for k, frame in enumerate(frames):
-        y, x = k // columns * (height + gap), k % columns * (width + gap)
-        whole[y : y + height, x : x + width] = frame
-    return whole
+    columns = math.ceil(math.sqrt(len(films)))
+    rows = math.ceil(len(films) / columns)
+    whole: Surface | None = None
+    going = dict(enumerate(films))
+    while going:
+        for k, film in list(going.items()):
+            frame = next(film, None)
+            if frame is None:
+                del going[k]
+                continue
+            width, height = frame.get_width() + gap, frame.get_height() + gap
+            if whole is None:
+                even = [(side - gap + 1) // 2 * 2 for side in (columns * width, rows * height)]
+                whole = Surface(even, 0, 32)
+                whole.fill(PAPER)
+            whole.blit(frame, (k % columns * width, k // columns * height))
+        if going and whole is not None:
+            yield whole

@@ -202,12 +202,14 @@ def _label(ax: Axes, kind: str, other: int, place: Floats, text: str) -> None:
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
     if kind == "ball_ball":
         x, y = np.where(place > 0, -1, 1).tolist()
-        halo = [Stroke(linewidth=2, foreground=CLOTH), Normal()]
-        style |= {"xytext": (8 * x, 8 * y), "color": INK, "path_effects": halo}
+        ground, style["color"], style["xytext"] = CLOTH, INK, (8 * x, 8 * y)
         style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
         x, y = ((-1, 0), (1, 0), (0, -1), (0, 1))[other]
-        style |= {"xytext": (20 * x, 20 * y), "color": CHALK, "ha": "center", "va": "center", "rotation": 90 * abs(x)}
+        ground, style["color"], style["xytext"] = RAIL, CHALK, (20 * x, 20 * y)
+        style |= {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
     else:
-        style |= {"xytext": (0, -4), "color": CHALK, "ha": "center", "va": "top"}
+        ground, style["color"], style["xytext"] = POCKET, CHALK, (0, -4)
+        style |= {"ha": "center", "va": "top"}
+    style["path_effects"] = [Stroke(linewidth=2.5, foreground=ground), Normal()]
     ax.annotate(text, place.tolist(), **style)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import ShotInput, check_mode, run_checked
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
@@ -242,7 +242,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._success = False
         self._over = False
         if self._renderer is not None:
-            self._renderer.layout(self._positions, self.task)
+            self._renderer.begin([layout(self._positions, self.task)])
         return self._observation(), {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -302,7 +302,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             done = self.max_shots - self._shots_left
             speed = math.hypot(*noted.velocities[0])
             left = f"{self.task}   shot {done} of {self.max_shots}   {speed:.2f} m/s"
-            self._renderer.shot(noted, left, f"reward {reward:g}   score {self._score}")
+            self._renderer.step([Shown(noted, left, f"reward {reward:g}   score {self._score}")])
         return self._observation(), reward, self._over, False, info
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

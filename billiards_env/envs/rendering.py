@@ -7,7 +7,7 @@ drawn then; so a render mode that nobody looks at costs next to nothing, and pyg
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -21,25 +21,39 @@ from billiards_env.engine import ShotInput, run_checked
 from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
-    from billiards_env.drawing.canvas import Canvas
+    from billiards_env.drawing.canvas import Canvas, Surface
     from billiards_env.drawing.window import Window
 
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 FPS = 30
+WIDTH, WIDTH_OF_MANY = 800, 560
+"""Pixels a table, if there is one and if there are several."""
 
 Frame = NDArray[np.uint8]
 
 
 class Shown(NamedTuple):
-    """A shot, or with a limit of 0 s a layout, to be drawn with a line of text on either side."""
+    """A shot, or with a limit of 0 s a layout, to be drawn with a line of text on either side.
+
+    Attributes:
+        given: What it is run from; it is not written to.
+        left: A line of text shown throughout.
+        right: A line shown towards the shot's end.
+    """
 
     given: ShotInput
     left: str
-    right: str
+    right: str = ""
+
+
+def layout(positions: NDArray[np.float64], left: str) -> Shown:
+    """How the balls of (n, 2) positions, m, lie before a shot."""
+    n = len(positions)
+    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), np.ones(n, np.bool_), 0.0), left)
 
 
 class Renderer:
-    """Draws the shots of one environment.
+    """Draws the shots of an environment, or of several side by side.
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
@@ -52,62 +66,51 @@ class Renderer:
         self.render_mode = render_mode
         self._scene = scene
         self._engine = (mode, dt, fix)
-        self._shown: list[Shown] = []
+        self._steps: list[Sequence[Shown]] = []
         self._canvas: Canvas | None = None
         self._window: Window | None = None
 
-    def layout(self, positions: NDArray[np.float64], left: str) -> None:
-        """Shows how an episode begins; what was shown before is forgotten.
+    def begin(self, tables: Sequence[Shown]) -> None:
+        """Shows how episodes begin, one a table; what was shown before is forgotten."""
+        self._steps = []
+        self.step(tables)
 
-        Args:
-            positions: (n, 2) m; copied.
-            left: A line of text.
-        """
-        n = len(positions)
-        still = ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), np.ones(n, np.bool_), 0.0)
-        self._shown = []
-        self._show(Shown(still, left, ""))
-
-    def shot(self, given: ShotInput, left: str, right: str) -> None:
-        """Shows a shot.
-
-        Args:
-            given: What it was run from; kept, and not written to.
-            left: A line of text shown throughout.
-            right: A line shown towards its end.
-        """
-        self._show(Shown(given, left, right))
-
-    def _show(self, shown: Shown) -> None:
+    def step(self, tables: Sequence[Shown]) -> None:
+        """Shows the shots of one step, one a table."""
         if self.render_mode != "rgb_array_list":
-            self._shown = []
-        self._shown.append(shown)
+            self._steps = []
+        self._steps.append(tables)
         if self.render_mode == "human":
-            self._play()
+            for frame in self._film(tables):
+                if self._window is None:
+                    from billiards_env.drawing.window import Window
+
+                    self._window = Window(frame.get_size(), "Billiards")
+                self._window.show(frame, FPS)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """What `Env.render` returns in the render mode.
 
         Returns:
-            "rgb_array": the last frame of the last shot, (height, width, 3) uint8. "rgb_array_list": all frames since
-            the last call or reset. "human": None; the window shows a shot while it is played.
+            "rgb_array": the last frame of the last step, (height, width, 3) uint8. "rgb_array_list": all frames since
+            the last call or `begin`. "human": None; the window shows a shot while it is played.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
         """
-        if self.render_mode == "human" or not self._shown:
-            return [] if self.render_mode == "rgb_array_list" else None
-        from_surface = self._pixels()
-        if self.render_mode == "rgb_array":
-            return [from_surface(frame) for frame in self._film(self._shown[-1], only_last=True)][-1]
-        frames = [from_surface(frame) for shown in self._shown for frame in self._film(shown)]
-        self._shown = []
-        return frames
+        if self.render_mode == "human":
+            return None
+        last = self.render_mode == "rgb_array"
+        frames: list[RenderFrame] = []
+        for tables in self._steps:
+            for frame in self._film(tables, only_last=last):
+                from billiards_env.drawing.canvas import pixels
 
-    def film(self) -> Iterator[Frame]:
-        """The frames of the last shot, one by one, (height, width, 3) uint8 each."""
-        from_surface = self._pixels()
-        return (from_surface(frame) for frame in self._film(self._shown[-1]))
+                frames.append(pixels(frame))
+        if last:
+            return frames[-1] if frames else None
+        self._steps = []
+        return frames
 
     def close(self) -> None:
         """Closes the window, if there is one."""
@@ -115,35 +118,20 @@ class Renderer:
             self._window.close()
             self._window = None
 
-    def _play(self) -> None:
-        for frame in self._film(self._shown[-1]):
-            if self._window is None:
-                from billiards_env.drawing.window import Window
-
-                self._window = Window(frame.get_size(), "Billiards")
-            self._window.show(frame, FPS)
-
-    def _film(self, shown: Shown, only_last: bool = False) -> Iterator[Any]:
-        recording = run_checked(self._scene, shown.given, *self._engine, record=True).recording()
-        return self._drawn().film(recording, FPS, shown.left, shown.right, only_last=only_last)
-
-    def _pixels(self) -> Any:
-        self._drawn()
-        from billiards_env.drawing.canvas import pixels
-
-        return pixels
-
-    def _drawn(self) -> Canvas:
+    def _film(self, tables: Sequence[Shown], only_last: bool = False) -> Iterator[Surface]:
+        try:
+            from billiards_env.drawing.canvas import Canvas, side_by_side
+        except ModuleNotFoundError as error:
+            raise DependencyNotInstalled(
+                f"render_mode = {self.render_mode!r}: pygame is not installed: `pip install 'billiards-env[render]'`"
+            ) from error
         if self._canvas is None:
-            try:
-                from billiards_env.drawing.canvas import Canvas
-            except ModuleNotFoundError as error:
-                raise DependencyNotInstalled(
-                    f"render_mode = {self.render_mode!r}: pygame is not installed, run "
-                    "`pip install 'billiards-env[render]'`"
-                ) from error
-            self._canvas = Canvas(self._scene)
-        return self._canvas
+            self._canvas = Canvas(self._scene, WIDTH if len(tables) == 1 else WIDTH_OF_MANY)
+        films = []
+        for given, left, right in tables:
+            recording = run_checked(self._scene, given, *self._engine, record=True).recording()
+            films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last))
+        return films[0] if len(films) == 1 else side_by_side(films)
 
 
 class RecordVideo(gym.wrappers.RecordVideo):

@@ -10,7 +10,7 @@ from billiards_env.scene import Balls, Table
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, pixels, tile
+from billiards_env.drawing.canvas import Canvas, pixels, side_by_side
 from billiards_env.drawing.style import looks
 
 
@@ -172,14 +172,20 @@ def test_impossible_widths_are_refused(width):
         Canvas(Scene.named("pool"), width)
 
 
-def test_tiles():
-    frames = [np.full((4, 6, 3), k, np.uint8) for k in range(5)]
-    whole = tile(frames, gap=1)
-    assert whole.shape == (9, 20, 3)
-    assert [whole[y, x, 0] for y, x in ((0, 0), (0, 7), (0, 14), (5, 0), (5, 7), (5, 14))] == [0, 1, 2, 3, 4, 255]
-    assert whole[4].min() == 255
-    assert tile(frames, columns=1, gap=0).shape == (20, 6, 3)
-    with pytest.raises(ValueError, match="expected one size, and one at least"):
-        tile([])
-    with pytest.raises(ValueError, match="expected one size"):
-        tile([frames[0], frames[0][1:]])
+def test_films_side_by_side_each_to_its_own_end(shot):
+    scene = shot.scene
+    short = simulate(scene, shot.at(0.0), [0.1, 0.0], record=True)
+    canvas = Canvas(scene, width=320)
+    width, height = canvas.size
+
+    def film(one):
+        return canvas.film(one.recording(), 30)
+
+    alone = [[pixels(frame) for frame in film(one)] for one in (shot, short, shot)]
+    whole = [pixels(frame) for frame in side_by_side([film(one) for one in (shot, short, shot)], gap=2)]
+    assert len(alone[1]) < len(alone[0]) == len(whole)
+    assert whole[0].shape == (2 * height + 2, 2 * width + 2, 3)
+    for k, frame in enumerate(whole):
+        for (y, x), frames in zip(((0, 0), (0, width + 2), (height + 2, 0)), alone, strict=True):
+            assert (frame[y : y + height, x : x + width] == frames[min(k, len(frames) - 1)]).all()
+        assert (frame[height + 2 :, width:] == 255).all()

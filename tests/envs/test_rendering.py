@@ -275,15 +275,11 @@ def test_gymnasium_s_checks_pass_in_every_mode():
     check_env(make("Billiards-v0").unwrapped)
 
 
-def test_vector_environments_give_a_frame_each():
-    from billiards_env.drawing.canvas import tile
-
+def test_synchronous_vector_environments_give_a_frame_each():
     envs = make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", render_mode="rgb_array")
     envs.reset(seed=0)
     envs.step(np.tile(SLOWLY, (3, 1)))
-    frames = envs.render()
-    assert len({frame.tobytes() for frame in frames}) == 3
-    assert tile(frames).shape == (2 * 462 + 4, 2 * 800 + 4, 3)
+    assert len({frame.tobytes() for frame in envs.render()}) == 3
     envs.close()
 
 
