@@ -13,9 +13,10 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.type_aliases import Schedule
-from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.config import ENV_ID, Config
+from agents.vec_env import SameStepVecEnv
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
@@ -55,7 +56,9 @@ def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]
 
 def make_vec_env(config: Config) -> VecEnv:
     """`config.n_envs` environments stepped together; they add each episode's return and length to its last `info`."""
-    return VecMonitor(DummyVecEnv([lambda: make_env(config) for _ in range(config.n_envs)]))
+    return VecMonitor(
+        SameStepVecEnv(gym.make_vec(ENV_ID, num_envs=config.n_envs, autoreset_mode="SameStep", **config.env))
+    )
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:

@@ -17,7 +17,11 @@ __version__ = "0.1.0"
 
 __all__ = ["Scene", "__version__", "simulate", "simulate_batch"]
 
-gymnasium.register(id="Billiards-v0", entry_point="billiards_env.envs:BilliardsEnv")
+gymnasium.register(
+    id="Billiards-v0",
+    entry_point="billiards_env.envs:BilliardsEnv",
+    vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -4,19 +4,26 @@ Each layout is a function `(scene, rng) -> (n, 2) float64 positions in m` that `
 `ValueError` if the scene's balls do not suit it. Like the spots of a real table, the head of the table is its -x end,
 where the cue ball starts; the foot is its +x end.
 
-Draws use `Generator.random` and `+ - * /` and `sqrt` on single doubles only, none of which a compiler may round in
+What a layout asks for is worked out once for a scene, as a `Plan`; one kernel draws any plan, for one table or for
+many. It draws numbers from [0, 1) and uses `+ - * /` on single doubles only, none of which a compiler may round in
 another way on another machine, so the same seed gives the same layout bit for bit.
 """
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env import streams
+from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.scene import Scene, check_positions, choose
+
+Floats = NDArray[np.float64]
 
 MARGIN = 1e-3
 """m. Randomly placed balls keep at least this clear of each other, of the cushions and of the pockets."""
@@ -30,8 +37,10 @@ _TRIES = 10_000
 # on a table 1.42 m wide; on other tables they scale with the width.
 _STARTING_SPOT = 0.1825 / 1.42
 
+LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line")
 
-def random(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+
+def random(scene: Scene, rng: np.random.Generator) -> Floats:
     """Balls scattered over the whole table.
 
     One ball after the other, the largest first, is placed uniformly over the room that is left (random sequential
@@ -51,19 +60,10 @@ def random(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
         >>> random(Scene.named("pool"), np.random.default_rng(0)).shape
         (2, 2)
     """
-    radius = scene.balls.radius
-    positions = np.empty((scene.n_balls, 2))
-    placed: list[int] = []
-    for i in sorted(range(scene.n_balls), key=lambda i: -radius[i]):
-        x_high = scene.table.length / 2 - radius[i] - MARGIN
-        positions[i] = _draw_place(
-            scene, rng, i, x_high, [(*positions[j].tolist(), radius[j]) for j in placed], "random"
-        )
-        placed.append(i)
-    return positions
+    return draw("random", scene, rng)
 
 
-def rack(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+def rack(scene: Scene, rng: np.random.Generator) -> Floats:
     """Cue ball anywhere behind the head string, object balls racked loosely at the foot spot.
 
     The rack is a triangle filled row by row from the foot spot, or a diamond for 9 object balls. As no rack is perfect,
@@ -79,14 +79,10 @@ def rack(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
     Raises:
         ValueError: If the rack does not fit on the table or the cue ball behind the head string.
     """
-    low, high = RACK_GAP
-    # A displacement of at most s along x and y is one of sqrt(2) s; two balls come closer by twice that at most.
-    side = (high - low) / 2 / (2 * math.sqrt(2))
-    offsets = (2 * rng.random((scene.n_balls - 1, 2)) - 1) * side
-    return _racked(scene, rng, (low + high) / 2, offsets, "rack")
+    return draw("rack", scene, rng)
 
 
-def tight_rack(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+def tight_rack(scene: Scene, rng: np.random.Generator) -> Floats:
     """Cue ball anywhere behind the head string, object balls frozen together at the foot spot.
 
     As `rack`, but neighbours touch: their gap is 0 to the rounding of the coordinates.
@@ -102,13 +98,10 @@ def tight_rack(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
         ValueError: If the object balls differ in radius, the rack does not fit on the table or the cue ball does not
             fit behind the head string.
     """
-    radii = sorted(set(scene.balls.radius[1:]))
-    if len(radii) > 1:
-        raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
-    return _racked(scene, rng, 0.0, np.zeros((scene.n_balls - 1, 2)), "tight_rack")
+    return draw("tight_rack", scene, rng)
 
 
-def carom_opening(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+def carom_opening(scene: Scene, rng: np.random.Generator) -> Floats:
     """The opening position of carom billiards (UMB 1989, art. 23), the same each time.
 
     The cue ball is on the right starting spot, ball 1 (the red one) on the foot spot and ball 2, if there is one (the
@@ -124,13 +117,10 @@ def carom_opening(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]
     Raises:
         ValueError: If there are more object balls, or none, or the balls overlap on a table so small.
     """
-    _expect_object_balls(scene, "carom_opening", 1, 2)
-    spot = scene.table.length / 4
-    places = [(-spot, -_STARTING_SPOT * scene.table.width), (spot, 0.0), (-spot, 0.0)]
-    return check_positions(scene, places[: scene.n_balls], "layout 'carom_opening'")
+    return draw("carom_opening", scene, rng)
 
 
-def line(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+def line(scene: Scene, rng: np.random.Generator) -> Floats:
     """Cue ball and object ball on the table's long axis, at a quarter and three quarters of it, the same each time.
 
     Args:
@@ -147,22 +137,10 @@ def line(scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
         >>> line(Scene.named("pool"), np.random.default_rng(0)).tolist()
         [[-0.635, 0.0], [0.635, 0.0]]
     """
-    _expect_object_balls(scene, "line", 1, 1)
-    spot = scene.table.length / 4
-    return check_positions(scene, [(-spot, 0.0), (spot, 0.0)], "layout 'line'")
+    return draw("line", scene, rng)
 
 
-_NAMED: dict[str, Callable[[Scene, np.random.Generator], NDArray[np.float64]]] = {
-    "random": random,
-    "rack": rack,
-    "tight_rack": tight_rack,
-    "carom_opening": carom_opening,
-    "line": line,
-}
-LAYOUTS = tuple(_NAMED)
-
-
-def draw(name: str, scene: Scene, rng: np.random.Generator) -> NDArray[np.float64]:
+def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
     """Draws the layout called `name`.
 
     Args:
@@ -180,8 +158,211 @@ def draw(name: str, scene: Scene, rng: np.random.Generator) -> NDArray[np.float6
         >>> draw("tight_rack", Scene.named("pool", 15), np.random.default_rng(0))[1].tolist()
         [0.635, 0.0]
     """
+    return draw_one(plan(name, scene), rng)
+
+
+class Plan(NamedTuple):
+    """What a layout asks for on a scene: balls at their spots first, then balls drawn one after the other.
+
+    Attributes:
+        name: The layout's name.
+        spots: (n, 2) float64, m: where the balls that have a spot lie, before they are displaced.
+        displacement: m; a ball that has a spot is displaced by up to so much along x and along y.
+        order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
+        n_spots: How many have a spot.
+        room: (n, 3) float64, m: a drawn ball's least x, largest x and largest abs(y).
+        radius: (n,) float64, m.
+        pockets: (k, 3) float64: x, y, radius, m.
+    """
+
+    name: str
+    spots: Floats
+    displacement: float
+    order: NDArray[np.int64]
+    n_spots: int
+    room: Floats
+    radius: Floats
+    pockets: Floats
+
+
+@functools.lru_cache(maxsize=256)
+def plan(name: str, scene: Scene) -> Plan:
+    """The plan of the layout called `name`.
+
+    Args:
+        name: One of `LAYOUTS`.
+        scene: The scene.
+
+    Returns:
+        The plan; its arrays are not to be written to.
+
+    Raises:
+        ValueError: If the name is unknown or the scene's balls do not suit the layout.
+    """
     choose("layout", name, LAYOUTS)
-    return _NAMED[name](scene, rng)
+    n = scene.n_balls
+    if name == "random":
+        largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
+        return _plan(name, scene, np.zeros((n, 2)), 0.0, largest_first, 0, scene.table.length / 2)
+    if name in ("rack", "tight_rack"):
+        return _rack_plan(name, scene)
+    _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
+    spot = scene.table.length / 4
+    if name == "line":
+        places = [(-spot, 0.0), (spot, 0.0)]
+    else:
+        places = [(-spot, -_STARTING_SPOT * scene.table.width), (spot, 0.0), (-spot, 0.0)][:n]
+    return _plan(name, scene, np.array(places), 0.0, range(n), n, 0.0)
+
+
+def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
+    """Draws a layout from its plan.
+
+    Args:
+        plan: The plan.
+        rng: Where the draws come from.
+
+    Returns:
+        (n, 2) positions, m.
+
+    Raises:
+        ValueError: If a ball finds no room.
+    """
+    positions = np.empty_like(plan.spots)
+    if plan.n_spots == len(positions) and plan.displacement == 0.0:  # nothing to draw
+        positions[...] = plan.spots
+        return positions
+    stream = streams.read(rng)
+    draw_tables(plan, 0, 1, _ONE, stream[None], positions[None])
+    streams.write(rng, stream)
+    return positions
+
+
+def draw_tables(
+    plan: Plan, begin: int, end: int, wanted: NDArray[np.bool_], rows: NDArray[np.uint64], positions: Floats
+) -> None:
+    """Draws a layout for each wanted one of the tables `begin` to `end`, each from its own stream.
+
+    Args:
+        plan: The plan.
+        begin: First table.
+        end: One past the last.
+        wanted: (m,) the tables to draw for; the others are left alone.
+        rows: (m, 4) their streams, which move on.
+        positions: (m, n, 2) float64 out, m.
+
+    Raises:
+        ValueError: If a ball finds no room.
+    """
+    failed = lay_out(begin, end, wanted, rows, *plan[1:], positions)
+    if failed >= 0:
+        raise _no_room(plan.name, failed, plan.radius[failed])
+
+
+_ONE = np.ones(1, np.bool_)
+
+
+@kernel
+def place(i, placed, stream, order, room, radius, pockets, positions):
+    """Draws a place for ball i, clear of the pockets and of the first `placed` balls of `order`; whether it found one.
+
+    One after the other, each uniform over the room left, is random sequential addition (Widom 1966).
+    """
+    x_low, x_high, y_high = room[i, 0], room[i, 1], room[i, 2]
+    for _ in range(_TRIES):
+        x = x_low + (x_high - x_low) * streams.next_double(stream)
+        y = y_high * (2 * streams.next_double(stream) - 1)
+        clear = True
+        for k in range(placed):
+            j = order[k]
+            dx, dy, reach = x - positions[j, 0], y - positions[j, 1], radius[j] + radius[i] + MARGIN
+            if dx * dx + dy * dy < reach * reach:
+                clear = False
+                break
+        for k in range(len(pockets)):
+            dx, dy, reach = x - pockets[k, 0], y - pockets[k, 1], pockets[k, 2] + MARGIN
+            if dx * dx + dy * dy < reach * reach:
+                clear = False
+                break
+        if clear:
+            positions[i, 0], positions[i, 1] = x, y
+            return True
+    return False
+
+
+@entry_point
+def lay_out(begin, end, wanted, rows, spots, displacement, order, n_spots, room, radius, pockets, positions):
+    """The loop of `draw_tables`; its arguments are those of a `Plan`. Returns a ball that found no room, else -1."""
+    for table in range(begin, end):
+        if not wanted[table]:
+            continue
+        stream, places = rows[table], positions[table]
+        for k in range(n_spots):
+            i = order[k]
+            places[i, 0], places[i, 1] = spots[i, 0], spots[i, 1]
+            if displacement > 0.0:
+                places[i, 0] += (2 * streams.next_double(stream) - 1) * displacement
+                places[i, 1] += (2 * streams.next_double(stream) - 1) * displacement
+        for k in range(n_spots, len(order)):
+            if not place(order[k], k, stream, order, room, radius, pockets, places):
+                return order[k]
+    return -1
+
+
+def _plan(
+    name: str,
+    scene: Scene,
+    spots: Floats,
+    displacement: float,
+    order: Iterable[int],
+    n_spots: int,
+    x_most: float,
+) -> Plan:
+    """The plan with the room of the scene; drawn balls stay at x <= `x_most`. Refuses what cannot be drawn."""
+    order = np.array(order, np.int64)
+    radius = np.array(scene.balls.radius)
+    x_room, y_room = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
+    room = np.column_stack((-x_room, np.minimum(x_room, x_most), y_room))
+    for i in order[n_spots:].tolist():
+        if room[i, 1] < room[i, 0] or room[i, 2] < 0:
+            raise _no_room(name, i, float(radius[i]))
+    pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
+    _check_spots(name, scene, spots, displacement, order[:n_spots])
+    return Plan(name, spots, displacement, order, n_spots, room, radius, pockets)
+
+
+def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, which: NDArray[np.int64]) -> None:
+    """Refuses spots that a ball cannot lie at, wherever in its square it is displaced to."""
+    in_play = np.zeros(scene.n_balls, np.bool_)
+    in_play[which] = True
+    corners = [(x, y) for x in (-displacement, displacement) for y in (-displacement, displacement)]
+    for corner in corners if displacement else [(0.0, 0.0)]:
+        check_positions(scene, spots + corner, f"layout {name!r}", in_play)
+
+
+def _rack_plan(name: str, scene: Scene) -> Plan:
+    """Object balls in a rack at the foot spot, the cue ball drawn behind the head string."""
+    radius = scene.balls.radius
+    count = scene.n_balls - 1
+    if name == "rack":
+        low, high = RACK_GAP
+        gap = (low + high) / 2
+        # A displacement of at most s along x and y is one of sqrt(2) s; two balls come closer by twice that at most.
+        displacement = (high - low) / 2 / (2 * math.sqrt(2))
+    else:
+        gap = displacement = 0.0
+        radii = sorted(set(radius[1:]))
+        if len(radii) > 1:
+            raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
+    rows = (1, 2, 3, 2, 1) if count == 9 else range(1, count + 1)
+    # Where each ball lies, in units of the distance between neighbours: (rows from the apex, places from the axis).
+    lattice = [(k, j - (places - 1) / 2) for k, places in enumerate(rows) for j in range(places)][:count]
+    pitch = 2 * max(radius[1:], default=0.0) + gap
+    foot = scene.table.length / 4
+    spots = np.zeros((scene.n_balls, 2))
+    for i, (row, place) in enumerate(lattice, start=1):
+        spots[i] = foot + pitch * (math.sqrt(3) / 2) * row, pitch * place
+    return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, -foot)
 
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
@@ -190,50 +371,8 @@ def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None
         raise ValueError(f"layout = {layout!r} with {scene.n_balls - 1} object balls: expected {wanted}")
 
 
-def _draw_place(
-    scene: Scene,
-    rng: np.random.Generator,
-    ball: int,
-    x_high: float,
-    others: Iterable[tuple[float, float, float]],
-    layout: str,
-) -> tuple[float, float]:
-    """A uniformly drawn place for `ball` with x <= `x_high`, clear of all the `others` (x, y, radius)."""
-    radius = scene.balls.radius[ball]
-    x_low = -(scene.table.length / 2 - radius - MARGIN)
-    y_high = scene.table.width / 2 - radius - MARGIN
-    taken = [(x, y, (r + radius + MARGIN) ** 2) for x, y, r in others]
-    taken += [(p.x, p.y, (p.radius + MARGIN) ** 2) for p in scene.table.pockets]
-    if x_high >= x_low and y_high >= 0:
-        for _ in range(_TRIES):
-            x = x_low + (x_high - x_low) * rng.random()
-            y = y_high * (2 * rng.random() - 1)
-            for other_x, other_y, clear in taken:
-                if (x - other_x) * (x - other_x) + (y - other_y) * (y - other_y) < clear:
-                    break
-            else:
-                return x, y
-    raise ValueError(
+def _no_room(layout: str, ball: int, radius: float) -> ValueError:
+    return ValueError(
         f"layout = {layout!r}: found no room for ball {ball} (radius {radius} m) in {_TRIES} tries: "
         "expected fewer or smaller balls, or a larger table"
     )
-
-
-def _racked(
-    scene: Scene, rng: np.random.Generator, gap: float, offsets: NDArray[np.float64], layout: str
-) -> NDArray[np.float64]:
-    """Object balls `gap` apart in a rack, moved by `offsets` (n - 1, 2), and the cue ball behind the head string."""
-    count = scene.n_balls - 1
-    rows = (1, 2, 3, 2, 1) if count == 9 else range(1, count + 1)
-    # Where each ball lies, in units of the distance between neighbours: (rows from the apex, places from the axis).
-    lattice = [(k, j - (places - 1) / 2) for k, places in enumerate(rows) for j in range(places)][:count]
-    radius = scene.balls.radius
-    pitch = 2 * max(radius[1:], default=0.0) + gap
-    foot = scene.table.length / 4
-    positions = np.empty((scene.n_balls, 2))
-    for i, (row, place) in enumerate(lattice, start=1):
-        positions[i] = foot + pitch * (math.sqrt(3) / 2) * row, pitch * place
-    positions[1:] += offsets
-    others = [(*positions[j].tolist(), radius[j]) for j in range(1, scene.n_balls)]
-    positions[0] = _draw_place(scene, rng, 0, -foot, others, layout)
-    return check_positions(scene, positions, f"layout {layout!r}")

@@ -1,8 +1,16 @@
 """Engines that run shots: `simulate` one, `simulate_batch` many, and what they give back."""
 
-from billiards_env.engine.batch import BatchResult, simulate_batch
+from billiards_env.engine.batch import BatchResult, Shots, empty_shots, run_batch, simulate_batch, spread
 from billiards_env.engine.log import KINDS, STATUS
-from billiards_env.engine.shot import MAX_EVENTS, ShotInput, ShotResult, check_mode, run_checked, simulate
+from billiards_env.engine.shot import (
+    MAX_EVENTS,
+    ShotInput,
+    ShotResult,
+    check_mode,
+    run_checked,
+    scene_arrays,
+    simulate,
+)
 
 __all__ = [
     "KINDS",
@@ -11,8 +19,13 @@ __all__ = [
     "BatchResult",
     "ShotInput",
     "ShotResult",
+    "Shots",
     "check_mode",
+    "empty_shots",
+    "run_batch",
     "run_checked",
+    "scene_arrays",
     "simulate",
     "simulate_batch",
+    "spread",
 ]

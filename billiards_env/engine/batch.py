@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
+from collections import deque
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +28,123 @@ from billiards_env.engine.shot import ENGINES, MAX_EVENTS, check_mode, check_sho
 from billiards_env.scene import Scene
 
 _LEAST = 32  # shots that are worth a thread
+
+Floats = NDArray[np.float64]
+
+
+class Shots(NamedTuple):
+    """m shots of n balls as an engine works on them, in place: before a shot, what it starts from; then, its outcome.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool: balls that are not in a pocket.
+        times: (m,) float64 out: duration, s.
+        hits: (m, n, 2) int32 out: columns `CUSHIONS` and `CUSHIONS_BEFORE_HIT` of `engine.log`.
+        counts: (m, N_COUNTS) int64 out: columns `N_EVENTS`, `ENDED`, `FIRST_HIT` and `N_CONTACT_RULE`.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: NDArray[np.bool_]
+    times: Floats
+    hits: NDArray[np.int32]
+    counts: NDArray[np.int64]
+
+
+def empty_shots(m: int, n: int) -> Shots:
+    """Arrays for m shots of n balls, all in play and at rest, their places not yet set."""
+    return Shots(
+        np.zeros((m, n, 2)),
+        np.zeros((m, n, 2)),
+        np.zeros((m, n, 3)),
+        np.ones((m, n), np.bool_),
+        np.zeros(m),
+        np.zeros((m, n, 2), np.int32),
+        np.zeros((m, N_COUNTS), np.int64),
+    )
+
+
+def run_batch(
+    mode: str,
+    arrays: tuple[Floats, Floats, Floats, Floats],
+    limit: float,
+    shots: Shots,
+    begin: int,
+    end: int,
+    max_events: int = MAX_EVENTS,
+) -> None:
+    """Runs the shots `begin` to `end` in place and checks nothing; other threads may run others at the same time.
+
+    Args:
+        mode: The engine.
+        arrays: The scene, as `scene_arrays` gives it.
+        limit: The time at which a shot is ended, s; may be infinite.
+        shots: The shots.
+        begin: First shot.
+        end: One past the last.
+        max_events: As in `simulate`, for each shot.
+    """
+    ENGINES[mode](begin, end, *arrays, limit, max_events, *shots, *_NO_LOG, np.empty(2, np.int64))
+
+
+_NO_LOG = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH))
+
+
+def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
+    """Calls `work(begin, end)` for pieces that make up 0 to m, on several threads where m is worth it.
+
+    Args:
+        work: Called from any thread; it should leave the interpreter's lock to the others while it computes.
+        m: Number of shots.
+        threads: Number of threads, this one among them; None for one a core.
+    """
+    workers = min(threads or os.cpu_count() or 1, max(1, m // _LEAST))
+    if workers == 1:
+        work(0, m)
+        return
+    # More pieces than threads: shots differ in length.
+    edges = np.linspace(0, m, min(4 * workers, m // _LEAST) + 1).astype(int).tolist()
+    pieces = deque(itertools.pairwise(edges))
+
+    def take() -> None:
+        while pieces:
+            try:
+                begin, end = pieces.popleft()
+            except IndexError:  # another thread was faster
+                return
+            work(begin, end)
+
+    helpers = [_helpers().submit(take) for _ in range(workers - 1)]
+    try:
+        take()
+    finally:
+        errors = [helper.exception() for helper in helpers]
+    for error in errors:
+        if error is not None:
+            raise error
+
+
+_pool: ThreadPoolExecutor | None = None
+
+
+def _helpers() -> ThreadPoolExecutor:
+    """The threads beside the caller's, started when first needed and kept."""
+    global _pool
+    if _pool is None:
+        _pool = ThreadPoolExecutor(max(os.cpu_count() or 1, 64), "billiards")
+    return _pool
+
+
+def _forget_helpers() -> None:
+    global _pool
+    _pool = None
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+    os.register_at_fork(after_in_child=_forget_helpers)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -105,30 +226,17 @@ def simulate_batch(
     if threads is not None:
         check_whole("threads", threads, 1)
     given = check_shot(scene, positions, velocities, spins, in_play, max_time)
-    balls = given.positions, given.velocities, given.spins, given.in_play
     m, n = given.positions.shape[:2]
-    times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
+    shots = Shots(*given[:4], np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64))
     arrays = scene_arrays(scene, dt, fix)
-    engine = ENGINES[mode]
-
-    def work(begin: int, end: int) -> None:
-        log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)
-        engine(begin, end, *arrays, given.limit, max_events, *balls, times, hits, counts, *log)
-
-    workers = min(threads or os.cpu_count() or 1, max(1, m // _LEAST))
-    if workers == 1:
-        work(0, m)
-    else:
-        # More pieces than threads: shots differ in length.
-        edges = np.linspace(0, m, min(4 * workers, m // _LEAST) + 1).astype(int).tolist()
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(work, edges[:-1], edges[1:]))
+    spread(lambda begin, end: run_batch(mode, arrays, given.limit, shots, begin, end, max_events), m, threads)
+    counts, hits = shots.counts, shots.hits
     return BatchResult(
         positions=given.positions,
         velocities=given.velocities,
         spins=given.spins,
         potted=~given.in_play,
-        time=times,
+        time=shots.times,
         n_events=counts[:, N_EVENTS].copy(),
         status=counts[:, ENDED].copy(),
         first_hit=counts[:, FIRST_HIT].copy(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import warnings
 from collections.abc import Mapping
@@ -15,13 +14,18 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.engine import ShotInput, check_mode, run_checked
+from billiards_env.engine import STATUS, ShotInput, check_mode
+from billiards_env.engine.log import CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
+from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, shorten
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
 # The layout a game of each task opens with.
 _OPENING = {"pot": "rack", "carom": "carom_opening"}
+
+_ONE = np.ones(1, np.bool_)
+_NONE = np.zeros(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -105,6 +109,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
 
     A shot that meets the engine's limit on events raises a `RuntimeWarning` as well; no ordinary shot does.
+
+    ## Many at Once
+
+    `gym.make_vec("Billiards-v0", num_envs=1024)` gives a `BilliardsVectorEnv`, which plays the shots of all
+    environments in compiled code on several threads; each plays what one of these plays when it is seeded alike.
 
     ## Arguments
 
@@ -206,16 +215,23 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         low[2 * n :] = 0.0
         self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
 
-        self._score_shot = TASKS[task]
+        self._tables = self.tables(1)
+        self._rewards = np.empty(1)
         self._size = len(low)
-        self._half = np.array([self.scene.table.length / 2, self.scene.table.width / 2])
-        self._time_limit = self.scene.physics.max_time or math.inf
-        self._positions = np.zeros((n, 2))
-        self._potted = np.zeros(n, np.bool_)
-        self._shots_left = 0
-        self._score = 0
-        self._success = False
-        self._over = True
+
+    def tables(self, count: int) -> Tables:
+        """New tables on which so many environments with these arguments play."""
+        return Tables(
+            count,
+            self.scene,
+            layouts.plan(self.layout, self.scene),
+            self.task,
+            self.targets,
+            self.max_shots,
+            self.mode,
+            self.dt,
+            self.fix,
+        )
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -235,15 +251,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         placed = placed_by_hand(self.scene, options)
         super().reset(seed=seed)
-        self._positions = layouts.draw(self.layout, self.scene, self.np_random) if placed is None else placed
-        self._potted = np.zeros(self.scene.n_balls, np.bool_)
-        self._shots_left = self.max_shots
-        self._score = 0
-        self._success = False
-        self._over = False
+        tables = self._tables
+        tables.shots.positions[0] = layouts.draw_one(tables.plan, self.np_random) if placed is None else placed
+        observation = np.empty(self._size, np.float32)
+        tables.start(0, 1, _ONE, observation[None])
         if self._renderer is not None:
-            self._renderer.begin([layout(self._positions, self.task)])
-        return self._observation(), {}
+            self._renderer.begin([layout(tables.shots.positions[0], self.task)])
+        return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -258,52 +272,53 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ResetNeeded: If no episode is under way.
             ValueError: If the action is not two finite numbers.
         """
-        if self._over:
+        tables = self._tables
+        if tables.over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        n = len(self._potted)
+        aimed = check_action(action)
+        observation = np.empty(self._size, np.float32)
+        potted = np.empty(len(self.targets), np.bool_)
+        reward = self._rewards
+        tables.shoot(
+            0, 1, _NONE, aimed[None], self.max_speed, self.scratch_penalty, reward, potted[None], observation[None]
+        )
+        shots = tables.shots
+        counts = shots.counts[0].tolist()
+        points, score, shots_left, success = tables.tally[0].tolist()
+        status = STATUS[counts[ENDED]]
+        if status == "event_limit":
+            warn_cut_off(tables, 0, self.scene, aimed)
+        info = {
+            "shot_time": shots.times.item(),
+            "n_events": counts[N_EVENTS],
+            "status": status,
+            "first_hit": counts[FIRST_HIT],
+            "cushions": shots.hits[0, :, CUSHIONS].copy(),
+            "potted": potted,
+            "scratch": potted.item(0),
+            "points": points,
+            "score": score,
+            "shots_left": shots_left,
+            "success": success == 1,
+            "is_success": success == 1,
+        }
+        if self._renderer is not None:
+            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0])])
+        return observation, reward.item(), tables.over.item(), False, info
+
+    def shown(
+        self, tables: Tables, k: int, action: NDArray[np.float64], reward: float, tally: NDArray[np.int64]
+    ) -> Shown:
+        """The last shot of table k, to be drawn; `action`, `reward` and `tally` are its own."""
+        n = self.scene.n_balls
         velocities = np.zeros((n, 2))
         velocities[0] = cue_velocity(action, self.max_speed)
-        # The balls lie where the last shot, or a checked layout, has left them.
-        given = ShotInput(self._positions.copy(), velocities, np.zeros((n, 3)), ~self._potted, self._time_limit)
-        noted = None if self._renderer is None else copy.deepcopy(given)  # a shot is run in its arrays
-        shot = run_checked(self.scene, given, self.mode, self.dt, self.fix)
-        if shot.status == "event_limit":
-            warnings.warn(
-                f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "
-                f"scene {self.scene}, positions {self._positions.tolist()}, action {np.asarray(action).tolist()}",
-                RuntimeWarning,
-                stacklevel=2,
-            )
-        points, over, success = self._score_shot(self.targets, self._potted, shot.potted, shot.cushions_before_hit)
-        points = int(points)
-        scratch = bool(shot.potted[0])
-        self._positions = shot.positions
-        self._potted = shot.potted
-        self._shots_left -= 1
-        self._score += points
-        self._success = self._success or bool(success)
-        self._over = bool(over) or self._shots_left == 0
-        info = {
-            "shot_time": shot.time,
-            "n_events": shot.n_events,
-            "status": shot.status,
-            "first_hit": shot.first_hit,
-            "cushions": shot.cushions,
-            "potted": shot.potted.copy(),
-            "scratch": scratch,
-            "points": points,
-            "score": self._score,
-            "shots_left": self._shots_left,
-            "success": self._success,
-            "is_success": self._success,
-        }
-        reward = points - self.scratch_penalty if scratch else float(points)
-        if self._renderer is not None and noted is not None:
-            done = self.max_shots - self._shots_left
-            speed = math.hypot(*noted.velocities[0])
-            left = f"{self.task}   shot {done} of {self.max_shots}   {speed:.2f} m/s"
-            self._renderer.step([Shown(noted, left, f"reward {reward:g}   score {self._score}")])
-        return self._observation(), reward, self._over, False, info
+        limit = self.scene.physics.max_time or math.inf
+        in_play = ~tables.potted_before[k]
+        given = ShotInput(tables.starts[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
+        done = self.max_shots - int(tally[SHOTS_LEFT])
+        left = f"{self.task}   shot {done} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
+        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}")
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Shows the shots, as the class's docstring says.
@@ -326,14 +341,6 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
-
-    def _observation(self) -> NDArray[np.float32]:
-        places = np.minimum(np.maximum(self._positions / self._half, -1.0), 1.0)
-        observation = np.empty(self._size, np.float32)
-        observation[: places.size] = places.reshape(-1)
-        if self.observe_shots_left:
-            observation[-1] = self._shots_left / self.max_shots
-        return observation
 
 
 def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
@@ -389,8 +396,23 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     return targets
 
 
-def placed_by_hand(scene: Scene, options: Mapping[str, Any] | None) -> NDArray[np.float64] | None:
-    """The (n, 2) positions that the options of a reset give, checked, or None if they give none."""
+def placed_by_hand(
+    scene: Scene, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64] | None:
+    """The positions that the options of a reset give, checked, or None if they give none.
+
+    Args:
+        scene: The scene.
+        options: The options.
+        mask: None for one table; for m tables (m,) bool, those whose positions count.
+
+    Returns:
+        (n, 2) or (m, n, 2) positions, m.
+
+    Raises:
+        ValueError: If an option is unknown or the balls cannot be placed so.
+        TypeError: If the options are no mapping.
+    """
     if options is None:
         return None
     if not isinstance(options, Mapping):
@@ -399,12 +421,27 @@ def placed_by_hand(scene: Scene, options: Mapping[str, Any] | None) -> NDArray[n
         choose("key of options", key, ("positions",))
     if "positions" not in options:
         return None
-    positions = check_positions(scene, options["positions"], "options['positions']")
-    if positions.ndim != 2:
-        raise ValueError(
-            f"options['positions'] has shape {positions.shape}: expected ({scene.n_balls}, 2), a row a ball"
-        )
-    return positions
+    expected = (scene.n_balls, 2) if mask is None else (len(mask), scene.n_balls, 2)
+    shape = np.shape(options["positions"])
+    if shape != expected:
+        raise ValueError(f"options['positions'] has shape {shape}: expected {expected}, a row a ball")
+    in_play = None if mask is None else np.broadcast_to(mask[:, None], expected[:2])
+    return check_positions(scene, options["positions"], "options['positions']", in_play)
+
+
+def check_action(action: ArrayLike) -> NDArray[np.float64]:
+    """The action as two doubles.
+
+    Raises:
+        ValueError: If it is not two finite numbers.
+    """
+    array = np.asarray(action, dtype=np.float64)
+    if array.shape != (2,):
+        raise ValueError(f"action has shape {array.shape}: expected (2,)")
+    x, y = array.tolist()
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"action = {[x, y]}: expected two finite numbers")
+    return array
 
 
 def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
@@ -424,18 +461,19 @@ def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
         >>> cue_velocity([0.0, -0.5], 4.0).tolist(), cue_velocity([3.0, 4.0], 1.0).tolist()
         ([0.0, -2.0], [0.6, 0.8])
     """
-    array = np.asarray(action, dtype=np.float64)
-    if array.shape != (2,):
-        raise ValueError(f"action has shape {array.shape}: expected (2,)")
-    x, y = array.tolist()
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f"action = {[x, y]}: expected two finite numbers")
-    # Into the box first, so that the squares cannot overflow.
-    largest = max(abs(x), abs(y), 1.0)
-    x, y = x / largest, y / largest
-    # Not hypot, whose last bit depends on the C library.
-    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
-    return np.array((x * speed, y * speed))
+    x, y = check_action(action).tolist()
+    return np.array(shorten(x, y, float(max_speed)))
+
+
+def warn_cut_off(tables: Tables, k: int, scene: Scene, action: NDArray[np.float64]) -> None:
+    """Warns that the shot on table k met the engine's limit on events."""
+    n_events, time = tables.shots.counts[k, N_EVENTS], tables.shots.times[k]
+    warnings.warn(
+        f"a shot was cut off at the engine's limit, after {n_events} events and {time} s; "
+        f"scene {scene}, positions {tables.starts[k].tolist()}, action {action.tolist()}",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 def _number(name: str, value: Any) -> float:

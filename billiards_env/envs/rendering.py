@@ -46,10 +46,20 @@ class Shown(NamedTuple):
     right: str = ""
 
 
-def layout(positions: NDArray[np.float64], left: str) -> Shown:
-    """How the balls of (n, 2) positions, m, lie before a shot."""
+def layout(positions: NDArray[np.float64], left: str, in_play: NDArray[np.bool_] | None = None) -> Shown:
+    """How the balls lie before a shot.
+
+    Args:
+        positions: (n, 2) m; copied.
+        left: A line of text.
+        in_play: (n,) bool; None for all balls.
+
+    Returns:
+        What `Renderer` takes.
+    """
     n = len(positions)
-    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), np.ones(n, np.bool_), 0.0), left)
+    playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
+    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left)
 
 
 class Renderer:

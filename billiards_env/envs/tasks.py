@@ -1,98 +1,75 @@
-"""What a shot is worth: one function a task, all with the same signature.
+"""What a shot is worth: one kernel a task, all with the same signature.
 
-Each takes what one shot did, arrays with the balls as their last axis, or what many shots did, with any leading axes
-more; the result has the leading axes. A task knows neither the limit on shots nor what a scratch costs.
+    k: which of m shots.
+    targets: (n,) bool, the balls that the task is about.
+    potted_before: (m, n) bool, the balls off the table before the shot.
+    potted: (m, n) bool, the balls off the table after it.
+    cushions_before_hit: (m, n) int32, cushion contacts the cue ball had made when it first touched each ball, -1 if it
+        did not.
+
+Each returns the shot's points, whether the episode is decided and whether the task was achieved. A task knows neither
+the limit on shots nor what a scratch costs. (It is given all m shots and not views of one, as a view costs more than
+the task does.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from billiards_env.physics.jit import kernel
 
-import numpy as np
-from numpy.typing import NDArray
-
-
-class Outcome(NamedTuple):
-    """What a shot brought; each field is of the leading shape (...), a scalar for a single shot.
-
-    Attributes:
-        points: int, the points it scored.
-        over: bool, whether the episode is decided.
-        success: bool, whether the task was achieved.
-    """
-
-    points: NDArray[np.integer[Any]] | np.integer[Any]
-    over: NDArray[np.bool_] | np.bool_
-    success: NDArray[np.bool_] | np.bool_
+TASKS = ("pot", "carom")
+POT, CAROM = 0, 1
 
 
-def pot(
-    targets: NDArray[np.bool_],
-    potted_before: NDArray[np.bool_],
-    potted: NDArray[np.bool_],
-    cushions_before_hit: NDArray[np.integer[Any]],
-) -> Outcome:
+@kernel
+def pot(k, targets, potted_before, potted, cushions_before_hit):
     """Pot the object balls: a point each.
 
     Decided when all of them are potted or the cue ball is (a scratch); achieved when they are and it is not.
 
-    Args:
-        targets: (n,) the balls to pot.
-        potted_before: (..., n) balls off the table before the shot.
-        potted: (..., n) balls off the table after it.
-        cushions_before_hit: (..., n) not used.
-
-    Returns:
-        Points, over and success, (...) each.
-
     Example:
-        >>> targets, before = np.array([False, True, True]), np.array([False, True, False])
-        >>> outcome = pot(targets, before, np.array([False, True, True]), np.array([-1, -1, 0]))
-        >>> int(outcome.points), bool(outcome.over), bool(outcome.success)
+        >>> import numpy as np
+        >>> targets, before = np.array([False, True, True]), np.array([[False, True, False]])
+        >>> pot(0, targets, before, np.array([[False, True, True]]), np.array([[-1, -1, 0]]))
         (1, True, True)
     """
-    points = (potted & ~potted_before & targets).sum(-1)
-    cleared = (potted | ~targets).all(-1)
-    scratch = potted[..., 0]
-    return Outcome(points, cleared | scratch, cleared & ~scratch)
+    points, cleared = 0, True
+    for i in range(len(targets)):
+        if targets[i]:
+            if not potted[k, i]:
+                cleared = False
+            elif not potted_before[k, i]:
+                points += 1
+    scratch = potted[k, 0]
+    return points, cleared or scratch, cleared and not scratch
 
 
-def carom(
-    targets: NDArray[np.bool_],
-    potted_before: NDArray[np.bool_],
-    potted: NDArray[np.bool_],
-    cushions_before_hit: NDArray[np.integer[Any]],
-) -> Outcome:
+@kernel
+def carom(k, targets, potted_before, potted, cushions_before_hit):
     """Touch every object ball with the cue ball in one shot: a point.
 
     A shot scores nothing if it pots the cue ball. On a table with pockets any potted ball decides the episode, as it
     can no longer be touched; otherwise play goes on, whether the shot scored or not.
 
-    Args:
-        targets: (n,) the balls to touch.
-        potted_before: (..., n) not used.
-        potted: (..., n) balls off the table after the shot.
-        cushions_before_hit: (..., n) cushion contacts the cue ball had made when it first touched each ball, -1 if it
-            did not.
-
-    Returns:
-        Points, over and success, (...) each.
-
     Example:
-        >>> targets, potted = np.array([False, True, True]), np.zeros(3, bool)
-        >>> int(carom(targets, potted, potted, np.array([-1, 0, 3])).points)
-        1
-        >>> int(carom(targets, potted, potted, np.array([-1, 0, -1])).points)
-        0
+        >>> import numpy as np
+        >>> targets, potted = np.array([False, True, True]), np.zeros((1, 3), np.bool_)
+        >>> carom(0, targets, potted, potted, np.array([[-1, 0, 3]]))
+        (1, False, True)
+        >>> carom(0, targets, potted, potted, np.array([[-1, 0, -1]]))
+        (0, False, False)
     """
-    success = ((cushions_before_hit >= 0) | ~targets).all(-1) & ~potted[..., 0]
-    return Outcome(success.astype(np.int64), potted.any(-1), success)
+    success, over = not potted[k, 0], False
+    for i in range(len(targets)):
+        if targets[i] and cushions_before_hit[k, i] < 0:
+            success = False
+        if potted[k, i]:
+            over = True
+    return (1 if success else 0), over, success
 
 
-Task = Callable[
-    [NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.integer[Any]]],
-    Outcome,
-]
-
-TASKS: dict[str, Task] = {"pot": pot, "carom": carom}
+@kernel
+def judge(task, k, targets, potted_before, potted, cushions_before_hit):
+    """What shot k is worth in the task of that number."""
+    if task == POT:
+        return pot(k, targets, potted_before, potted, cushions_before_hit)
+    return carom(k, targets, potted_before, potted, cushions_before_hit)

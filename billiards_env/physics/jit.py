@@ -16,7 +16,7 @@ from numba.core import config as _numba_config
 F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-KERNEL_FOLDERS = ("physics", "engine")
+KERNEL_SOURCES = ("physics/*.py", "engine/*.py", "streams.py", "layouts.py", "envs/tasks.py", "envs/tables.py")
 
 
 def source_hash() -> str:
@@ -26,8 +26,8 @@ def source_hash() -> str:
     of this name holds nothing stale.
     """
     digest = hashlib.sha256()
-    for folder in KERNEL_FOLDERS:
-        for path in sorted((_PACKAGE / folder).glob("*.py")):
+    for pattern in KERNEL_SOURCES:
+        for path in sorted(_PACKAGE.glob(pattern)):
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

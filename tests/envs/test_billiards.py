@@ -2,7 +2,6 @@ import copy
 import json
 import pickle
 import warnings
-from types import SimpleNamespace
 from typing import Any
 
 import gymnasium as gym
@@ -14,7 +13,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import OrderEnforcing
 
 import billiards_env.envs.billiards as billiards
-from billiards_env.envs import BilliardsEnv
+from billiards_env.envs import BilliardsEnv, tables
 from billiards_env.envs.tasks import TASKS
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene, check_positions
@@ -447,24 +446,13 @@ def test_bad_arguments_are_refused(kwargs, error, message):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    def cut_off(scene, given, mode, dt, fix):
-        n = scene.n_balls
-        return SimpleNamespace(
-            positions=given.positions,
-            potted=np.zeros(n, bool),
-            time=0.5,
-            n_events=10**6,
-            status="event_limit",
-            first_hit=-1,
-            cushions=np.zeros(n, np.int32),
-            cushions_before_hit=np.full(n, -1, np.int32),
-        )
-
-    monkeypatch.setattr(billiards, "run_checked", cut_off)
+    monkeypatch.setattr(tables, "MAX_EVENTS", 2)
     env = BilliardsEnv()
-    env.reset(seed=0)
-    with pytest.warns(RuntimeWarning, match="cut off at the engine's limit, after 1000000 events and 0.5 s"):
-        *_, info = env.step(np.zeros(2))
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
+    with pytest.warns(
+        RuntimeWarning, match=r"after 2 events and .* s; .* positions \[\[-0.5, 0.0\], .* action \[1.0, 0"
+    ):
+        *_, info = env.step([1.0, 0.0])
     assert info["status"] == "event_limit"
 
 
@@ -486,4 +474,4 @@ def test_final_positions_of_every_variant_can_be_placed_again():
             env.reset(seed=seed)
             *_, info = env.step([0.7, 0.5])
             if not info["potted"].any():
-                check_positions(env.scene, env._positions)
+                check_positions(env.scene, env._tables.shots.positions[0])

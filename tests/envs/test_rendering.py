@@ -60,7 +60,7 @@ def test_a_render_mode_changes_no_bit(kwargs):
     kwargs = {"max_shots": 3, "n_object_balls": 2, **kwargs}
     plain, *shown = [BilliardsEnv(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
     rng = np.random.default_rng(0)
-    for episode in range(3):
+    for episode in range(2):
         start = plain.reset(seed=episode)[0].tobytes()
         assert [env.reset(seed=episode)[0].tobytes() for env in shown] == [start, start]
         over = False
@@ -223,8 +223,8 @@ def test_record_video_films_every_frame_of_every_shot(tmp_path):
         twin.reset(seed=episode)
         over = False
         while not over:
-            *_, over, _, info = env.step(SLOWLY)
-            twin.step(SLOWLY)
+            *_, over, _, info = env.step(0.4 * SLOWLY)
+            twin.step(0.4 * SLOWLY)
             if episode != 1:
                 assert len(env.render()) == n_frames(info)  # Gymnasium's own gives them too
         expected[episode] = twin.render()
@@ -281,6 +281,57 @@ def test_synchronous_vector_environments_give_a_frame_each():
     envs.step(np.tile(SLOWLY, (3, 1)))
     assert len({frame.tobytes() for frame in envs.render()}) == 3
     envs.close()
+
+
+@pytest.mark.parametrize("autoreset_mode", ["NextStep", "SameStep"])
+def test_vector_environments_give_a_view_of_a_few(autoreset_mode):
+    """Each quarter is what a single environment that is seeded alike shows."""
+    game = {"render_mode": "rgb_array_list", "max_shots": 2, "n_object_balls": 2}
+    envs = make_vec("Billiards-v0", num_envs=6, autoreset_mode=autoreset_mode, **game)
+    single = BilliardsEnv(**game)
+    envs.reset(seed=5)
+    layout, *none = envs.render()
+    assert not none
+    actions = np.random.default_rng(0).uniform(-0.06, 0.06, (4, 6, 2))
+    steps = []
+    for action in actions:
+        envs.step(action)
+        steps.append(envs.render())
+    width, height = (1124 - 4) // 2, (layout.shape[0] - 4) // 2
+
+    from billiards_env.drawing.canvas import Canvas
+
+    assert Canvas(single.scene, width).size == (width, height)
+    single._renderer._canvas = Canvas(single.scene, width)
+    for k in range(4):
+        y, x = k // 2 * (height + 4), k % 2 * (width + 4)
+        single.reset(seed=5 + k)
+        assert (single.render()[0] == layout[y : y + height, x : x + width]).all()
+        over = False
+        for action, frames in zip(actions, steps, strict=True):
+            if over:
+                single.reset()
+            if not over or autoreset_mode == "SameStep":
+                if over:
+                    single.render()
+                *_, over, _, _ = single.step(action[k])
+            else:
+                over = False
+            alone = single.render()
+            assert len(frames) >= len(alone)
+            for t, frame in enumerate(frames):
+                assert (frame[y : y + height, x : x + width] == alone[min(t, len(alone) - 1)]).all()
+    envs.close()
+
+
+def test_vector_environments_in_a_window(pygame):
+    envs = make_vec("Billiards-v0", num_envs=2, render_mode="human")
+    envs.reset(seed=0)
+    envs.step(np.full((2, 2), 0.01))
+    assert pygame.display.get_surface().get_size()[0] == 2 * 560 + 4
+    assert envs.render() is None
+    envs.close()
+    assert not pygame.display.get_init()
 
 
 def test_environments_can_be_copied_and_specs_survive_json():

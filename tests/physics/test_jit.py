@@ -10,24 +10,41 @@ from billiards_env.physics import jit
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """A package folder of two kernel sources."""
-    for folder in jit.KERNEL_FOLDERS:
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "kernels.py").write_text("x = 1\n")
+    """A package folder of a kernel source a pattern."""
+    for pattern in jit.KERNEL_SOURCES:
+        path = tmp_path / pattern.replace("*", "kernels")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("x = 1\n")
     monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     return tmp_path
 
 
-@pytest.mark.parametrize("folder", jit.KERNEL_FOLDERS)
-def test_every_edit_of_a_kernel_changes_the_hash(package, folder):
+@pytest.mark.parametrize("pattern", jit.KERNEL_SOURCES)
+def test_every_edit_of_a_kernel_changes_the_hash(package, pattern):
     before = jit.source_hash()
     assert jit.source_hash() == before
-    (package / folder / "kernels.py").write_text("x = 2\n")
-    edited = jit.source_hash()
+    (package / pattern.replace("*", "kernels")).write_text("x = 2\n")
+    assert jit.source_hash() != before
+
+
+@pytest.mark.parametrize("folder", ["physics", "engine"])
+def test_another_kernel_file_changes_the_hash(package, folder):
+    before = jit.source_hash()
     (package / folder / "more.py").write_text("y = 1\n")
-    assert len({before, edited, jit.source_hash()}) == 3
+    assert jit.source_hash() != before
+
+
+def test_every_file_with_kernels_is_hashed():
+    root = Path(jit.__file__).parents[1]
+    hashed = {path for pattern in jit.KERNEL_SOURCES for path in root.glob(pattern)}
+    kernels = {
+        path
+        for path in root.rglob("*.py")
+        if "import entry_point" in path.read_text() or "import kernel" in path.read_text()
+    }
+    assert kernels <= hashed
 
 
 def test_other_files_do_not_change_the_hash(package):

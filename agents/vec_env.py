@@ -1,0 +1,118 @@
+"""Gymnasium's vector environments for Stable-Baselines3, which has an interface of its own for them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+
+class SameStepVecEnv(VecEnv):
+    """A Gymnasium vector environment with same-step autoreset as a `VecEnv` of Stable-Baselines3.
+
+    A thousand environments have a thousand `info` dicts a step, so only those of finished episodes hold anything:
+    `terminal_observation`, `TimeLimit.truncated` and, where the environment tells them, `success` and `is_success`.
+    All else that the last step told is in `infos`, as Gymnasium lays it out.
+
+    The environments are one object: attributes are those of all of them, and methods are called once for all.
+
+    Attributes:
+        envs: The vector environment.
+        infos: The `infos` of the last step.
+    """
+
+    def __init__(self, envs: VectorEnv[Any, Any, Any]) -> None:
+        mode = envs.metadata.get("autoreset_mode")
+        if mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(f"envs reset in the mode {mode}: expected {AutoresetMode.SAME_STEP}")
+        self.envs = envs
+        self.infos: dict[str, Any] = {}
+        self._actions: np.ndarray | None = None
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+
+    def reset(self) -> np.ndarray:
+        """Resets all environments, with what `seed` and `set_options` have set, if they were called since the last.
+
+        Raises:
+            ValueError: If options are set for some environments only, or another option than `positions`.
+        """
+        options = None
+        if any(self._options):
+            keys = {tuple(option) for option in self._options}
+            if keys != {("positions",)}:
+                raise ValueError(f"options = {self._options[:2]} ...: expected positions for every environment")
+            options = {"positions": np.stack([option["positions"] for option in self._options])}
+        # Without a seed the environments go on with the random streams that they have.
+        observations, _ = self.envs.reset(seed=self._seeds, options=options)  # pyright: ignore[reportArgumentType]
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Takes the actions for `step_wait`, which does the work."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Plays a step; see the class for what the infos hold."""
+        observations, rewards, terminated, truncated, self.infos = self.envs.step(self._actions)
+        dones = terminated | truncated
+        told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if dones.any():
+            final = self.infos["final_info"]
+            columns = {
+                "terminal_observation": self.infos["final_obs"],
+                "TimeLimit.truncated": truncated & ~terminated,
+                **{key: final[key] for key in ("success", "is_success") if key in final},
+            }
+            done = np.flatnonzero(dones)
+            rows = zip(*(column[done].tolist() for column in columns.values()), strict=True)
+            for i, row in zip(done.tolist(), rows, strict=True):
+                told[i] = dict(zip(columns, row, strict=True))
+        return observations, rewards.astype(np.float32), dones, told  # pyright: ignore[reportReturnType]
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the vector environment or, if it has none of the name, of its `single_env`, once an index."""
+        owner = self._owner(attr_name)
+        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Sets an attribute of all environments.
+
+        Raises:
+            ValueError: If `indices` leaves some out.
+        """
+        self._expect_all(f"set_attr({attr_name!r})", indices)
+        setattr(self._owner(attr_name), attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Calls a method of the vector environment or of its `single_env` once, and gives its result once an index.
+
+        Raises:
+            ValueError: If `indices` leaves some environments out.
+        """
+        self._expect_all(f"env_method({method_name!r})", indices)
+        result = getattr(self._owner(method_name), method_name)(*args, **kwargs)
+        return [result] * self.num_envs
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+        """False for each index: there are no single environments that could be wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def _owner(self, name: str) -> Any:
+        envs: Any = self.envs.unwrapped
+        single = getattr(envs, "single_env", None)
+        return single if single is not None and hasattr(single, name) and not hasattr(envs, name) else envs
+
+    def _expect_all(self, call: str, indices: VecEnvIndices) -> None:
+        given = sorted(set(self._get_indices(indices)))
+        if given != list(range(self.num_envs)):
+            raise ValueError(f"{call} for environments {given}: expected all {self.num_envs}, they are one object")

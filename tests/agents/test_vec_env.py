@@ -1,0 +1,174 @@
+"""The adapter says what Stable-Baselines3's own DummyVecEnv of single environments says."""
+
+from typing import Any, cast
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
+
+from agents.config import Config
+from agents.ppo import make_env, make_vec_env
+from agents.train import open_run, train
+from agents.vec_env import SameStepVecEnv
+
+SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
+KEPT = ("terminal_observation", "TimeLimit.truncated", "success", "is_success")
+
+
+def pair(num_envs, **kwargs) -> tuple[Any, Any]:
+    """The adapter, and Stable-Baselines3's own."""
+    native = gym.make_vec("Billiards-v0", num_envs=num_envs, autoreset_mode="SameStep", **kwargs)
+    return SameStepVecEnv(native), DummyVecEnv([lambda: gym.make("Billiards-v0", **kwargs)] * num_envs)
+
+
+@pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])
+@pytest.mark.parametrize("wrapper", [lambda envs: envs, VecMonitor, VecNormalize])
+def test_it_plays_what_dummy_vec_env_plays(kwargs, wrapper):
+    native, dummy = (wrapper(envs) for envs in pair(7, **kwargs))
+    rng = np.random.default_rng(0)
+    for start in range(2):
+        if start == 0:
+            assert native.seed(3) == dummy.seed(3)
+        observations = native.reset()
+        assert observations.tobytes() == dummy.reset().tobytes()
+        assert native.reset_infos == dummy.reset_infos
+        finished = 0
+        for _ in range(6):
+            actions = rng.uniform(-1, 1, (7, 2)).astype(np.float32)
+            *told, infos = native.step(actions)
+            *expected, all_infos = dummy.step(actions)
+            for one, other in zip(told, expected, strict=True):
+                assert (one.dtype, one.shape) == (other.dtype, other.shape)
+                assert one.tobytes() == other.tobytes()
+            assert isinstance(infos, list)
+            for done, info, full in zip(told[2], infos, all_infos, strict=True):
+                finished += done
+                assert info.keys() == ({*KEPT, *(("episode",) if "episode" in full else ())} if done else set())
+                for key, value in info.items():
+                    assert type(value) is type(full[key])
+                    if key == "episode":
+                        assert (value["r"], value["l"]) == (full[key]["r"], full[key]["l"])
+                    else:
+                        np.testing.assert_array_equal(value, full[key])
+        assert finished > 6
+
+
+def test_all_that_the_last_step_told_is_at_hand():
+    native, dummy = pair(3)
+    for envs in (native, dummy):
+        envs.seed(0)
+        envs.reset()
+    native.step(np.full((3, 2), 0.5))
+    *_, infos = dummy.step(np.full((3, 2), 0.5))
+    for key in ("n_events", "shot_time", "status"):
+        assert native.infos["final_info"][key].tolist() == [info[key] for info in infos]
+
+
+def test_nothing_that_was_given_out_changes_later():
+    native, _ = pair(4)
+    native.reset()
+    *arrays, infos = native.step(np.zeros((4, 2)))
+    arrays += [info["terminal_observation"] for info in infos]
+    kept = [array.copy() for array in arrays]
+    native.step(np.ones((4, 2)))
+    for now, before in zip(arrays, kept, strict=True):
+        assert np.array_equal(now, before)
+    infos[0]["mine"] = 1
+    assert "mine" not in native.step(np.zeros((4, 2)))[3][0]
+
+
+def test_a_seed_serves_one_reset_only():
+    native, _ = pair(3)
+    native.seed(5)
+    first = native.reset()
+    second = native.reset()
+    native.seed(5)
+    assert np.array_equal(native.reset(), first)
+    assert np.array_equal(native.reset(), second)
+    assert not np.array_equal(first, second)
+
+
+def test_positions_may_be_set_as_options_of_every_environment():
+    native, dummy = pair(2)
+    options = [{"positions": [[0.1, 0.2], [0.3, 0.4]]}, {"positions": [[0.5, 0.0], [-0.5, 0.0]]}]
+    native.set_options(options)
+    dummy.set_options(options)
+    assert np.array_equal(native.reset(), dummy.reset())
+    again = native.reset()
+    native.set_options(options[0])
+    assert not np.array_equal(native.reset(), again)
+    for bad in ([options[0], {}], {"seat": 3}):
+        native.set_options(bad)
+        with pytest.raises(ValueError, match="expected positions for every environment"):
+            native.reset()
+
+
+def test_attributes_and_methods_are_those_of_all_environments():
+    native, dummy = pair(3)
+    for name in ("max_speed", "scene", "layout", "render_mode", "max_shots"):
+        for indices in (None, 1, [0, 2]):
+            assert native.get_attr(name, indices) == dummy.get_attr(name, indices)
+    assert native.has_attr("task")
+    assert not native.has_attr("tusk")
+    assert native.env_is_wrapped(Monitor) == [False] * 3
+    assert native.env_is_wrapped(Monitor, [1]) == [False]
+    assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
+    with pytest.raises(ValueError, match=r"set_attr\('max_speed'\) for environments \[1\]: expected all 3"):
+        native.set_attr("max_speed", 1.0, indices=1)
+    with pytest.raises(ValueError, match=r"env_method\('get_wrapper_attr'\) for environments \[0, 2\]"):
+        native.env_method("get_wrapper_attr", "task", indices=[0, 2])
+
+
+def test_an_attribute_that_is_set_takes_effect():
+    native, twin = pair(2)[0], pair(2, max_speed=1.0)[0]
+    native.set_attr("max_speed", 1.0)
+    assert native.get_attr("max_speed") == [1.0, 1.0]
+    for envs in (native, twin):
+        envs.seed(0)
+        envs.reset()
+    one, other = (envs.step(np.full((2, 2), 0.5))[3] for envs in (native, twin))
+    assert np.array_equal(one[0]["terminal_observation"], other[0]["terminal_observation"])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+def test_other_modes_of_resetting_are_refused(mode):
+    with pytest.raises(ValueError, match=r"expected AutoresetMode\.SAME_STEP"):
+        SameStepVecEnv(gym.make_vec("Billiards-v0", num_envs=2, autoreset_mode=mode))
+
+
+def test_any_vector_environment_with_same_step_resets_will_do():
+    envs = gym.make_vec(
+        "CartPole-v1",
+        num_envs=2,
+        vectorization_mode="sync",
+        max_episode_steps=5,
+        vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP},
+    )
+    envs = SameStepVecEnv(envs)
+    envs.reset()
+    for step in range(1, 5):
+        assert not envs.step(np.array([step % 2] * 2))[2].any()
+    *_, dones, infos = envs.step(np.array([1, 1]))
+    assert dones.all()
+    assert [info["TimeLimit.truncated"] for info in infos] == [True, True]
+
+
+def test_training_gives_the_weights_that_dummy_vec_env_gives(trained, tiny, tmp_path, monkeypatch):
+    config = Config.from_dict(tiny())
+    assert isinstance(make_vec_env(config).unwrapped, SameStepVecEnv)
+
+    def single(config):
+        return VecMonitor(DummyVecEnv([lambda: make_env(config) for _ in range(config.n_envs)]))
+
+    monkeypatch.setattr("agents.train.make_vec_env", single)
+    open_run(config, tmp_path / "run")
+    train(config, tmp_path / "run")
+    models = (folder / "model.zip" for folder in (trained, tmp_path / "run"))
+    native, dummy = (cast(dict[str, Any], load_from_zip_file(path, load_data=False)[1]["policy"]) for path in models)
+    assert native.keys() == dummy.keys()
+    assert all(torch.equal(native[key], dummy[key]) for key in native)

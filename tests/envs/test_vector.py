@@ -1,0 +1,379 @@
+"""The native vector environment says what Gymnasium's SyncVectorEnv of single environments says."""
+
+import copy
+import itertools
+import multiprocessing
+import pickle
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import vector as wrappers
+
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, tables
+from billiards_env.envs.tasks import TASKS
+from billiards_env.layouts import LAYOUTS
+from billiards_env.scene import SCENES, Scene
+
+MODES = tuple(AutoresetMode)
+modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.value)
+FITTING = [(s, t) for s in SCENES for t in TASKS if t != "pot" or Scene.named(s).table.pockets]
+VARIANTS = [
+    *({"scene": scene, "task": task} for scene, task in FITTING),
+    *({"scene": s, "task": t, "max_shots": 3, "observe_shots_left": True, "n_object_balls": 2} for s, t in FITTING),
+    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None)),
+    {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
+    {"mode": "pit", "dt": 1 / 60, "max_shots": 2, "n_object_balls": 2},
+    {"mode": "pit", "dt": 0.01, "fix": "move_back", "scene": "carom", "task": "carom"},
+    {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
+]
+variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values()))[:60])
+SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}  # some episodes end by a scratch, some by the limit
+
+
+def pair(num_envs, autoreset, threads=None, **kwargs):
+    """The native vector environment, and one of single environments."""
+    sync = SyncVectorEnv(
+        [lambda: gym.make("Billiards-v0", **kwargs) for _ in range(num_envs)], autoreset_mode=autoreset
+    )
+    return BilliardsVectorEnv(num_envs, autoreset, threads, **kwargs), sync
+
+
+def same(one: Any, other: Any) -> None:
+    """Fails unless both are equal to the bit: values, types, shapes and keys."""
+    assert type(one) is type(other)
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key, value in one.items():
+            same(value, other[key])
+    elif isinstance(one, np.ndarray):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        if one.dtype == object:
+            for a, b in zip(one.tolist(), other.tolist(), strict=True):
+                same(a, b)
+        else:
+            assert one.tobytes() == other.tobytes()
+    elif isinstance(one, (tuple, list)):
+        assert len(one) == len(other)
+        for a, b in zip(one, other, strict=True):
+            same(a, b)
+    else:
+        assert one == other
+
+
+def compare(native, sync, steps, seed: Any = 0):
+    """Plays both alike at random; in the mode "Disabled" finished episodes are reset by a mask."""
+    same(native.reset(seed=seed), sync.reset(seed=seed))
+    rng = np.random.default_rng(0)
+    for _ in range(steps):
+        actions = rng.uniform(-1, 1, (native.num_envs, 2)).astype(np.float32)
+        told = native.step(actions)
+        same(told, sync.step(actions))
+        if native.autoreset_mode is AutoresetMode.DISABLED and told[2].any():
+            same(*(envs.reset(options={"reset_mask": told[2].copy()}) for envs in (native, sync)))
+
+
+@modes
+@variants
+def test_it_plays_what_single_environments_play(kwargs, mode):
+    compare(*pair(5, mode, **kwargs), steps=7, seed=11)
+
+
+@modes
+def test_it_does_so_over_threads_and_many_episodes(mode):
+    compare(*pair(150, mode, threads=4, **SOFT), steps=12)
+
+
+@modes
+@pytest.mark.parametrize("seed", [5, [3, 1, 4, 1, 5]])
+def test_seeds_are_those_of_single_environments(mode, seed):
+    native, sync = pair(5, mode)
+    compare(native, sync, 3, seed)
+    assert native.np_random_seed == sync.np_random_seed
+    compare(native, sync, 3, [None, 7, None, 2**70, 0])
+    assert native.np_random_seed == sync.np_random_seed
+    for a, b in zip(native.np_random, sync.np_random, strict=True):
+        assert a.bit_generator.state == b.bit_generator.state
+    native.np_random[0].random()
+    same(native.reset(), sync.reset())
+
+
+def test_environments_without_a_seed_play_different_layouts_that_their_seeds_give_again():
+    envs = BilliardsVectorEnv(20)
+    first, _ = envs.reset()
+    assert len(np.unique(first, axis=0)) == 20
+    second, _ = envs.reset()
+    assert not (first == second).any()
+    assert np.array_equal(BilliardsVectorEnv(20).reset(seed=list(envs.np_random_seed))[0], first)
+    assert not np.array_equal(BilliardsVectorEnv(20).reset()[0], first)
+
+
+@modes
+def test_a_masked_reset_leaves_the_others_alone(mode):
+    native, sync = pair(6, mode, **SOFT)
+    compare(native, sync, steps=2)
+    rng = np.random.default_rng(1)
+    for step in range(8):
+        mask = rng.random(6) < 0.5
+        mask[0] = True
+        if mode is AutoresetMode.DISABLED:
+            mask |= native._tables.over
+        seed = [None, 40, [9, 8, 7, 6, None, 4]][step % 3]
+        options = {"reset_mask": mask.copy()}
+        same(native.reset(seed=seed, options=options), sync.reset(seed=seed, options=dict(options)))
+        assert options.keys() == {"reset_mask"}
+        actions = rng.uniform(-1, 1, (6, 2))
+        same(native.step(actions), sync.step(actions))
+
+
+def test_positions_are_placed_by_hand_and_draw_nothing():
+    envs, single = BilliardsVectorEnv(2), BilliardsEnv()
+    envs.reset(seed=0)
+    states = [rng.bit_generator.state for rng in envs.np_random]
+    positions = np.array([[[0.1, 0.2], [-0.3, -0.4]], [[0.5, 0.0], [-0.5, 0.0]]])
+    observations, _ = envs.reset(options={"positions": positions})
+    for observation, places in zip(observations, positions, strict=True):
+        assert np.array_equal(observation, single.reset(options={"positions": places})[0])
+    assert [rng.bit_generator.state for rng in envs.np_random] == states
+    positions[0] = 9.0  # out of the mask, so never looked at
+    positions[1, 0, 0] = 0.25
+    again, _ = envs.reset(options={"positions": positions, "reset_mask": np.array([False, True])})
+    assert np.array_equal(again[0], observations[0])
+    assert again[1, 0] == np.float32(0.25 / 1.27)
+
+
+@modes
+def test_no_array_given_out_shares_memory_with_another(mode):
+    envs = BilliardsVectorEnv(40, autoreset_mode=mode, **SOFT)
+    rng = np.random.default_rng(0)
+
+    def arrays(told):
+        for value in told.values() if isinstance(told, dict) else told:
+            if isinstance(value, dict):
+                yield from arrays(value)
+            elif isinstance(value, np.ndarray) and value.dtype != object:
+                yield value
+
+    twin = BilliardsVectorEnv(40, autoreset_mode=mode, **SOFT)
+    twin.reset(seed=0)
+    given = list(arrays(envs.reset(seed=0)))
+    for _ in range(4):
+        actions = rng.uniform(-1, 1, (40, 2))
+        kept = actions.copy()
+        told = envs.step(actions)
+        assert np.array_equal(actions, kept)
+        given += list(arrays(told))
+        same(told, twin.step(actions))
+        if mode is AutoresetMode.DISABLED and told[2].any():
+            mask = told[2].copy()
+            given += list(arrays(envs.reset(options={"reset_mask": mask})))
+            twin.reset(options={"reset_mask": mask})
+    for a, b in itertools.combinations(given, 2):
+        assert not np.may_share_memory(a, b)
+    inner = [envs._rows, *envs._tables.shots, envs._tables.tally, envs._tables.over, envs._tables.starts]
+    assert not any(np.may_share_memory(a, b) for a in given for b in inner)
+
+
+def test_next_step_resets_ignore_the_action():
+    envs = BilliardsVectorEnv(2)
+    envs.reset(seed=0)
+    envs.step(np.zeros((2, 2)))
+    *_, infos = envs.step(np.full((2, 2), np.nan))
+    assert infos == {}
+    with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected two finite numbers"):
+        envs.step([[0.0, 0.0], [0.0, np.nan]])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED])
+def test_a_bad_action_is_refused_and_changes_nothing(mode):
+    envs, twin = (BilliardsVectorEnv(3, autoreset_mode=mode) for _ in range(2))
+    envs.reset(seed=0)
+    twin.reset(seed=0)
+    for actions, message in (
+        (np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
+        (np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
+        ([[0, 0], [np.inf, 0], [0, 0]], r"action of environment 1 = \[inf, 0.0\]: expected two finite numbers"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            envs.step(actions)
+    same(envs.step(np.full((3, 2), 0.5)), twin.step(np.full((3, 2), 0.5)))
+
+
+@modes
+def test_step_needs_episodes_under_way(mode):
+    envs = BilliardsVectorEnv(2, autoreset_mode=mode)
+    with pytest.raises(ResetNeeded, match="call reset"):
+        envs.step(np.zeros((2, 2)))
+    with pytest.raises(ResetNeeded, match="never been reset: reset all of them first"):
+        envs.reset(options={"reset_mask": np.array([True, False])})
+    envs.reset()
+    envs.step(np.zeros((2, 2)))
+    if mode is AutoresetMode.DISABLED:
+        with pytest.raises(ResetNeeded, match="The episode of environment 0 is over"):
+            envs.step(np.zeros((2, 2)))
+        envs.reset(options={"reset_mask": np.array([True, False])})
+        with pytest.raises(ResetNeeded, match="The episode of environment 1 is over"):
+            envs.step(np.zeros((2, 2)))
+
+
+TWO_APART = [[0.0, 0.0], [0.5, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "message"),
+    [
+        ({"seed": -1}, ValueError, "seed of environment 0 = -1: expected a whole number >= 0"),
+        ({"seed": [1, 2.0]}, ValueError, "seed of environment 1 = 2.0: expected a whole number"),
+        ({"seed": [1]}, ValueError, "seed has 1 entries: expected 2"),
+        ({"options": [1]}, TypeError, r"options = \[1\]: expected a dict"),
+        ({"options": {"position": 1}}, ValueError, "did you mean 'positions'"),
+        ({"options": {"positions": TWO_APART}}, ValueError, r"shape \(2, 2\): expected \(2, 2, 2\)"),
+        (
+            {"options": {"positions": [TWO_APART, [[0, 0], [0.01, 0]]]}},
+            ValueError,
+            "shot 1, balls 0 and 1 are 0.01 m apart",
+        ),
+        ({"options": {"reset_mask": [True, True]}}, TypeError, "expected a numpy array of bool"),
+        ({"options": {"reset_mask": np.ones(2)}}, TypeError, "expected a numpy array of bool"),
+        ({"options": {"reset_mask": np.ones(3, bool)}}, ValueError, r"has shape \(3,\): expected \(2,\)"),
+        ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected an environment to reset"),
+    ],
+)
+def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
+    envs = BilliardsVectorEnv(2)
+    observations, _ = envs.reset(seed=0)
+    states = [rng.bit_generator.state for rng in envs.np_random]
+    with pytest.raises(error, match=message):
+        envs.reset(**kwargs)
+    assert [rng.bit_generator.state for rng in envs.np_random] == states
+    assert np.array_equal(envs.step(np.zeros((2, 2)))[0], observations)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "message"),
+    [
+        ({"num_envs": 0}, ValueError, "num_envs = 0: expected a whole number >= 1"),
+        ({"num_envs": 1.5}, ValueError, "num_envs = 1.5: expected a whole number >= 1"),
+        ({"threads": 0}, ValueError, "threads = 0: expected a whole number >= 1"),
+        ({"autoreset_mode": "SameStp"}, ValueError, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
+        ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number >= 1"),
+        ({"scene": "pol"}, ValueError, "did you mean 'pool'"),
+        ({"max_shot": 1}, TypeError, "max_shot"),
+        ({"render_mode": "ansi"}, ValueError, "render_mode = 'ansi'"),
+    ],
+)
+def test_bad_arguments_are_refused(kwargs, error, message):
+    with pytest.raises(error, match=message):
+        BilliardsVectorEnv(**kwargs)
+
+
+@modes
+@variants
+def test_gymnasium_makes_it(kwargs, mode):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        envs = gym.make_vec("Billiards-v0", num_envs=3, autoreset_mode=mode.value, **kwargs)
+    assert isinstance(envs.unwrapped, BilliardsVectorEnv)
+    assert envs.metadata["autoreset_mode"] is mode
+    assert BilliardsVectorEnv.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    single = BilliardsEnv(**kwargs)
+    assert envs.single_observation_space == single.observation_space
+    assert envs.single_action_space == single.action_space
+    assert envs.spec is not None
+    spec = EnvSpec.from_json(envs.spec.to_json())
+    observations, infos = envs.reset(seed=1)
+    assert observations in envs.observation_space
+    assert infos == {}
+    twin = gym.make_vec(spec)
+    assert np.array_equal(twin.reset(seed=1)[0], observations)
+    envs.action_space.seed(0)
+    observations, rewards, terminated, truncated, _ = envs.step(envs.action_space.sample())
+    assert observations in envs.observation_space
+    assert (rewards.dtype, terminated.dtype, truncated.dtype) == (np.float64, np.bool_, np.bool_)
+    assert not truncated.any()
+    envs.close()
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_gymnasium_s_wrappers_work_on_it(mode):
+    logs = []
+    for plain in pair(4, mode, **SOFT):
+        envs: Any = wrappers.RecordEpisodeStatistics(plain)
+        if mode is AutoresetMode.NEXT_STEP:  # the only mode that wrappers of observations take
+            envs = wrappers.FlattenObservation(envs)
+        envs = wrappers.DictInfoToList(wrappers.ClipReward(envs, -1.0, 0.5))
+        envs.reset(seed=0)
+        rng = np.random.default_rng(0)
+        log = []
+        for _ in range(6):
+            observations, rewards, _, _, infos = envs.step(rng.uniform(-1, 1, (4, 2)))
+            log.append((observations.tolist(), rewards.tolist(), [sorted(info) for info in infos]))
+        logs.append(log)
+    assert logs[0] == logs[1]
+
+
+@pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
+def test_a_copy_goes_on_as_its_original(twin_of):
+    envs = BilliardsVectorEnv(64, autoreset_mode="SameStep", **SOFT)
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (3, 64, 2))
+    envs.step(actions[0])
+    twin = twin_of(envs)
+    for action in actions[1:]:
+        same(envs.step(action), twin.step(action))
+
+
+def _observe(queue):
+    queue.put(BilliardsVectorEnv(128, threads=2).reset(seed=0)[0])
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    expected = BilliardsVectorEnv(128, threads=2).reset(seed=0)[0]  # starts threads, which a fork does not take along
+    context = multiprocessing.get_context("fork")
+    queue = context.Queue()
+    process = context.Process(target=_observe, args=(queue,))
+    process.start()
+    try:
+        assert np.array_equal(queue.get(timeout=60), expected)
+    finally:
+        process.kill()
+        process.join()
+
+
+def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
+    monkeypatch.setattr(tables, "MAX_EVENTS", 2)
+    envs = BilliardsVectorEnv(2)
+    positions = [[-0.5, 0.0], [0.5, 0.0]]
+    envs.reset(options={"positions": [positions] * 2})
+    with pytest.warns(RuntimeWarning, match=r"after 2 events and .* positions \[\[-0.5, 0.0\], .* action \[0.75, 0"):
+        *_, infos = envs.step([[0.0, 0.0], [0.75, 0.0]])
+    assert infos["status"].tolist() == ["rest", "event_limit"]
+
+
+def test_a_layout_without_room_is_refused_in_a_thread_too(monkeypatch):
+    envs = BilliardsVectorEnv(128, threads=2)
+    hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
+    monkeypatch.setattr(envs._tables, "plan", envs._tables.plan._replace(pockets=hole))
+    with pytest.raises(ValueError, match="found no room for ball 0"):
+        envs.reset(seed=0)
+
+
+@pytest.mark.slow
+def test_ten_million_steps_take_no_more_memory_than_a_million():
+    resource = pytest.importorskip("resource")
+    envs = BilliardsVectorEnv(4096, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (16, 4096, 2)).astype(np.float32)
+    most = []
+    for steps in (1_000_000, 9_000_000):
+        for k in range(steps // 4096 + 1):
+            envs.step(actions[k % 16])
+        most.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    assert most[1] <= 1.01 * most[0]

@@ -1,0 +1,71 @@
+"""The benchmark of the vector environments measures what it says; no time is asserted."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import vector
+from billiards_env.scene import Scene, check_positions
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return vector.measure(repeats=1, scale=0.01)
+
+
+def test_it_writes_and_prints_its_results_whole(measured, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(vector, "measure", lambda repeats: measured)
+    vector.main(["--repeats", "1", "--output", str(tmp_path / "vector.json")])
+    assert [path.name for path in tmp_path.iterdir()] == ["vector.json"]
+    written = json.loads((tmp_path / "vector.json").read_text())
+    out = capsys.readouterr().out
+    for row in written["steps"] + written["layouts"]:
+        assert f"| {row['kind']} " in out
+        assert row["per_second"]["median"] > 0
+    assert len({row["kind"] for row in written["steps"]}) == 4 + len(vector.ENV_COUNTS)
+    assert f"take {written['training']['environment_share']:.1%}" in out
+
+
+def test_the_share_of_training_is_one(measured):
+    assert 0 < measured["training"]["environment_share"] < 1
+
+
+def test_memory_grows_with_the_environments():
+    few, more = vector.memory(64), vector.memory(640)
+    assert few["bytes_at_most"] > few["bytes_at_rest"] > 100
+    assert more["bytes_at_rest"] < 2000
+    assert more["bytes_at_rest"] * 640 > 5 * few["bytes_at_rest"] * 64
+
+
+def test_every_step_of_every_environment_is_a_shot_and_a_new_layout():
+    envs = vector.native(16)
+    seen = envs.reset(seed=0)[0]
+    for action in vector.actions_for(16):
+        observations, _, terminated, _, infos = envs.step(action)
+        assert terminated.all()
+        assert infos["final_info"]["_n_events"].all()
+        assert not (observations == seen).any()
+        seen = observations
+
+
+def test_the_layouts_drawn_are_legal_and_all_different(monkeypatch):
+    drawn = []
+    draw = vector.layouts.draw_tables
+    monkeypatch.setattr(vector.layouts, "draw_tables", lambda *args: drawn.append((draw(*args), args[-1])[1]))
+    vector.drawing("random", 15, 50)()
+    check_positions(Scene.named("pool", 15), drawn[0])
+    assert len(np.unique(drawn[0][:, 0], axis=0)) == 50
+
+
+def test_the_training_is_the_example_agent_s_with_large_batches():
+    config = vector.training_config(1024, 16, 3)
+    example = vector.load(vector.TRAINING)
+    assert (config.n_envs, config.ppo.batch_size, config.timesteps) == (1024, 4096, 3 * 16 * 1024)
+    assert (config.env, config.policy, config.ppo.n_epochs) == (example.env, example.policy, example.ppo.n_epochs)
+
+
+def test_counts_below_one_are_refused(capsys):
+    with pytest.raises(SystemExit):
+        vector.main(["--repeats", "0"])
+    assert "--repeats = 0: expected a whole number >= 1" in capsys.readouterr().err
