@@ -24,7 +24,10 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure accuracy, speed, start-up and rendering; JSON goes to benchmarks/results
+bench: $(INSTALLED)  ## measure accuracy, speed, growth, start-up and rendering; JSON goes to benchmarks/results
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
+	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.start_up
@@ -32,6 +35,7 @@ bench: $(INSTALLED)  ## measure accuracy, speed, start-up and rendering; JSON go
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures
+	$(BIN)/python -m benchmarks.paper_figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

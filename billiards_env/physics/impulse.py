@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+import numpy as np
+
+from billiards_env.physics.complementarity import MOST, WIDTH, solve_complementarity
+from billiards_env.physics.jit import allocating, kernel
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -20,6 +23,7 @@ from billiards_env.physics.state import (
     WZ,
 )
 
+DIRECT = True  # the saving of `joint_impulses`, for benchmarks.ablation to compile without
 _SWEEPS = 2000
 
 
@@ -106,18 +110,37 @@ def _quantum(largest, n_terms):
     return math.ldexp(1.5, exponent + max(2, spare - 1))
 
 
+@allocating
+def impulse_scratch(n, most):
+    """Scratch space for up to `most` simultaneous impacts of n balls.
+
+    (impulse, slipping, ones, work, direct, dv, done), of which `ones` (most,) stays 1.0 and `done` (n,) False between
+    calls; `slipping` (most,) is for the contact-time rule, the others for `joint_impulses`.
+    """
+    return (
+        np.empty(most),
+        np.empty(most),
+        np.ones(most),
+        np.empty((most, 4)),
+        np.empty((MOST, WIDTH)),
+        np.empty((n, 2)),
+        np.zeros(n, np.bool_),
+    )
+
+
 @kernel
-def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse, work, dv, dv_done):
+def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse, work, direct, dv, dv_done):
     """Plastic impulses of several contacts at one instant: the least that leave no contact approaching.
 
     They solve the linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0.
     Multiplied by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and Grinspun (2012),
     Reflections on Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all contacts alike.
 
-    Accelerated projected gradient (Nesterov 1983, with the restart of O'Donoghue and Candes 2015), scaled to a unit
-    diagonal. Every sum over a ball's contacts is formed from terms rounded to a common multiple (Demmel and Nguyen
-    2013, Fast Reproducible Floating-Point Summation), hence exactly: the result does not depend on how balls and
-    contacts are numbered, and mirrors bit for bit.
+    Few contacts are solved directly, see `complementarity`; many by an accelerated projected gradient (Nesterov 1983,
+    with the restart of O'Donoghue and Candes 2015), scaled to a unit diagonal, in which every sum over a ball's
+    contacts is formed from terms rounded to a common multiple (Demmel and Nguyen 2013, Fast Reproducible Floating-Point
+    Summation), hence exactly. Either way the result does not depend on how balls and contacts are numbered, and mirrors
+    bit for bit.
 
     Args:
         n_contacts: Number of contacts, > 1.
@@ -129,6 +152,7 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
         inv_mass: (n,) float64, 1/kg.
         impulse: (>= n_contacts,) out, kg m/s.
         work: (>= n_contacts, 4) float64 scratch.
+        direct: (MOST, WIDTH) float64 scratch of `complementarity`.
         dv: (n, 2) float64 scratch: velocity changes, m/s.
         dv_done: (n,) bool scratch.
     """
@@ -139,12 +163,19 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
     if n_contacts == 2:
         b0, b1 = closing[0] * work[0, 0], closing[1] * work[1, 0]
         a = _coupling(0, 1, first, second, nx, ny, inv_mass) * work[0, 0] * work[1, 0]
-        p0, p1 = (b0 - a * b1) / (1.0 - a * a), (b1 - a * b0) / (1.0 - a * a)
-        if p0 <= 0.0:
-            p0, p1 = 0.0, b1
-        elif p1 <= 0.0:
-            p0, p1 = b0, 0.0
-        impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[1, 0]
+        if a * a < 1.0:  # else one ball lies in two fixed ones, in a row
+            p0, p1 = (b0 - a * b1) / (1.0 - a * a), (b1 - a * b0) / (1.0 - a * a)
+            if p0 <= 0.0:
+                p0, p1 = 0.0, b1
+            elif p1 <= 0.0:
+                p0, p1 = b0, 0.0
+            impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[1, 0]
+            return
+    if (
+        DIRECT
+        and n_contacts <= MOST
+        and _solve_directly(n_contacts, first, second, nx, ny, closing, inv_mass, work, direct, impulse)
+    ):
         return
     bound = 1.0  # of the largest eigenvalue: the largest absolute row sum
     largest = 0.0
@@ -180,6 +211,20 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
             work[c, 1] = work[c, 2] + momentum * work[c, 3]
     for c in range(n_contacts):
         impulse[c] = work[c, 2] * work[c, 0]
+
+
+@kernel
+def _solve_directly(n_contacts, first, second, nx, ny, closing, inv_mass, work, direct, impulse):
+    """The impulses by `solve_complementarity`, scaled by work[:, 0]; returns whether it found them."""
+    for c in range(n_contacts):
+        direct[c, c], direct[c, 2 * MOST] = 1.0, closing[c] * work[c, 0]
+        for k in range(c):
+            coupling = _coupling(c, k, first, second, nx, ny, inv_mass) * (work[c, 0] * work[k, 0])
+            direct[c, k] = direct[k, c] = coupling
+    found = solve_complementarity(n_contacts, impulse, direct)
+    for c in range(n_contacts):
+        impulse[c] *= work[c, 0]
+    return found
 
 
 @kernel
@@ -252,17 +297,16 @@ def exchange(count, e, state, params, inv_mass, first, second, nx, ny, closing, 
         nx: (>= count,) unit normals from first to second.
         ny: See nx.
         closing: (>= count,) speeds of approach, m/s.
-        scratch: (impulse, slipping, ones, work, dv, done), of which `impulse` (>= count,), `ones` (>= count,) of
-            1.0, `work` (>= count, 4), `dv` (n, 2) and `done` (n,) are those of `joint_impulses`.
+        scratch: An `impulse_scratch`.
     """
-    impulse, _, ones, work, dv, done = scratch
+    impulse, _, ones, work, direct, dv, done = scratch
     if count == 1:
         i, j = first[0], second[0]
         p = pair_impulse(closing[0], inv_mass[i], inv_mass[j], e)
         kick(state, i, -p * inv_mass[i] * nx[0], -p * inv_mass[i] * ny[0], params)
         kick(state, j, p * inv_mass[j] * nx[0], p * inv_mass[j] * ny[0], params)
         return
-    joint_impulses(count, first, second, nx, ny, closing, inv_mass, impulse, work, dv, done)
+    joint_impulses(count, first, second, nx, ny, closing, inv_mass, impulse, work, direct, dv, done)
     for c in range(count):
         impulse[c] *= 1.0 + e
     apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)

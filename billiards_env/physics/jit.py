@@ -55,19 +55,36 @@ def cache_folder() -> Path | None:
 
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # its settings are made at run time
+_njit: Any = numba.njit  # its type hints leave out some options
+_OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
 def kernel(function: F) -> F:
     """Compiles `function` when it is first called; for kernels that other kernels call.
 
     Strict IEEE arithmetic (no fastmath, so nothing is fused or reordered) makes results the same on every machine;
-    `error_model="numpy"` lets a division by zero give an infinity instead of an exception.
+    `error_model="numpy"` lets a division by zero give an infinity instead of an exception. Without numba's run time
+    (`_nrt`) arrays are borrowed from the caller and none can be made: counting references to them took most of the time
+    of an event.
     """
-    return numba.njit(error_model="numpy", nogil=True)(function)  # pyright: ignore[reportReturnType]
+    return _njit(**_OPTIONS, _nrt=False)(function)
+
+
+def inlined(function: F) -> F:
+    """A `kernel` that becomes part of every kernel that calls it: for what each event needs.
+
+    A call passes every array as seven words, which can take longer than what is done with it.
+    """
+    return _njit(**_OPTIONS, _nrt=False, forceinline=True)(function)
+
+
+def allocating(function: F) -> F:
+    """A kernel that makes arrays."""
+    return _njit(**_OPTIONS)(function)
 
 
 def entry_point(function: F) -> F:
-    """A `kernel` that Python calls: its machine code, callees included, is cached on disk."""
+    """A kernel that Python calls, and that may make arrays: its machine code, callees included, is cached on disk."""
     if _FOLDER is None:
         warnings.warn(
             "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "
@@ -75,11 +92,11 @@ def entry_point(function: F) -> F:
             RuntimeWarning,
             stacklevel=2,
         )
-        return kernel(function)
+        return allocating(function)
     # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
     before = _config.CACHE_DIR
     _config.CACHE_DIR = str(_FOLDER)
     try:
-        return numba.njit(error_model="numpy", nogil=True, cache=True)(function)  # pyright: ignore[reportReturnType]
+        return _njit(**_OPTIONS, cache=True)(function)
     finally:
         _config.CACHE_DIR = before

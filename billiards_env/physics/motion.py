@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -133,9 +133,12 @@ def move(state, phase, i, hi, lo, params):
     s[T0], s[T0_LO] = hi, lo
 
 
-@kernel
-def finish(state, phase, i, hi, lo, params):
-    """Ends ball i's phase at (hi, lo), when it has run its course: slip, velocity or spin is exactly zero then."""
+@inlined
+def end_phase(state, phase, i, hi, lo, params):
+    """Ends ball i's phase at (hi, lo), when it has run its course: slip, velocity or spin is exactly zero then.
+
+    What phase follows is for `start` to settle.
+    """
     move(state, phase, i, hi, lo, params)
     s = state[i]
     if phase[i] == SLIDING:
@@ -144,6 +147,12 @@ def finish(state, phase, i, hi, lo, params):
         s[VX] = s[VY] = 0.0
     elif phase[i] == SPINNING:
         s[WZ] = 0.0
+
+
+@kernel
+def finish(state, phase, i, hi, lo, params):
+    """Ends ball i's phase at (hi, lo) as `end_phase` does, and settles the next."""
+    end_phase(state, phase, i, hi, lo, params)
     start(state, phase, i, params)
 
 

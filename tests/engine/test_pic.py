@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, engine, layouts
 from billiards_env.engine import pic
-from billiards_env.engine.pic import CONTACT_TIME
+from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.physics import state as layout
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Pocket, Table
 

@@ -6,6 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from billiards_env.engine.shot import scene_arrays
+from billiards_env.physics.complementarity import MOST, WIDTH
 from billiards_env.physics.impulse import apply_impulses, han2005, joint_impulses, pair_impulse
 from billiards_env.scene import Balls, Physics, Scene, Table
 
@@ -130,6 +131,7 @@ def solve(n_balls, contacts, inverse):
         np.array(inverse, float),
         impulse,
         np.empty((count, 4)),
+        np.empty((MOST, WIDTH)),
         np.empty((n_balls, 2)),
         np.zeros(n_balls, np.bool_),
     )

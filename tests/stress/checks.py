@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.engine.log import (
     BALL_BALL,
     EVENT_WIDTH,
@@ -20,9 +21,9 @@ from billiards_env.engine.log import (
     SEGMENT_WIDTH,
 )
 from billiards_env.engine.log import ENDED as STATUS_COLUMN
-from billiards_env.engine.pic import CONTACT_TIME, run_shots
+from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shot import MAX_EVENTS, check_shot, scene_arrays
-from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
@@ -116,7 +117,7 @@ def _look(rows, phases, radius, pockets, params, hi, lo, xy, found):
                     found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
 
 
-@kernel
+@allocating
 def _check(events, n_events, segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found):
     """Goes through the log of one shot."""
     n = len(radius)

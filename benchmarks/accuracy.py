@@ -1,0 +1,388 @@
+"""Run time against error: what a timestep costs and what it gets wrong.
+
+The same random shots are run by PIC, by PIT with timesteps of 1/15 to 1/15360 s and each of its fixes, and, where the
+physics is frictionless and elastic, by the simulators of `benchmarks.others`. Errors are those against the 50-digit
+oracle; outcomes (which balls are potted, which is hit first) are compared with PIC's, over more shots, after PIC's have
+been compared with the oracle's. Times are those of one core, all methods in turn in one process.
+
+    python -m benchmarks.accuracy               # within ten minutes on two cores
+    python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1
+    python -m benchmarks.accuracy --again       # prints and draws what was measured last
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import itertools
+import json
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from agents.files import write_json, write_whole
+from benchmarks import RESULTS, accuracy_report, convergence, error_limit, machine, others
+from benchmarks.methods import PIC, Method, run_all, run_other, timer
+from billiards_env.engine import simulate
+from billiards_env.physics.state import FIXES
+from billiards_env.scene import Scene
+from tests.oracle import OracleError, run
+
+Floats = NDArray[np.float64]
+
+IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+STEPS = convergence.STEPS
+"""Timesteps of PIT, as steps per second."""
+OTHERS_STEPS = [60 * 2**k for k in range(6)]
+"""The same of the other simulators."""
+TIMES = (0.5, 1.0, 2.0, 5.0)
+"""Times at which positions are compared, s; they are compared at the shot's end as well."""
+CONTACTS = ("ball_ball", "cushion", "pocket")
+TIMED = 24  # shots whose run time is measured
+BREAKS = 8  # for one break whose outcome is looked at there are so many other shots: breaks take long
+
+
+class Problem(NamedTuple):
+    """Random shots in a scene.
+
+    Attributes:
+        scene: The scene.
+        draw: Draws positions, m, and velocities, m/s.
+        column: Which of `TIMES`, or -1 for the end, is the one to compare errors at.
+    """
+
+    scene: Scene
+    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    column: int
+
+
+_shot, _break, _gas = (
+    error_limit.KINDS[kind][1] for kind in ("1 object ball", "15-ball break, loose", "gas of 16 disks")
+)
+PROBLEMS = {
+    "1 object ball": Problem(Scene.named("pool", 1), _shot, -1),
+    "3 object balls": Problem(Scene.named("pool", 3), _shot, -1),
+    "5 object balls": Problem(Scene.named("pool", 5), _shot, -1),
+    "carom": Problem(Scene.named("carom", 2), _shot, -1),
+    "15-ball break": Problem(Scene.named("pool", 15), _break, 0),
+    "2 elastic disks": Problem(Scene.named("ideal", 1), _shot, 2),
+    "gas of 16 disks": Problem(Scene.named("ideal", 15), _gas, 1),
+}
+
+
+PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
+
+
+def methods(problem: Problem) -> list[Method]:
+    """The methods that can run a problem's shots: the others know no friction."""
+    found = [PIC, *PIT]
+    if problem.scene.physics.motion == "ideal":
+        for name in others.available():
+            found += [Method(name, s) for s in (OTHERS_STEPS if others.has_timestep(name) else [None])]
+    return found
+
+
+def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
+    """Positions (n, 2), m, and velocities (n, 2), m/s, of a problem's shot of that number."""
+    scene, draw, _ = PROBLEMS[name]
+    positions, velocities = draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
+    moving = np.zeros_like(positions)
+    moving[0 if velocities.ndim == 1 else slice(None)] = velocities
+    return positions, moving
+
+
+def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
+    """The first `count` shots of a problem, (m, n, 2) each."""
+    positions, velocities = zip(*(shot_of(name, seed) for seed in range(count)), strict=True)
+    return np.array(positions), np.array(velocities)
+
+
+def end_and_before(scene: Scene) -> list[float]:
+    """`TIMES` and the end of a shot that friction does not end."""
+    assert scene.physics.max_time is not None
+    return [*TIMES, scene.physics.max_time]
+
+
+def first_difference(
+    ours: Sequence[tuple[float, str, int, int]], reference: Sequence[tuple[float, str, int, int]], complete: bool
+) -> int | None:
+    """Where a sequence of contacts first differs from the reference's; contacts at one instant have no order.
+
+    Args:
+        ours: (time, kind, ball, other) in the order of time.
+        reference: The same.
+        complete: Whether the reference goes on to the end of the shot.
+
+    Returns:
+        The number of contacts before the first that differs, or None if none does as far as the reference goes.
+    """
+    here = 0
+    for _, tied in itertools.groupby(ours, key=lambda contact: contact[0]):
+        group = sorted(contact[1:] for contact in tied)
+        expected = [contact[1:] for contact in reference[here : here + len(group)]]
+        if len(expected) < len(group) and not complete:  # the reference ends among them
+            return None if all(contact in group for contact in expected) else here
+        if sorted(expected) != group:
+            return here
+        here += len(group)
+    return here if here < len(reference) else None
+
+
+def follow(task: tuple[str, int]) -> dict[str, Any]:
+    """One shot by the oracle and by every method.
+
+    The shot is followed to its end, or until balls at rest press against each other, where the laws of impact do not
+    say how it goes on, or until PIC's contact-time rule acts.
+
+    Returns:
+        For each method its errors (root mean square over the balls, m) at `TIMES` and at the end, NaN where the shot
+        was not followed so far, how many contacts were the oracle's, and when the first that was not should have been;
+        and whether the shot was followed to its end, the number of its contacts, and whether PIC has its outcome.
+    """
+    name, seed = task
+    scene = PROBLEMS[name].scene
+    positions, velocities = shot_of(name, seed)
+    pic = simulate(scene, positions, velocities, record=True)
+    assert pic.events is not None
+    ruled = pic.events["time"][pic.events["rule"]]
+    known_until = float(ruled[0]) if len(ruled) else np.inf
+    try:
+        exact = run(scene, positions.tolist(), velocities.tolist())
+    except OracleError as stopped:
+        exact = stopped.shot
+        known_until = min(known_until, float(exact.time))
+    complete = known_until == np.inf
+    contacts = [(float(e.time), e.kind, e.ball, e.other) for e in exact.events if e.kind in CONTACTS]
+    contacts = [e for e in contacts if e[0] < known_until]
+    places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in (*TIMES, np.inf)]
+
+    def errors(found: Sequence[Floats]) -> list[float]:
+        apart = [np.sqrt(((a - b) ** 2).sum(axis=1).mean()) for a, b in zip(found, places, strict=True)]
+        return [
+            float(e) if complete or t < known_until else np.nan for e, t in zip(apart, (*TIMES, np.inf), strict=True)
+        ]
+
+    hits = [e[3] for e in contacts if e[1] == "ball_ball" and e[2] == 0]
+    result: dict[str, Any] = {
+        "complete": complete,
+        "contacts": len(contacts),
+        "outcome_as_oracle": pic.potted.tolist() == list(exact.potted)
+        and pic.first_hit == (hits[0] if hits else -1)
+        and set(np.flatnonzero(pic.cushions_before_hit >= 0)) == set(hits),
+        "errors": [],
+        "same": [],
+        "until": [],
+    }
+    for method in methods(PROBLEMS[name]):
+        if not method.ours:
+            result["errors"].append(errors(run_other(scene, positions, velocities, method, end_and_before(scene))[0]))
+            result["same"].append(None)
+            result["until"].append(None)
+            continue
+        shot = simulate(scene, positions, velocities, record=True, **method.engine)
+        assert shot.events is not None
+        result["errors"].append(errors([*(shot.at(t) for t in TIMES), shot.positions]))
+        ours = [tuple(e) for e in shot.events[["time", "kind", "ball", "other"]].tolist() if e[1] in CONTACTS]
+        differs = first_difference(ours, contacts, complete)
+        result["same"].append(len(contacts) if differs is None else differs)
+        after = None if differs is None else [*(e[0] for e in contacts), float(exact.time)][differs]
+        result["until"].append(after)
+    return result
+
+
+def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
+    """`follow` for so many shots of every problem."""
+    tasks = [(name, seed) for name in PROBLEMS for seed in range(shots)]
+    found: dict[str, list[dict[str, Any]]] = {name: [] for name in PROBLEMS}
+    with ProcessPoolExecutor(workers) as pool:
+        for task, result in zip(tasks, tqdm(pool.map(follow, tasks), "errors", len(tasks), unit="shot"), strict=True):
+            found[task[0]].append(result)
+    return found
+
+
+def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method, dict[str, float | int]]:
+    """In how many of a problem's first shots a PIT has another outcome than PIC.
+
+    Outcomes are the balls potted, the ball hit first, and, on a table without pockets, which balls the cue ball
+    touched; a shot scores if it pots an object ball, or if the cue ball touches them all.
+
+    Returns:
+        For each PIT the share of shots with another outcome, the share of those that either scores in which the balls
+        potted (or the caroms made) are not the same, and the number of the latter.
+    """
+    scene = PROBLEMS[name].scene
+    positions, velocities = shots_of(name, count)
+
+    def look(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """What scores (m, k), whether it is an object ball's or the carom's (m,), and all that counts (m, l)."""
+        batch = run_all(scene, positions, velocities, method, workers)
+        touched = batch.cushions_before_hit[:, 1:] >= 0
+        if scene.table.pockets:
+            return (
+                batch.potted,
+                np.logical_or.reduce(batch.potted[:, 1:], axis=1),
+                np.column_stack((batch.potted, batch.first_hit)),
+            )
+        made = np.logical_and.reduce(touched, axis=1)
+        return made[:, None], made, np.column_stack((touched, batch.first_hit))
+
+    exact = look(PIC)
+    found: dict[Method, dict[str, float | int]] = {}
+    for method in PIT:
+        here = look(method)
+        scoring = exact[1] | here[1]
+        wrong = (here[0] != exact[0]).any(axis=1)
+        found[method] = {
+            "wrong_outcomes": float((here[2] != exact[2]).any(axis=1).mean()),
+            "wrong_scores": float(wrong[scoring].mean()) if scoring.any() else 0.0,
+            "scoring_shots": int(scoring.sum()),
+        }
+        bar.update()
+    return found
+
+
+def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[float]]]:
+    """How long the first shots of each problem take, on average, one entry a pass; one core, all methods in turn."""
+    calls: dict[str, dict[Method, Callable[[], float]]] = {}
+    for name, problem in PROBLEMS.items():
+        positions, velocities = shots_of(name, min(shots, TIMED))
+        calls[name] = {method: timer(problem.scene, positions, velocities, method) for method in methods(problem)}
+    found: dict[str, dict[Method, list[float]]] = {
+        name: {method: [] for method in some} for name, some in calls.items()
+    }
+    with tqdm(desc="times", total=passes * sum(map(len, calls.values())), unit="run") as bar:
+        for _ in range(passes):
+            for name, some in calls.items():
+                for method, call in some.items():
+                    found[name][method].append(call())
+                    bar.update()
+    return found
+
+
+def rows_of(
+    name: str,
+    followed: Sequence[dict[str, Any]],
+    seconds: dict[Method, list[float]],
+    wrong: dict[Method, dict[str, float | int]],
+) -> list[dict[str, Any]]:
+    """What was found of a problem, a row a method."""
+    rows = []
+    errors = np.array([result["errors"] for result in followed])  # (shots, methods, times)
+    for k, method in enumerate(methods(PROBLEMS[name])):
+        ratios = np.array(seconds[method]) / np.array(seconds[PIC])
+        same = [result["same"][k] for result in followed]
+        until = [result["until"][k] for result in followed]
+        row: dict[str, Any] = {
+            "scene": name,
+            "method": method.name,
+            "fix": method.fix,
+            "steps_per_second": method.steps,
+            "us_per_shot": 1e6 * float(np.median(seconds[method])),
+            "time_over_pic": float(np.median(ratios)),
+        }
+        for column, t in enumerate([*TIMES, "end"]):
+            known = errors[:, k, column][~np.isnan(errors[:, k, column])]
+            row[f"median_error_{t}_m"] = float(np.median(known)) if len(known) else None
+            row[f"p90_error_{t}_m"] = float(np.quantile(known, 0.9)) if len(known) else None
+        if same[0] is not None:
+            differing = [t for t in until if t is not None]
+            row["median_same_contacts"] = float(np.median(same))
+            row["median_contacts"] = float(np.median([result["contacts"] for result in followed]))
+            row["share_all_contacts_same"] = 1 - len(differing) / len(until)
+            row["median_first_difference_s"] = float(np.median(differing)) if differing else None
+        row |= wrong.get(method, {})
+        rows.append({key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in row.items()})
+    return rows
+
+
+def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
+    """Runs everything.
+
+    Args:
+        shots: Shots of each problem that are compared with the oracle.
+        outcome_shots: Shots of each problem whose outcomes are compared with PIC's.
+        passes: Repeats of the measurement of times.
+        workers: Processes and threads, but for times.
+
+    Returns:
+        What goes to `accuracy.json`.
+    """
+    on = machine()
+    seconds = seconds_per_shot(shots, passes)
+    followed = follow_all(shots, workers)
+    playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
+    with tqdm(desc="outcomes", total=len(playable) * len(PIT), unit="run") as bar:
+        counts = {name: outcome_shots // (BREAKS if "break" in name else 1) or 1 for name in playable}
+        wrong = {name: outcomes(name, counts[name], workers, bar) for name in playable}
+    scenes = {}
+    for name, problem in PROBLEMS.items():
+        results = followed[name]
+        ends = [result["outcome_as_oracle"] for result in results if result["complete"]]
+        scenes[name] = {
+            "n_balls": problem.scene.n_balls,
+            "error_at": [*TIMES, "end"][problem.column],
+            "outcome_shots": counts.get(name, 0),
+            "compared": sum(not np.isnan(result["errors"][0][problem.column]) for result in results),
+            "followed_to_the_end": len(ends),
+            "pic_outcome_as_oracle": sum(ends),
+            "methods": rows_of(name, results, seconds[name], wrong.get(name, {})),
+        }
+    return {
+        "machine": on,
+        "versions": others.versions(),
+        "shots": shots,
+        "passes": passes,
+        "scenes": scenes,
+        "convergence": convergence.measure(),
+    }
+
+
+def table_of(scenes: dict[str, Any]) -> bytes:
+    """All rows of all scenes as CSV."""
+    rows = [row for scene in scenes.values() for row in scene["methods"]]
+    names = list(dict.fromkeys(itertools.chain.from_iterable(rows)))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; see `python -m benchmarks.accuracy --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.accuracy", description="Run time against error, for every engine and timestep."
+    )
+    parser.add_argument("--shots", type=int, default=64, help="shots of each scene against the oracle (64)")
+    parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
+    parser.add_argument("--passes", type=int, default=3, help="repeats of the measurement of times (3)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one a core)")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="where accuracy.json and accuracy.csv go")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="where pareto.png and convergence.png go")
+    parser.add_argument("--again", action="store_true", help="measure nothing, print and draw what accuracy.json holds")
+    args = parser.parse_args(arguments)
+    # The fourth break is the first that can be followed to its end.
+    for name, least in (("shots", 4), ("outcomes", 1), ("passes", 1), ("workers", 1)):
+        if getattr(args, name) < least:
+            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= {least}")
+    if args.again:
+        result = json.loads((args.results / "accuracy.json").read_text())
+    else:
+        result = measure(args.shots, args.outcomes, args.passes, args.workers)
+        write_json(args.results / "accuracy.json", result)
+        write_whole(args.results / "accuracy.csv", table_of(result["scenes"]))
+    accuracy_report.draw_pareto(result, args.images / "pareto.png")
+    convergence.draw(result, args.images / "convergence.png")
+    accuracy_report.print_report(result)
+    print(f"\nIn {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+"""A quick look at the input of many shots, that spares good input the slow one that finds words for what is wrong."""
+
+from __future__ import annotations
+
+import math
+
+from billiards_env.physics.jit import entry_point
+from billiards_env.physics.state import CONTACT_GAP, HALF_LENGTH, HALF_WIDTH
+
+_CLOSE = 1.0 + 1e-12  # closer calls are left to the slow check, which rounds otherwise
+
+
+@entry_point
+def plainly_right(params, radius, inv_mass, pockets, positions, velocities, spins, in_play):
+    """Whether all shots are certainly as `simulate` wants them; if not, they may be or not.
+
+    Args:
+        params: (N_PARAMS,) float64.
+        radius: (n,) float64, m.
+        inv_mass: (n,) float64, 1/kg.
+        pockets: (k, 3) float64: x, y, radius, m.
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool.
+
+    Returns:
+        True if all numbers are finite, balls of infinite mass rest, and balls in play lie inside the cushions, outside
+        the pockets and apart.
+    """
+    n = len(radius)
+    for shot in range(len(positions)):
+        for i in range(n):
+            x, y = positions[shot, i, 0], positions[shot, i, 1]
+            vx, vy = velocities[shot, i, 0], velocities[shot, i, 1]
+            wx, wy, wz = spins[shot, i, 0], spins[shot, i, 1], spins[shot, i, 2]
+            most = max(max(max(abs(vx), abs(vy)), max(abs(wx), abs(wy))), abs(wz))
+            if inv_mass[i] == 0.0 and most > 0.0:
+                return False
+            # A NaN makes the sum one, which no comparison is true of
+            if not (most < math.inf and abs(vx + vy + wx + wy + wz) < math.inf and abs(x) + abs(y) < math.inf):
+                return False
+            if not in_play[shot, i]:
+                continue
+            if abs(x) > params[HALF_LENGTH] - radius[i] or abs(y) > params[HALF_WIDTH] - radius[i]:
+                return False
+            for k in range(len(pockets)):
+                dx, dy, reach = x - pockets[k, 0], y - pockets[k, 1], pockets[k, 2]
+                if dx * dx + dy * dy < _CLOSE * (reach * reach):
+                    return False
+            for j in range(i):
+                dx, dy = x - positions[shot, j, 0], y - positions[shot, j, 1]
+                reach = radius[i] + radius[j] - CONTACT_GAP
+                if dx * dx + dy * dy < _CLOSE * (reach * reach) and in_play[shot, j]:
+                    return False
+    return True

@@ -1,0 +1,233 @@
+"""What happens next: predictions, each true until an event touches one of the balls concerned.
+
+Of each ball alone the next event is known, `own[i]` = (hi, lo) s, of kind and other `own_kind[i]`. Of each pair i < j
+the time of the next meeting stands in `pair[i, j]`, `pair_lo[i, j]`: either solved for or, with a pair_lo of `BOUND`,
+no more than known not to be earlier. A bound is solved only when nothing else comes before it; mostly something does,
+and voids it. The nearest of each row of pairs is kept in `near`.
+
+Both shortcuts (`SKIP`, `LAZY`) leave every result as it is: the equations that are solved in the end are the same, bit
+for bit, as if all of them were, and all bounds are wider than their rounding by far.
+"""
+
+from __future__ import annotations
+
+import math
+
+from billiards_env.engine.contact_rule import NOISE
+from billiards_env.engine.log import CUSHION_HIT, POCKETED, ROLLS, SPIN_STOPS, STOPS
+from billiards_env.physics.contact import circle_time, line_time
+from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.motion import norm, place
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    LASTS,
+    POTTED,
+    REST,
+    ROLLING,
+    SLIDING,
+    T0,
+    T0_LO,
+    VX,
+    VY,
+    X,
+    Y,
+    later,
+    since,
+)
+
+# The savings, for benchmarks.ablation to compile the engine without one of them.
+SKIP = True  # what a path is too short or too far off to reach is not solved for
+LAZY = True  # pairs have a bound first, and are solved when it comes to the top
+ROWS = True  # the nearest of each row is kept
+
+BOUND = -math.inf
+MARGIN = 1e-6  # relative, of what is skipped
+SLACK = 1.0 - 1e-3  # of a bound
+TINY = 1e-290  # below it squares lose digits
+
+
+@inlined
+def stays_within(x, v, a, end, room):
+    """Whether x + v t + a t^2 / 2 certainly keeps within +-room for t in [0, end], by its Bezier control points."""
+    room *= 1.0 - MARGIN
+    half = x + 0.5 * end * v
+    last = x + end * (v + 0.5 * end * a)
+    return abs(x) < room and abs(half) < room and abs(last) < room
+
+
+@inlined
+def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
+    """The next event of ball i alone, counted from its own time: own[i] = (hi, lo), own_kind[i] = (kind, other)."""
+    own[i, 0], own[i, 1] = math.inf, 0.0
+    p = phase[i]
+    if p in (REST, POTTED):
+        return
+    s = state[i]
+    end = s[LASTS]
+    kind, other = SPIN_STOPS, -1
+    if p == SLIDING:
+        kind = ROLLS
+    elif p == ROLLING:
+        kind = STOPS
+    if p >= ROLLING:
+        x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
+        room = params[HALF_LENGTH] - radius[i]
+        if not (SKIP and stays_within(x, vx, ax, end, room)):
+            for k in range(2):
+                sign = 1.0 if k else -1.0
+                t = line_time(room - sign * x, sign * vx, sign * ax, end)
+                if t < end or (t == end and kind != CUSHION_HIT and t < math.inf):
+                    end, kind, other = t, CUSHION_HIT, k
+        room = params[HALF_WIDTH] - radius[i]
+        if not (SKIP and stays_within(y, vy, ay, end, room)):
+            for k in range(2):
+                sign = 1.0 if k else -1.0
+                t = line_time(room - sign * y, sign * vy, sign * ay, end)
+                if t < end or (t == end and kind != CUSHION_HIT and t < math.inf):
+                    end, kind, other = t, CUSHION_HIT, 2 + k
+        bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # how far off its tangent the path ends, times the speed
+        vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
+        way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
+        for k in range(len(pockets)):
+            dx, dy, reach = pockets[k, 0] - x, pockets[k, 1] - y, pockets[k, 2]
+            if SKIP:
+                side = abs(dx * vy - dy * vx) - bend
+                if side > 0.0 and side * side > reach * reach * vv + TINY:
+                    continue
+                wide = (1.0 + MARGIN) * reach
+                if abs(dx) > wide + way_x or abs(dy) > wide + way_y:
+                    continue
+            t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, 0.0)
+            if t < end or (t == end and kind != POCKETED and t < math.inf):
+                end, kind, other = t, POCKETED, k
+    if end < math.inf:
+        own[i, 0], own[i, 1] = later(s[T0], s[T0_LO], end)
+        own_kind[i, 0], own_kind[i, 1] = kind, other
+
+
+@kernel
+def solve_pair(i, j, state, phase, radius, own, own_kind, limit, pair, pair_lo):
+    """When balls i < j next meet, looking from the time of the last event of either: pair[i, j], pair_lo[i, j]."""
+    pair[i, j], pair_lo[i, j] = math.inf, 0.0
+    hi, lo = state[i, T0], state[i, T0_LO]
+    if state[j, T0] > hi or (state[j, T0] == hi and state[j, T0_LO] > lo):
+        hi, lo = state[j, T0], state[j, T0_LO]
+    # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
+    for k in (i, j):
+        if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
+            return
+    end = min(min(own[i, 0], own[j, 0]), limit) - hi
+    ti = since(hi, lo, state[i, T0], state[i, T0_LO])
+    tj = since(hi, lo, state[j, T0], state[j, T0_LO])
+    xi, yi, vxi, vyi = place(state, phase, i, ti)
+    xj, yj, vxj, vyj = place(state, phase, j, tj)
+    t = circle_time(
+        xj - xi,
+        yj - yi,
+        vxj - vxi,
+        vyj - vyi,
+        state[j, AX] - state[i, AX],
+        state[j, AY] - state[i, AY],
+        radius[i] + radius[j],
+        end,
+        NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
+    )
+    if t < math.inf:
+        pair[i, j], pair_lo[i, j] = later(hi, lo, t)
+
+
+@inlined
+def approach_bound(dx, dy, wx, wy, bx, by, reach, end):
+    """A time before which two balls certainly do not meet, or infinity if they do not by `end`; see `circle_time`."""
+    dd = dx * dx + dy * dy
+    if dd < (1.0 + 1e-5) * reach * reach or not end < math.inf:
+        return 0.0
+    # How much nearer they can come along the line of centres until then, times their distance
+    dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
+    closing = max(0.0, -dw) + end * max(0.0, -half_db)
+    least = (1.0 - MARGIN) * dd - end * closing
+    if least > 0.0 and least * least > reach * reach * dd:
+        return math.inf
+    # How far off the line of relative motion they pass, times the relative speed
+    side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
+    if side > 0.0 and side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY:
+        return math.inf
+    t = SLACK * (dd - reach * math.sqrt(dd)) / closing
+    return t if t > 0.0 else 0.0
+
+
+@inlined
+def predict_pairs(i, hi, lo, state, phase, radius, own, own_kind, limit, queue, touched):
+    """Predicts anew for ball i, whose own time is (hi, lo), with every other ball."""
+    n = len(phase)
+    pair, pair_lo, near, near_with = queue
+    s = state[i]
+    x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
+    moves = phase[i] >= ROLLING and phase[i] != POTTED
+    until = min(own[i, 0], limit)
+    near[i, 0], near[i, 1], near_with[i] = math.inf, 0.0, n
+    for j in range(n):
+        if j == i or (j < i and touched[j]):
+            continue
+        p = phase[j]
+        t, t_lo = math.inf, 0.0
+        a, b = min(i, j), max(i, j)
+        if p != POTTED and phase[i] != POTTED and (moves or p >= ROLLING):
+            if LAZY or SKIP:
+                r = state[j]
+                since_j = hi - r[T0]
+                bound = approach_bound(
+                    r[X] + since_j * (r[VX] + 0.5 * since_j * r[AX]) - x,
+                    r[Y] + since_j * (r[VY] + 0.5 * since_j * r[AY]) - y,
+                    r[VX] + since_j * r[AX] - vx,
+                    r[VY] + since_j * r[AY] - vy,
+                    r[AX] - ax,
+                    r[AY] - ay,
+                    radius[i] + radius[j],
+                    min(until, own[j, 0]) - hi,
+                )
+                if bound < math.inf:
+                    t_lo = BOUND
+                    t = hi + bound if bound > 1e-9 + 1e-12 * hi else hi
+            if not LAZY and (not SKIP or t < math.inf):
+                solve_pair(a, b, state, phase, radius, own, own_kind, limit, pair, pair_lo)
+                t, t_lo = pair[a, b], pair_lo[a, b]
+        pair[a, b], pair_lo[a, b] = t, t_lo
+        if t < near[a, 0] or (t == near[a, 0] and t_lo < near[a, 1]):
+            near[a, 0], near[a, 1], near_with[a] = t, t_lo, b
+        elif near_with[a] == b and j < i:
+            find_near(a, n, pair, pair_lo, near, near_with)
+
+
+@kernel
+def find_near(i, n, pair, pair_lo, near, near_with):
+    """The nearest of the pairs of ball i with balls j > i: near[i] = (hi, lo), near_with[i] = j."""
+    t, t_lo, k = math.inf, 0.0, n
+    for j in range(i + 1, n):
+        if pair[i, j] < t or (pair[i, j] == t and pair_lo[i, j] < t_lo):
+            t, t_lo, k = pair[i, j], pair_lo[i, j], j
+    near[i, 0], near[i, 1], near_with[i] = t, t_lo, k
+
+
+@inlined
+def earliest(n, own, own_kind, queue):
+    """The earliest prediction: (hi, lo, ball, whether of its nearest pair and not of itself)."""
+    pair, pair_lo, near, near_with = queue
+    hi, lo, a, of_pair = math.inf, 0.0, -1, False
+    for i in range(n):
+        if not ROWS:
+            find_near(i, n, pair, pair_lo, near, near_with)
+        if near[i, 0] < hi or (near[i, 0] == hi and near[i, 1] < lo):
+            hi, lo, a, of_pair = near[i, 0], near[i, 1], i, True
+    rank = 1  # of kinds at one instant: pocket 0, ball-ball 1, cushion 2, phase change 3
+    for i in range(n):
+        t, t_lo = own[i, 0], own[i, 1]
+        if t > hi or t == math.inf:
+            continue
+        r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
+        if t < hi or t_lo < lo or (t_lo == lo and r < rank):
+            hi, lo, a, of_pair, rank = t, t_lo, i, False, r
+    return hi, lo, a, of_pair

@@ -1,0 +1,76 @@
+"""What the engine saves changes no bit of what it gives back: see `plain`, which saves nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from billiards_env.engine import pic
+from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH
+from billiards_env.engine.shot import check_shot, scene_arrays
+from tests.engine import plain
+from tests.stress import draw, families
+
+ROOM = 2_000  # events of a log
+MOST = 20_000  # events of a shot: where plain takes too long
+
+
+def run(engine, shots, record=False, max_time=None, max_events=MOST):
+    """Everything that an engine writes: the balls, times and counters of all shots, and the log of the last."""
+    scene, places, velocities, spins = shots
+    given = check_shot(scene, places, velocities, spins, None, max_time)
+    m, n = given.positions.shape[:2]
+    rows = ROOM if record else 0
+    out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
+    log = np.zeros((rows, EVENT_WIDTH)), np.zeros((4 * rows, SEGMENT_WIDTH)), np.zeros(2, np.int64)
+    engine.run_shots(0, m, *scene_arrays(scene), given.limit, max_events, *given[:4], *out, *log)
+    return [*given[:4], *out, *log]
+
+
+def check(shots, **how):
+    for fast, slow in zip(run(pic, shots, **how), run(plain, shots, **how), strict=True):
+        assert np.array_equal(fast, slow)
+
+
+@pytest.mark.parametrize("name", [name for name in families.FAMILIES if name != "wild"])
+def test_ordinary_shots_are_the_same_bit_for_bit(name):
+    many = 40 if "15-ball" in name else 300
+    check(families.FAMILIES[name](np.random.default_rng(7), many))
+
+
+@pytest.mark.parametrize("name", [name for name in families.FAMILIES if name != "wild"])
+def test_logs_are_the_same_bit_for_bit(name):
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        check(families.FAMILIES[name](rng, 1), record=True)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_wild_shots_are_the_same_bit_for_bit(seed):
+    shots = families.FAMILIES["wild"](np.random.default_rng(seed), 8)
+    if shots is not None:
+        check(shots, record=True)
+
+
+@pytest.mark.parametrize("how", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
+def test_shots_that_are_cut_off_are_the_same_bit_for_bit(how):
+    for name in ("pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks"):
+        check(families.FAMILIES[name](np.random.default_rng(9), 3), record=True, **how)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(families.FAMILIES))
+def test_many_shots_are_the_same_bit_for_bit(name):
+    for seed in range(200 if name == "wild" else 20):
+        shots = families.FAMILIES[name](np.random.default_rng([1, seed]), 20 if name == "wild" else 100)
+        if shots is not None:
+            check(shots)
+
+
+def test_balls_that_lie_still_and_touch_are_the_same_bit_for_bit():
+    for seed in range(20):
+        rng = np.random.default_rng([2, seed])
+        scene = draw.wild_scene(rng)
+        places = draw.layouts(scene, rng, 5, frozen=0.9)
+        if places is not None:
+            check((scene, places, np.zeros_like(places), None))

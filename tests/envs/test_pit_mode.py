@@ -1,0 +1,164 @@
+"""Billiards-v0 with mode="pit": the same environment, whatever a timestep does to the balls."""
+
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+from billiards_env.envs import BilliardsEnv
+from billiards_env.failures import FAILURES
+from billiards_env.physics.state import FIXES
+from tests.envs.test_billiards import VARIANTS
+
+FRAME = 1 / 60
+FEW = (
+    {"n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
+    {"scene": "carom", "task": "carom", "max_shots": 5, "observe_shots_left": True},
+    {"scene": "ideal", "task": "carom", "n_object_balls": 5, "max_shots": 5, "max_speed": 10.0},
+)
+
+
+def name(kwargs):
+    return ",".join(map(str, kwargs.values()))[:60]
+
+
+variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=name)
+few = pytest.mark.parametrize("kwargs", FEW, ids=name)
+fixes = pytest.mark.parametrize("fix", FIXES)
+
+
+def make(**kwargs):
+    return gym.make("Billiards-v0", **{"mode": "pit", "dt": FRAME, **kwargs})
+
+
+def check(**kwargs):
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make(**kwargs).unwrapped)
+        sb3.check_env(make(**kwargs), warn=True)
+
+
+def episode(env, seed):
+    """All observations and rewards of an episode of random shots, and the last info."""
+    rng = np.random.default_rng(seed)
+    log, terminated, info = [(env.reset(seed=seed)[0], 0.0)], False, {}
+    while not terminated:
+        observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, 2).astype(np.float32))
+        assert not truncated
+        log.append((observation, reward))
+    return log, info
+
+
+@variants
+def test_the_environment_checkers_have_nothing_to_say(kwargs):
+    check(**kwargs)
+
+
+@few
+@fixes
+def test_the_environment_checkers_have_nothing_to_say_about_a_fix(kwargs, fix):
+    check(**kwargs, fix=fix)
+
+
+@few
+@fixes
+@pytest.mark.parametrize("dt", [1 / 15, FRAME, 1 / 240])
+def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt):
+    env = BilliardsEnv(**kwargs, mode="pit", fix=fix, dt=dt)
+    for seed in range(8):
+        log, info = episode(env, seed)
+        assert all(observation in env.observation_space for observation, _ in log)
+        assert info["status"] in ("rest", "max_time")
+        on_table = np.abs(log[-1][0][: 2 * env.scene.n_balls]).reshape(-1, 2).max(axis=1) < 1
+        assert not (on_table & info["potted"]).any()
+
+
+def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
+    # 4 m/s in steps of 1/15 s: without a fix some ball comes to rest deep in another one, or beyond a cushion
+    env = BilliardsEnv(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
+    deepest, beyond = 0.0, -np.inf
+    room = np.array([env.scene.table.length, env.scene.table.width]) / 2 - env.scene.balls.radius[0]
+    for seed in range(10):
+        env.reset(seed=seed)
+        rng = np.random.default_rng(seed)
+        terminated = False
+        while not terminated:
+            observation, _, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
+            assert observation in env.observation_space
+            assert info["status"] == "rest"
+            places = env._tables.shots.positions[0][~info["potted"]]
+            apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
+            deepest = max(deepest, 2 * env.scene.balls.radius[0] - apart.min())
+            beyond = max(beyond, (np.abs(places) - room).max())
+    assert deepest > 1e-3
+    assert beyond > 1e-4
+
+
+@few
+@fixes
+def test_the_same_seed_gives_the_same_episodes_bit_for_bit(kwargs, fix):
+    for seed in range(3):
+        (first, info), (second, again) = (episode(make(**kwargs, fix=fix), seed) for _ in range(2))
+        assert all(np.array_equal(a, b) and r == s for (a, r), (b, s) in zip(first, second, strict=True))
+        assert (info["shot_time"], info["n_events"]) == (again["shot_time"], again["n_events"])
+
+
+def test_an_episode_starts_alike_and_ends_as_the_timestep_has_it():
+    exact, coarse = gym.make("Billiards-v0", max_shots=1), make(max_shots=1)
+    differ = []
+    for seed in range(20):
+        (first, start), (last, end) = ([observation for observation, _ in episode(e, seed)[0]] for e in (exact, coarse))
+        assert np.array_equal(first, last)
+        differ.append(not np.array_equal(start, end))
+    assert any(differ)
+
+
+def test_fix_and_dt_reach_the_engine():
+    ends = {
+        (fix, dt): episode(make(scene="carom", task="carom", max_shots=5, fix=fix, dt=dt), 0)[0][-1][0].tobytes()
+        for fix in (None, *FIXES)
+        for dt in (1 / 15, 1 / 30)
+    }
+    assert ends[None, 1 / 15] == ends["push_apart", 1 / 15]
+    assert len(set(ends.values())) == 6
+
+
+def test_a_missed_collision_costs_the_point():
+    # 6 m/s: at one frame the cue ball is 12 cm before the other ball, at the next 12 cm behind it
+    case = FAILURES["missed_collision"]
+    rewards = []
+    for engine in ({}, {"mode": "pit", "dt": case.dt}):
+        env = gym.make("Billiards-v0", scene=case.scene.to_dict(), task="carom", max_speed=6.0, **engine)
+        env.reset(options={"positions": [[-0.42, 0.0], [-0.06, 0.0]]})
+        _, reward, *_ = env.step(np.array([1.0, 0.0], np.float32))
+        rewards.append(reward)
+    assert rewards == [1.0, 0.0]
+
+
+def test_its_arguments_survive_json():
+    for fix in (None, *FIXES):
+        spec = make(fix=fix).spec
+        assert spec is not None
+        again = gym.make(EnvSpec.from_json(spec.to_json())).unwrapped
+        assert isinstance(again, BilliardsEnv)
+        assert (again.mode, again.dt, again.fix) == ("pit", FRAME, fix)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"mode": "pit"}, "dt = None with mode='pit': expected the timestep in s"),
+        ({"mode": "pit", "dt": 0}, "dt = 0 with mode='pit': expected the timestep in s"),
+        ({"mode": "pit", "dt": "1/60"}, "dt = '1/60' with mode='pit': expected the timestep in s"),
+        ({"mode": "pit", "dt": 0.1, "fix": "moveback"}, "fix = 'moveback': expected one of .*did you mean 'move_back'"),
+        ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
+        ({"fix": "none"}, "fix = 'none' with mode='pic': expected None"),
+    ],
+)
+def test_bad_arguments_are_refused(kwargs, message):
+    with pytest.raises(ValueError, match=message):
+        BilliardsEnv(**kwargs)

@@ -1,0 +1,319 @@
+"""The paper's four failures: what PIC makes of each, what PIT makes of it, and from which timestep on PIT is right."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, engine, failures
+from billiards_env.failures import FAILURES, Failure
+from billiards_env.physics.state import FIXES
+from tests import oracle
+
+cases = pytest.mark.parametrize("name", FAILURES)
+fixes = pytest.mark.parametrize("fix", FIXES)
+late_fixes = pytest.mark.parametrize("fix", ["push_apart", "none"])
+
+
+def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: float = 0.0) -> Any:
+    """The recorded shot: by PIC without a fix, or else by PIT. The balls start `ahead` s further on their ways."""
+    places = np.array(case.positions) + ahead * np.array(case.velocities)
+    pit = {} if fix is None else {"mode": "pit", "dt": case.dt if dt is None else dt, "fix": fix}
+    return engine.simulate(case.scene, places, case.velocities, record=True, **pit)
+
+
+def touch_after_step(touch: float, dt: float, by: float) -> float:
+    """How far ahead, s, the balls have to start for a step to end `by` s before they touch."""
+    return touch - by - math.floor((touch - by) / dt) * dt
+
+
+def hits(shot: Any) -> list[tuple[str, int, int]]:
+    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
+
+
+def degrees_between(a: Any, b: Any) -> Any:
+    """(n,) angles between the rows of (n, 2) arrays; 0 where both are zero."""
+    return np.degrees(np.abs(np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))))
+
+
+def is_right(case: Failure, exact: Any, shot: Any) -> bool:
+    """As `Failure.right_below` has it."""
+    return hits(shot) == hits(exact) and bool((degrees_between(shot.velocities, exact.velocities) < 1.0).all())
+
+
+def after_impact(case: Failure, normal: Any) -> Any:
+    """(2, 2) velocities after an elastic impact of balls of like mass, or at a fixed second one, along a normal."""
+    u, n = np.array(case.velocities), np.array(normal) / math.hypot(*normal)
+    closing = (u[0] - u[1]) @ n
+    if math.isinf(case.scene.balls.mass[1]):
+        return u - np.array([2 * closing * n, [0.0, 0.0]])
+    return u + closing * np.array([-n, n])
+
+
+def line_of_centres(case: Failure, t: float) -> Any:
+    """From ball 0 to ball 1 if nothing were in the way until t."""
+    a, b = np.array(case.positions) + t * np.array(case.velocities)
+    return b - a
+
+
+# Names
+
+
+def test_they_are_those_of_the_paper():
+    assert list(FAILURES) == ["missed_collision", "penetration", "multiple_collisions", "wrong_bounce"]
+    assert all(failures.named(name) is case for name, case in FAILURES.items())
+
+
+def test_an_unknown_name_is_refused():
+    with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
+        failures.named("penetrations")
+
+
+@cases
+def test_they_are_in_the_papers_world(name):
+    case = FAILURES[name]
+    physics = case.scene.physics
+    assert (physics.motion, physics.e_ball, physics.e_cushion) == ("ideal", 1.0, 1.0)
+    assert [math.isinf(m) for m in case.scene.balls.mass] == [False, name == "wrong_bounce"]
+    assert case.right_below < case.dt
+    assert Scene.from_dict(case.scene.to_dict()) == case.scene
+
+
+# PIC
+
+
+@cases
+def test_pic_is_what_the_reference_finds(name):
+    case = FAILURES[name]
+    shot, true = play(case), oracle.run(case.scene, case.positions, case.velocities)
+    assert hits(shot) == [(e.kind, e.ball, e.other) for e in true.events]
+    assert shot.events["time"] == pytest.approx([float(e.time) for e in true.events], abs=1e-14)
+    assert shot.positions == pytest.approx(np.array(true.positions, dtype=float), abs=1e-13)
+    assert shot.velocities == pytest.approx(np.array(true.velocities, dtype=float), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "velocities"),
+    [
+        ("missed_collision", [0.088], [[0.0, 3.0], [4.0, 0.0]]),
+        ("penetration", [0.1835], [[0.72, -0.96], [1.28, 0.96]]),
+        ("wrong_bounce", [0.1835], [[-0.56, -1.92], [0.0, 0.0]]),
+    ],
+)
+def test_pic_is_what_one_computes_by_hand(name, times, velocities):
+    shot = play(FAILURES[name])
+    assert shot.events["time"] == pytest.approx(times, abs=1e-15)
+    assert shot.velocities == pytest.approx(np.array(velocities), abs=1e-14)
+    normal = line_of_centres(FAILURES[name], times[0])
+    assert math.hypot(*normal) == pytest.approx(0.06, abs=1e-15)
+    assert after_impact(FAILURES[name], normal) == pytest.approx(np.array(velocities), abs=1e-14)
+
+
+def test_pic_has_all_three_hits_between_two_frames():
+    case = FAILURES["multiple_collisions"]
+    shot = play(case)
+    assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1), ("ball_ball", 0, 1)]
+    assert set(np.floor(shot.events["time"] / case.dt)) == {5.0}
+    assert shot.velocities[0, 0] < -1.5 < -0.5 < shot.velocities[1, 0] < 0
+
+
+# PIT at the given dt
+
+
+@fixes
+def test_pit_misses_the_collision(fix):
+    case = FAILURES["missed_collision"]
+    shot = play(case, fix)
+    assert hits(shot) == []
+    assert shot.first_hit == -1
+    assert shot.velocities.tolist() == [list(v) for v in case.velocities]
+    straight = np.array(case.positions) + case.scene.physics.max_time * np.array(case.velocities)
+    assert shot.positions == pytest.approx(straight, abs=1e-15)
+    # Nothing but the frames is to blame: between two of them the balls lie in each other.
+    frames = np.arange(0, 6) * case.dt
+    assert min(math.hypot(*line_of_centres(case, t)) for t in frames) > 0.06 * 1.5
+    assert math.hypot(*line_of_centres(case, 0.1)) < 1e-15
+
+
+@late_fixes
+@pytest.mark.parametrize(("name", "wrong"), [("penetration", [30.51, 30.51]), ("wrong_bounce", [61.02, 0.0])])
+def test_pit_takes_a_late_line_of_centres(name, wrong, fix):
+    case = FAILURES[name]
+    shot = play(case, fix)
+    assert hits(shot) == hits(play(case))
+    [hit] = shot.events
+    assert hit["time"] == pytest.approx(0.2)
+    late = line_of_centres(case, 0.2)
+    assert late == pytest.approx([0.015, 0.036])
+    assert shot.velocities == pytest.approx(after_impact(case, late), abs=1e-14)
+    # Between the true line, along (4, 3), and the late one, along (5, 12); a bounce doubles the angle.
+    turned = math.degrees(math.atan2(12, 5) - math.atan2(3, 4)) * (2 if name == "wrong_bounce" else 1)
+    assert degrees_between(shot.velocities, play(case).velocities)[0] == pytest.approx(turned, abs=1e-12)
+    assert degrees_between(shot.velocities, play(case).velocities) == pytest.approx(wrong, abs=0.005)
+
+
+@pytest.mark.parametrize("name", ["penetration", "wrong_bounce"])
+def test_pit_finds_the_line_of_centres_when_it_moves_back_but_comes_late(name):
+    case = FAILURES[name]
+    shot, exact = play(case, "move_back"), play(case)
+    assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
+    behind = exact.velocities * (0.2 - exact.events["time"][0])
+    assert shot.positions == pytest.approx(exact.positions - behind, abs=1e-13)
+
+
+@fixes
+def test_pit_skips_the_second_hit(fix):
+    case = FAILURES["multiple_collisions"]
+    shot, exact = play(case, fix), play(case)
+    assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
+    assert shot.events["time"][0] == pytest.approx(0.24)
+    if fix != "move_back":
+        assert shot.velocities == pytest.approx(np.array([[0.2, -0.6], [-1.8, 0.6]]), abs=1e-13)
+    # It is ball 1 that comes back then, and not ball 0.
+    assert exact.velocities[0, 0] < -1.5 < 0 < shot.velocities[0, 0] < 0.25
+    assert shot.velocities[1, 0] < -1.75 < -0.3 < exact.velocities[1, 0]
+    assert (degrees_between(shot.velocities, exact.velocities) > 50).all()
+
+
+@cases
+@fixes
+def test_pit_keeps_the_energy_and_between_two_moving_balls_the_momentum(name, fix):
+    case = FAILURES[name]
+    shot = play(case, fix)
+    masses = np.array([m if math.isfinite(m) else 0.0 for m in case.scene.balls.mass])
+    before, after = (masses @ (v**2).sum(axis=1) for v in (np.array(case.velocities), shot.velocities))
+    assert after == pytest.approx(before, rel=1e-14)
+    if name in ("missed_collision", "penetration"):
+        assert masses @ shot.velocities == pytest.approx(masses @ np.array(case.velocities), abs=1e-15)
+
+
+@cases
+@fixes
+def test_nothing_of_it_hangs_on_the_last_bits(name, fix):
+    case = FAILURES[name]
+    for ahead in (-1e-4, 1e-4):
+        for dt in (case.dt * (1 - 1e-4), case.dt * (1 + 1e-4)):
+            assert hits(play(case, fix, dt, ahead)) == hits(play(case, fix))
+
+
+# From which dt on PIT is right
+
+
+@cases
+@fixes
+def test_below_its_limit_pit_is_right(name, fix):
+    case = FAILURES[name]
+    exact = play(case)
+    rng = np.random.default_rng(0)
+    for share in (1 - 1e-9, 0.999, *rng.uniform(0.05, 1, 60)):
+        dt = share * case.right_below
+        for ahead in (0.0, *rng.uniform(0, dt, 3), *(touch_after_step(t, dt, 1e-9) for t in exact.events["time"])):
+            assert is_right(case, exact, play(case, fix, dt, ahead)), (dt, ahead)
+
+
+@cases
+def test_the_limit_is_no_lower_than_it_need_be(name):
+    # Of the timesteps up to 1.5 times the limit some are wrong.
+    case = FAILURES[name]
+    exact = play(case)
+    steps = case.right_below * np.linspace(1.0, 1.5, 400)
+    assert not all(is_right(case, exact, play(case, "none", dt)) for dt in steps)
+
+
+@fixes
+def test_the_limit_of_the_missed_collision_is_the_time_in_which_the_balls_approach_within_reach(fix):
+    # At 5 m/s head-on they are within reach, and approach, for a distance of 6 cm.
+    case = FAILURES["missed_collision"]
+    closing = math.dist(*case.velocities)
+    limit = sum(case.scene.balls.radius) / closing
+    assert closing == 5.0
+    assert case.right_below == limit
+    [touch] = play(case).events["time"]
+    for factor, seen in ((0.999, True), (1.001, False)):
+        dt = factor * limit
+        shot = play(case, fix, dt, touch_after_step(touch, dt, by=1e-6))
+        assert len(shot.events) == seen
+
+
+@late_fixes
+@pytest.mark.parametrize(("name", "turns"), [("penetration", 1.0), ("wrong_bounce", 2.0)])
+def test_the_limit_of_the_late_lines_of_centres_is_that_of_a_hit_a_whole_step_late(name, turns, fix):
+    # x mm late, the line of centres has turned from atan(36 / 48) to atan(36 / (48 - x)), and a bounce by twice that.
+    case = FAILURES[name]
+    exact = play(case)
+    allowed = math.atan(36 / 48) + math.radians(1.0) / turns
+    limit = (0.048 - 0.036 / math.tan(allowed)) / 2.0
+    assert 0.9 * limit < case.right_below < limit
+    [touch] = exact.events["time"]
+    for factor, good in ((0.9999, True), (1.0001, False)):
+        dt = factor * limit
+        ahead = touch_after_step(touch, dt, by=1e-10)
+        shot = play(case, fix, dt, ahead)
+        late = shot.events["time"][0] - (touch - ahead)
+        assert late == pytest.approx(dt, abs=1e-9)
+        assert hits(shot) == hits(exact)
+        assert shot.velocities == pytest.approx(after_impact(case, line_of_centres(case, touch + late)), abs=1e-12)
+        assert is_right(case, exact, shot) == good
+
+
+@cases
+@fixes
+def test_pit_comes_to_the_right_end_as_dt_goes_to_zero(name, fix):
+    case = FAILURES[name]
+    exact = play(case)
+    coarse, fine = (
+        np.abs(play(case, fix, dt).positions - exact.positions).max() for dt in (case.dt, case.right_below / 100)
+    )
+    assert coarse > 0.01
+    assert fine < coarse / 50
+
+
+# The paper's figures
+
+
+@pytest.fixture
+def paper_figures():
+    pytest.importorskip("matplotlib")
+    return importlib.import_module("benchmarks.paper_figures")
+
+
+def test_the_figures_are_drawn_from_these_scenes(paper_figures, tmp_path, capsys):
+    paper_figures.main(["--folder", str(tmp_path)])
+    drawn = (tmp_path / "failures.png").read_bytes()
+    assert drawn.startswith(b"\x89PNG")
+    assert len(drawn) < 200_000
+    assert str(tmp_path / "failures.png") in capsys.readouterr().out
+    assert list(paper_figures.VIEWS) == list(FAILURES)
+    assert sorted(number for view in paper_figures.VIEWS.values() for number in view.numbers) == list(range(1, 9))
+
+
+def test_the_figures_say_what_the_runs_say(paper_figures):
+    said = [text for name in FAILURES for text in paper_figures.captions(name, *paper_figures.run(FAILURES[name]))]
+    numbers = [re.findall(r"\d+\.\d+", text) for text in said]
+    exact = [[f"{t:.3f}" for t in play(case).events["time"]] for case in FAILURES.values()]
+    assert numbers == [
+        [],
+        exact[0],
+        ["0.200", "16.5", "30.5"],
+        ["0.1835"],
+        ["0.240"],
+        exact[2],
+        ["0.200", "16.5", "61.0"],
+        ["0.1835"],
+    ]
+
+
+@cases
+def test_the_figures_show_all_of_what_happens(paper_figures, name):
+    view, (pit, pic) = paper_figures.VIEWS[name], paper_figures.run(FAILURES[name])
+    dt, radius = FAILURES[name].dt, 0.03
+    half = np.array([view.height * paper_figures.PANEL[0] / paper_figures.PANEL[1], view.height]) / 2
+    for shot in (pit, pic):
+        assert all(view.frames[0] * dt < t < view.frames[1] * dt for t in shot.events["time"])
+        for k in range(view.frames[0], view.frames[1] + 1):
+            assert (np.abs(shot.at(k * dt) - [view.x, view.y]) < half - radius).all()
