@@ -37,7 +37,7 @@ from billiards_env.drawing.style import (
 from billiards_env.scene import Scene
 
 MARKS = {
-    "ball_ball": ("*", 10, "ball hits ball"),
+    "ball_ball": ("*", 11, "ball hits ball"),
     "cushion": ("s", 4.5, "ball hits cushion"),
     "roll": ("o", 3.5, "slides until here, then rolls"),
     "pocket": ("D", 5, "potted"),
