@@ -20,7 +20,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 from numpy.typing import NDArray
 
-from benchmarks.figures import CHALK, CLOTH, CUSHION, IMAGES, INK, MARKS, save
+from benchmarks.figures import IMAGES, save
+from billiards_env.drawing.plot import MARKS
+from billiards_env.drawing.style import CHALK, CLOTH, CUSHION, INK
 from billiards_env.engine import ShotResult, simulate
 from billiards_env.failures import FAILURES, Failure
 

@@ -17,6 +17,7 @@ from benchmarks import (
     growth,
     others,
     print_table,
+    rendering,
     speed,
     start_up,
 )
@@ -235,7 +236,7 @@ def test_too_small_counts_are_refused(module, capsys):
     assert "--passes = 0: expected a whole number >= 1" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("module", [speed, error_limit, start_up])
+@pytest.mark.parametrize("module", [speed, error_limit, rendering, start_up])
 def test_counts_below_one_are_refused(module, capsys):
     option = "--shots" if module is error_limit else "--repeats"
     with pytest.raises(SystemExit):

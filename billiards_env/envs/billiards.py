@@ -9,13 +9,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.engine import STATUS, check_mode
+from billiards_env.engine import STATUS, ShotInput, check_mode
 from billiards_env.engine.log import CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
-from billiards_env.envs.tables import Tables, shorten
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
+from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, shorten
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
@@ -140,17 +142,30 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `layout` | str or None | `"random"` | the starting state; None for the game's own |
     | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
     | `scratch_penalty` | float | `0.1` | what a scratch costs |
-    | `render_mode` | None | `None` | there is no rendering yet |
+    | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
 
     The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1) and
     `"pooltool_carom"` (2). The game's own layout is `"rack"` for `pot` and `"carom_opening"` for `carom`.
+
+    ## Rendering
+
+    Drawn to scale by pygame (extra `render`), 30 frames a second, from the exact trajectories.
+
+    - `"human"`: a window in which each step plays its shot, in real time.
+    - `"rgb_array"`: `render()` gives one frame, how the last shot ended, with the balls' paths.
+    - `"rgb_array_list"`: `render()` gives all frames since it was last called, or since the reset: that of the layout,
+      and those of each shot in motion.
+
+    Gymnasium's `RecordVideo` keeps one frame a step; `billiards_env.envs.RecordVideo` takes the same arguments and
+    films the shots in motion. Without a render mode nothing is drawn or imported for it.
 
     ## Version History
 
     * v0: Initial version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (an instance variable in gym.Env)
+    # An instance variable in gym.Env.
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
 
     def __init__(
         self,
@@ -190,9 +205,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.scratch_penalty < 0:
             raise ValueError(f"scratch_penalty = {scratch_penalty!r}: expected a number >= 0, it is subtracted")
         if render_mode is not None:
-            # Stable-Baselines3's make_vec_env asks for "rgb_array" unbidden, and does without on a TypeError only.
-            raise TypeError(f"render_mode = {render_mode!r}: expected None, there is no rendering yet")
+            choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
+        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
 
         n = self.scene.n_balls
         self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -240,6 +255,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         tables.shots.positions[0] = layouts.draw_one(tables.plan, self.np_random) if placed is None else placed
         observation = np.empty(self._size, np.float32)
         tables.start(0, 1, _ONE, observation[None])
+        if self._renderer is not None:
+            self._renderer.begin([layout(tables.shots.positions[0], self.task)])
         return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -285,7 +302,45 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "success": success == 1,
             "is_success": success == 1,
         }
+        if self._renderer is not None:
+            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0])])
         return observation, reward.item(), tables.over.item(), False, info
+
+    def shown(
+        self, tables: Tables, k: int, action: NDArray[np.float64], reward: float, tally: NDArray[np.int64]
+    ) -> Shown:
+        """The last shot of table k, to be drawn; `action`, `reward` and `tally` are its own."""
+        n = self.scene.n_balls
+        velocities = np.zeros((n, 2))
+        velocities[0] = cue_velocity(action, self.max_speed)
+        limit = self.scene.physics.max_time or math.inf
+        in_play = ~tables.potted_before[k]
+        given = ShotInput(tables.starts[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
+        done = self.max_shots - int(tally[SHOTS_LEFT])
+        left = f"{self.task}   shot {done} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
+        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}")
+
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
+        """Shows the shots, as the class's docstring says.
+
+        Returns:
+            A frame (height, width, 3) uint8, a list of frames, or None, by the render mode.
+
+        Raises:
+            DependencyNotInstalled: If pygame is not installed.
+        """
+        if self._renderer is None:
+            gym.logger.warn(
+                "render() without a render mode shows nothing: "
+                f'make the environment with one, such as gym.make("Billiards-v0", render_mode="{RENDER_MODES[1]}")'
+            )
+            return None
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Closes the window of the render mode "human"."""
+        if self._renderer is not None:
+            self._renderer.close()
 
 
 def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:

@@ -30,6 +30,7 @@ class Tables:
             a success so far.
         over: (m,) bool: whether the episode has ended; it has, too, before the first.
         starts: (m, n, 2) float64, m: where the balls were before the last shot.
+        potted_before: (m, n) bool: the balls that were off the table before it.
         plan: The layout that episodes start from.
     """
 
@@ -51,7 +52,7 @@ class Tables:
         self.over = np.ones(count, np.bool_)
         self.starts = np.zeros((count, n, 2))
         self.plan = plan
-        self._potted_before = np.zeros((count, n), np.bool_)
+        self.potted_before = np.zeros((count, n), np.bool_)
         self._mode = mode
         self._arrays = scene_arrays(scene, dt, fix)
         self._limit = scene.physics.max_time or math.inf
@@ -101,7 +102,7 @@ class Tables:
             potted: (m, n) bool out: the balls off the table.
             observations: (m, size) float32 out.
         """
-        shots, before = self.shots, self._potted_before
+        shots, before = self.shots, self.potted_before
         aim(begin, end, still, actions, max_speed, *shots[:4], self.starts, before)
         run_batch(self._mode, self._arrays, self._limit, shots, begin, end, MAX_EVENTS)
         settle(

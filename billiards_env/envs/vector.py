@@ -15,6 +15,7 @@ from billiards_env import streams
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.billiards import BilliardsEnv, placed_by_hand, warn_cut_off
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import POINTS, SCORE, SHOTS_LEFT, SUCCESS
 from billiards_env.scene import choose
 
@@ -22,6 +23,9 @@ Bools = NDArray[np.bool_]
 
 _STATUS = np.array(STATUS, dtype=object)
 _NOTHING = np.array(None, dtype=object)
+
+SHOWN = 4
+"""How many tables are drawn."""
 
 
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -43,6 +47,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
       `infos["final_obs"]` and `infos["final_info"]`. This is what training uses.
     - `"Disabled"`: it has to be reset by hand, with `reset_mask`, before the next `step`.
 
+    With a render mode the first four tables are drawn side by side, in the modes of `BilliardsEnv`: `render()` gives
+    one frame of all of them, or the frames of the last steps.
+
     Every array given out is a new one. The arguments of `BilliardsEnv` are taken beside these:
 
     | Argument | Type | Default | Description |
@@ -55,7 +62,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         single_env: An environment with the same arguments, checked and with their defaults; it is never played.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": list(RENDER_MODES),
+        "render_fps": FPS,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -70,12 +81,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.threads = None if threads is None else _count("threads", threads)
         self.single_env = BilliardsEnv(**arguments)
-        if self.single_env.render_mode is not None:
-            raise TypeError(
-                f"render_mode = {self.single_env.render_mode!r} with a vector environment: expected None, it draws "
-                "nothing; vectorization_mode='sync' does"
-            )
-        self.render_mode = None
+        env = self.single_env
+        self.render_mode = env.render_mode
+        self._renderer = (
+            None if env.render_mode is None else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix)
+        )
         self.metadata = {**BilliardsVectorEnv.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = self.single_env.observation_space
         self.single_action_space = self.single_env.action_space
@@ -146,6 +156,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         spread(work, self.num_envs, self.threads)
         self._begun |= mask
+        if self._renderer is not None:
+            self._renderer.begin([self._layout(k) for k in range(self._n_shown())])
         return observations, {}
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
@@ -193,6 +205,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 tables.start(begin, end, over, observations)
 
         spread(work, m, self.threads)
+        if self._renderer is not None:
+            self._renderer.step(
+                [
+                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k])
+                    for k in range(self._n_shown())
+                ]
+            )
         cut_off = (shots.counts[:, ENDED] == AT_EVENT_LIMIT) & ~still
         if cut_off.any():
             k = int(np.argmax(cut_off))
@@ -209,6 +228,29 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         else:
             infos = _masked(info, ~still)
         return observations, rewards, over, np.zeros(m, np.bool_), infos
+
+    def render(self) -> Any:
+        """Shows the shots of the first few tables side by side.
+
+        Returns:
+            A frame (height, width, 3) uint8, a list of frames, or None, by the render mode.
+
+        Raises:
+            DependencyNotInstalled: If pygame is not installed.
+        """
+        return self.single_env.render() if self._renderer is None else self._renderer.render()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Closes the window of the render mode "human"."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+    def _n_shown(self) -> int:
+        return min(SHOWN, self.num_envs)
+
+    def _layout(self, k: int) -> Shown:
+        shots = self._tables.shots
+        return layout(shots.positions[k], self.single_env.task, shots.in_play[k])
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._tables.shots

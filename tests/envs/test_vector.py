@@ -263,7 +263,7 @@ def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
         ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number >= 1"),
         ({"scene": "pol"}, ValueError, "did you mean 'pool'"),
         ({"max_shot": 1}, TypeError, "max_shot"),
-        ({"render_mode": "human"}, TypeError, "render_mode = 'human'"),
+        ({"render_mode": "ansi"}, ValueError, "render_mode = 'ansi'"),
     ],
 )
 def test_bad_arguments_are_refused(kwargs, error, message):
