@@ -43,7 +43,7 @@ def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
 
 
 def play(
-    env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.float32]], seeds: Iterable[int]
+    env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]], seeds: Iterable[int]
 ) -> dict[str, Any]:
     """Plays one episode a seed.
 

@@ -233,6 +233,16 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.fix,
         )
 
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(n, 2) where the balls are, m, a copy; a potted ball is at its pocket's centre."""
+        return self._tables.shots.positions[0].copy()
+
+    @property
+    def potted(self) -> NDArray[np.bool_]:
+        """(n,) the balls off the table, a copy."""
+        return ~self._tables.shots.in_play[0]
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:

@@ -112,6 +112,16 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             streams.write(generators[-1], row)
         return tuple(generators)
 
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """(num_envs, n, 2) where the balls are, m, a copy; a potted ball is at its pocket's centre."""
+        return self._tables.shots.positions.copy()
+
+    @property
+    def potted(self) -> Bools:
+        """(num_envs, n) the balls off the table, a copy."""
+        return ~self._tables.shots.in_play
+
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:

@@ -16,7 +16,15 @@ from numba.core import config as _numba_config
 F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-KERNEL_SOURCES = ("physics/*.py", "engine/*.py", "streams.py", "layouts.py", "envs/tasks.py", "envs/tables.py")
+KERNEL_SOURCES = (
+    "physics/*.py",
+    "engine/*.py",
+    "streams.py",
+    "layouts.py",
+    "envs/tasks.py",
+    "envs/tables.py",
+    "envs/frames.py",
+)
 
 
 def source_hash() -> str:

@@ -1,0 +1,354 @@
+"""Action frames and execution noise: the geometry, and the wrappers around one environment and around many."""
+
+import json
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import mpmath
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env import layouts, simulate_batch
+from billiards_env.envs.frames import BALLS, FRAMES, Frame, aim, choose_ball, cos_sin, cut, perturb, polar, sum_to_three
+from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.scene import Scene
+
+POOL = Scene.named("pool")
+REACH = 2 * POOL.balls.radius[0]
+FAST = {"max_speed": 4.5, "n_object_balls": 2, "max_shots": 3}  # fast enough for all frames
+NOISE = {"angle_std": 5.0, "speed_std": 0.5}
+shares = st.floats(-1.0, 1.0)
+frames = pytest.mark.parametrize("frame", FRAMES)
+
+
+def make(**kwargs):
+    return gym.make("Billiards-v0", **{**FAST, **kwargs})
+
+
+def native(mode, num_envs=5):
+    return gym.make_vec("Billiards-v0", num_envs, autoreset_mode=mode, **FAST)
+
+
+def sync(mode, num_envs=5):
+    return SyncVectorEnv([make for _ in range(num_envs)], autoreset_mode=mode)
+
+
+def random_layouts(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.array([layouts.draw("random", POOL, rng) for _ in range(count)])
+
+
+# --- geometry ---------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(-5.0, 5.0))
+def test_cosine_and_sine_are_right_to_the_last_bits(turns):
+    c, s = cos_sin(turns)
+    assert abs(c - float(mpmath.cospi(turns))) <= 2.3e-16
+    assert abs(s - float(mpmath.sinpi(turns))) <= 2.3e-16
+    assert cos_sin(-turns) == (c, -s)
+
+
+@given(shares, shares)
+def test_polar_is_the_angle_and_the_speed(a0, a1):
+    x, y = polar(a0, a1, 0.5, 4.0)
+    assert np.hypot(x, y) == pytest.approx(0.5 + 1.75 * (a1 + 1), rel=1e-15)
+    assert abs(np.angle((x + 1j * y) * np.exp(-1j * np.pi * a0))) < 1e-14
+
+
+@given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.0, 40.0))
+def test_a_cut_passes_the_ball_at_its_distance(a0, a1, bearing, apart):
+    dx, dy = apart * REACH * np.cos(bearing), apart * REACH * np.sin(bearing)
+    x, y = cut(a0, a1, dx, dy, REACH, 0.4, 4.0)
+    speed = np.hypot(x, y)
+    assert speed == pytest.approx(0.4 + 1.8 * (a1 + 1), rel=1e-14)
+    assert (x * dy - y * dx) / speed == pytest.approx(a0 * REACH, abs=1e-14)  # positive: the ball lies to the left
+    assert x * dx + y * dy >= -1e-15
+
+
+def test_every_cut_hits_and_its_sine_is_that_of_the_angle():
+    positions = random_layouts(500)
+    offsets = np.random.default_rng(1).uniform(-1, 1, 500).astype(np.float32)
+    largest = np.nextafter(np.float32(1), np.float32(0))
+    offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
+    frame = Frame("cut", POOL, np.array([False, True]), 4.0)
+    actions = np.column_stack((offsets, np.ones(500)))
+    velocities = frame.velocities(actions, positions, np.zeros((500, 2), bool))
+    pocketless = Scene(POOL.balls)
+    assert (simulate_batch(pocketless, positions, velocities).first_hit == 1).all()
+
+    frictionless = Scene.named("ideal")  # the object ball leaves along the line of centres
+    shots = simulate_batch(frictionless, positions, velocities, max_time=0.7)
+    for v, after, offset, cushions in zip(velocities, shots.velocities, offsets, shots.cushions, strict=True):
+        if after[1].any() and not cushions.any():
+            sine = (v[0] * after[1, 1] - v[1] * after[1, 0]) / np.hypot(*v) / np.hypot(*after[1])
+            assert sine == pytest.approx(offset, abs=1e-9)
+
+
+@given(shares, shares, st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
+def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
+    def by_offset(a, x, y):
+        return cut(a, a1, x, y, REACH, 0.4, 4.0)
+
+    def by_angle(a, x, y):
+        return sum_to_three(a1, a, x, y, REACH)
+
+    for frame in (by_offset, by_angle):
+        x, y = frame(a0, dx, dy)
+        if (dx, dy) != (0.0, 0.0):
+            assert frame(-a0, dx, -dy) == (x, -y)
+            assert frame(-a0, -dx, dy) == (-x, y)
+    x, y = polar(a0, a1, 0.4, 4.0)
+    assert polar(-a0, a1, 0.4, 4.0) == (x, -y)
+
+
+@given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.05, 40.0))
+def test_sum_to_three_solves_its_equation(a0, a1, bearing, apart):
+    distance, c = apart * REACH, np.deg2rad(70) * a1
+    x, y = sum_to_three(a0, a1, distance * np.cos(bearing), distance * np.sin(bearing), REACH)
+    assert np.hypot(x, y) == pytest.approx(1.395 * (0.3 + 1.35 * (a0 + 1)), rel=1e-14)
+    turned = np.angle((x + 1j * y) * np.exp(-1j * bearing))  # counter-clockwise
+    d = abs(turned)
+    assert abs(d - np.arctan(REACH * np.sin(abs(c) - d) / (distance - REACH * np.cos(abs(c) - d)))) < 1e-12
+    assert turned * c <= 1e-14
+
+
+def test_a_cut_is_a_shot_wherever_the_balls_are():
+    assert aim(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
+    for offset in (-1.0, 0.5, 1.0):
+        for distance in (REACH, REACH * (1 - 1e-11), 1e-300):
+            assert np.hypot(*aim(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
+
+
+def test_the_ball_aimed_at():
+    nearest, first = -1, -2
+    assert BALLS == ("nearest", "first")
+    positions = np.array([[0.0, 0.0], [0.1, 0.0], [1.0, 0.0], [0.5, 0.5]])
+    targets = np.array([False, False, True, True])
+    none, third = np.zeros(4, bool), np.array([False, False, False, True])
+    assert [choose_ball(ball, targets, positions, none) for ball in (nearest, first, 1, 2, 3)] == [3, 2, 1, 2, 3]
+    assert [choose_ball(ball, targets, positions, third) for ball in (nearest, first, 1, 2, 3)] == [2, 2, 1, 2, 2]
+    assert choose_ball(nearest, targets, positions, np.array([False, False, True, True])) == 0
+
+
+@frames
+def test_leading_axes_do_not_matter_and_actions_are_clipped(frame):
+    positions, potted = random_layouts(6), np.zeros((6, 2), bool)
+    actions = np.random.default_rng(0).uniform(-1.3, 1.3, (6, 2)).astype(np.float32)
+    aims = Frame(frame, POOL, np.array([False, True]), 4.5)
+    flat = aims.velocities(actions, positions, potted)
+    stacked = aims.velocities(actions.reshape(2, 3, 2), positions.reshape(2, 3, 2, 2), potted.reshape(2, 3, 2))
+    assert stacked.reshape(6, 2).tobytes() == flat.tobytes()
+    for k in range(6):
+        assert aims.velocities(actions[k], positions[k], potted[k]).tobytes() == flat[k].tobytes()
+    assert aims.velocities(np.clip(actions, -1, 1), positions, potted).tobytes() == flat.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("cute",), r"frame = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
+        (("cut", "near"), r"ball = 'near': expected one of"),
+        (("cut", 0), "ball = 0: expected 'nearest', 'first' or a number from 1 to 1"),
+        (("cut", 2), "ball = 2"),
+        (("cut", True), "ball = True"),
+        (("polar", "nearest", 4.1), "least_speed = 4.1: expected a speed from 0 to max_speed = 4.0 m/s"),
+        (("polar", "nearest", -1.0), "least_speed = -1.0"),
+        (("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
+    ],
+)
+def test_bad_frames_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ActionFrame(gym.make("Billiards-v0"), *arguments)
+    with pytest.raises(ValueError, match=message):
+        VectorActionFrame(gym.make_vec("Billiards-v0", 2), *arguments)
+
+
+# --- wrappers ---------------------------------------------------------------------------------------------------------
+
+
+def wrapped():
+    yield from (ActionFrame(make(), frame, ball) for frame in FRAMES for ball in ("nearest", "first", 2))
+    yield ExecutionNoise(make())
+    yield ActionFrame(ExecutionNoise(make()), "cut")
+
+
+def test_the_environment_checkers_have_nothing_to_say():
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    for env in wrapped():
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.filterwarnings("ignore", ".*is different from the unwrapped version")
+            check_env(env)
+            sb3.check_env(env, warn=True)
+        assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
+
+
+def test_a_spec_gives_the_wrapped_environment_back():
+    env = ActionFrame(ExecutionNoise(make(), 0.25, 0.1), "cut", ball=2, least_speed=1.0)
+    assert env.spec is not None
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert str(again) == str(env)
+    assert json.loads(env.spec.to_json())["additional_wrappers"][-1]["kwargs"] == {
+        "frame": "cut",
+        "ball": 2,
+        "least_speed": 1.0,
+    }
+    for game in (env, again):
+        game.reset(seed=3)
+    action = np.array([0.3, 0.2], np.float32)
+    assert env.step(action)[0].tobytes() == again.step(action)[0].tobytes()
+
+
+@frames
+@pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.value)
+@pytest.mark.parametrize("build", [native, sync])
+def test_many_play_what_single_ones_play(frame, mode, build):
+    envs = VectorActionFrame(VectorExecutionNoise(build(mode), **NOISE), frame)
+    singles = [ActionFrame(ExecutionNoise(make(), **NOISE), frame) for _ in range(envs.num_envs)]
+    observations, _ = envs.reset(seed=11)
+    expected = [env.reset(seed=11 + i)[0] for i, env in enumerate(singles)]
+    over = np.zeros(envs.num_envs, bool)
+    actions = np.random.default_rng(0).uniform(-1, 1, (50, envs.num_envs, 2)).astype(np.float32)
+    assert len({tuple(row) for row in observations.tolist()}) == envs.num_envs
+    ends = 0
+    for chosen in actions:
+        observations, rewards, terminated, _, _ = envs.step(chosen)
+        for i, env in enumerate(singles):
+            if over[i]:
+                expected[i], reward, over[i] = env.reset()[0], 0.0, False
+            else:
+                expected[i], reward, over[i], _, _ = env.step(chosen[i])
+            assert (rewards[i], terminated[i]) == (reward, over[i])
+            if over[i] and mode is not AutoresetMode.NEXT_STEP:
+                expected[i] = env.reset()[0]
+        ends += terminated.sum()
+        if mode is AutoresetMode.DISABLED and terminated.any():
+            observations, _ = envs.reset(options={"reset_mask": terminated})
+        if mode is not AutoresetMode.NEXT_STEP:
+            over[:] = False
+        assert observations.tobytes() == np.array(expected).tobytes()
+    assert ends > 20
+
+
+def test_the_frame_aims_at_where_the_balls_are():
+    env = ActionFrame(make(), "cut")
+    env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
+    np.testing.assert_allclose(env.action([0.0, 1.0]), [0.6, 0.8], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(env.action([0.0, -1.0]), np.array([0.6, 0.8]) * 0.4 / 4.5, rtol=0, atol=1e-15)
+    for action in ([0.0], [[0.0, 0.0]], [np.nan, 0.0], [0.0, np.inf]):
+        with pytest.raises(ValueError, match="expected"):
+            env.step(action)
+
+
+def test_positions_and_potted_balls_can_be_read_and_are_copies():
+    places = [[0.97, 0.335], [-0.5, 0.1], [-0.2, 0.4]]  # the cue ball is to drop into the corner
+    env, envs = make(), native(AutoresetMode.DISABLED, 2)
+    env.reset(options={"positions": places})
+    game: Any = env.unwrapped
+    assert game.positions.tolist() == places
+    assert game.potted.tolist() == [False] * 3
+    env.step([0.2, 0.2])
+    assert game.positions.tolist() == [[1.27, 0.635], *places[1:]]
+    assert game.potted.tolist() == [True, False, False]
+    game.positions[:], game.potted[:] = 0.0, False
+    assert (game.positions[0, 0], game.potted[0]) == (1.27, True)
+    envs.reset(options={"positions": np.array([places, places])})
+    envs.step([[0.2, 0.2], [0.0, 0.0]])
+    games: Any = envs.unwrapped
+    assert games.positions.tolist() == [game.positions.tolist(), places]
+    assert games.potted.tolist() == [[True, False, False], [False] * 3]
+    games.positions[:], games.potted[:] = 0.0, False
+    assert (games.positions[0, 0, 0], games.potted[0, 0]) == (1.27, True)
+
+
+# --- noise ------------------------------------------------------------------------------------------------------------
+
+
+def test_perturbed_shots():
+    aimed = np.array([[0.3, -0.4], [0.0, 0.0], [30.0, 40.0], [0.1, 0.0], [1.0, 0.0], [1e300, 0.0]])
+    same = perturb(aimed, np.zeros(6), np.zeros(6))
+    np.testing.assert_array_equal(same[[0, 1, 3, 4]], aimed[[0, 1, 3, 4]])
+    np.testing.assert_allclose(same[[2, 5]], [[0.6, 0.8], [1.0, 0.0]], rtol=1e-15)
+    speeds = np.hypot(*perturb(aimed, np.full(6, 0.3), np.full(6, 0.25)).T)
+    np.testing.assert_allclose(speeds, [0.75, 0.0, 1.0, 0.35, 1.0, 1.0], rtol=1e-15)
+    slower = np.hypot(*perturb(aimed, np.full(6, -0.3), np.full(6, -0.25)).T)
+    np.testing.assert_allclose(slower, [0.25, 0.0, 0.75, 0.0, 0.75, 0.75], rtol=1e-15)
+    np.testing.assert_allclose(perturb([0.5, 0.0], 0.5, 0.0), [0.0, 0.5], atol=1e-16)
+    with pytest.raises(ValueError, match=r"action has shape \(3,\): expected \(2,\)"):
+        perturb([1.0, 0.0, 0.0], 0.0, 0.0)
+
+
+def noisy_shots(env, count, seed: int | None = 0):
+    """What comes of `count` shots at half the largest speed along y, as shares of the largest speed."""
+    shots = []
+    env.unwrapped.step = lambda action: (shots.append(action), 0.0, False, False, {})
+    env.reset(seed=seed)
+    for _ in range(count):
+        env.step(np.array([0.0, 0.5], np.float32))
+    return np.array(shots)
+
+
+def test_noise_has_its_standard_deviations_and_is_repeatable():
+    shots = noisy_shots(ExecutionNoise(gym.make("Billiards-v0").unwrapped), 4000)
+    angles, speeds = np.rad2deg(np.arctan2(-shots[:, 0], shots[:, 1])), 4 * np.hypot(*shots.T)
+    for values, mean, std in ((angles, 0.0, 0.125), (speeds, 2.0, 0.075)):
+        assert values.mean() == pytest.approx(mean, abs=4 * std / np.sqrt(4000))
+        assert values.std() == pytest.approx(std, rel=4 / np.sqrt(2 * 4000))
+    assert abs(np.corrcoef(angles, speeds)[0, 1]) < 4 / np.sqrt(4000)
+    again = ExecutionNoise(gym.make("Billiards-v0").unwrapped)
+    assert noisy_shots(again, 10).tobytes() == shots[:10].tobytes()
+    assert noisy_shots(again, 10, seed=1).tobytes() != shots[:10].tobytes()
+
+
+def test_noise_leaves_the_layouts_alone():
+    plain, noisy = make(max_shots=1), ExecutionNoise(make(max_shots=1))
+    for seed in (4, None, None):
+        assert plain.reset(seed=seed)[0].tobytes() == noisy.reset(seed=seed)[0].tobytes()
+        plain.step(np.array([0.5, 0.1]))
+        noisy.step(np.array([0.5, 0.1]))
+
+
+def test_no_noise_is_no_change():
+    plain, noisy = make(), ExecutionNoise(make(), 0.0, 0.0)
+    action = np.array([0.35, -0.8], np.float32)
+    for env in (plain, noisy):
+        env.reset(seed=1)
+    assert plain.step(action)[0].tobytes() == noisy.step(action)[0].tobytes()
+
+
+def test_unseeded_noise_differs():
+    actions = [noisy_shots(ExecutionNoise(make().unwrapped), 3, seed=None) for _ in range(2)]
+    assert actions[0].tobytes() != actions[1].tobytes()
+
+
+@pytest.mark.parametrize("build", [native, sync])
+def test_seeds_of_a_list_and_of_a_mask_seed_the_noise(build):
+    envs = VectorExecutionNoise(build(AutoresetMode.DISABLED, 3), **NOISE)
+    action = np.array([[0.1, 0.2]] * 3, np.float32)
+
+    def play(**kwargs):
+        observations, _ = envs.reset(**kwargs)
+        return np.concatenate((observations, envs.step(action)[0]), axis=1)
+
+    first = play(seed=[7, 8, 9])
+    assert play(seed=7).tobytes() == first.tobytes()
+    assert play(seed=[7, None, 9])[[0, 2]].tobytes() == first[[0, 2]].tobytes()
+    play()
+    again = play(seed=[7, 8, 9], options={"reset_mask": np.array([False, True, False])})
+    assert again[1].tobytes() == first[1].tobytes()
+    assert (again[[0, 2]] != first[[0, 2]]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("scales", [(-0.1, 0.0), (0.0, np.nan), (np.inf, 0.0)])
+def test_impossible_noise_is_refused(scales):
+    with pytest.raises(ValueError, match=r"_std = .*: expected a finite number >= 0"):
+        ExecutionNoise(make(), *scales)
+    with pytest.raises(ValueError, match=r"_std = .*: expected a finite number >= 0"):
+        VectorExecutionNoise(gym.make_vec("Billiards-v0", 2), *scales)
