@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import html
+import os
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,10 @@ from billiards_env.physics import state as layout
 from billiards_env.scene import CUSHIONS as CUSHION_MODELS
 from billiards_env.scene import MOTIONS, Scene, check_positions, choose
 
+if TYPE_CHECKING:
+    from billiards_env.drawing.plot import Axes
+    from billiards_env.drawing.recording import Recording
+
 Floats = NDArray[np.float64]
 
 # The engines; each module has run_shots with the same signature.
@@ -42,6 +48,9 @@ MAX_EVENTS = 10_000_000
 
 Breaks take hundreds, at most thousands; a heap of balls that absurd spins press into a corner for minutes, millions.
 """
+
+LONGEST_SHOWN = 20_000
+"""Notebooks show a shot by itself if its trajectories have at most so many pieces, some megabytes."""
 
 EVENT_DTYPE = np.dtype(
     [
@@ -82,6 +91,8 @@ class ShotResult:
             rule (whether the contact-time rule acted).
         segments: (k, SEGMENT_WIDTH) float64, the pieces of the trajectories in the order in which they begin (see
             `engine.log`), or None.
+        scene: The scene, or None if the shot was not recorded.
+        engine: How a recorded shot was run, in words: "PIC", or "PIT" with its timestep and fix.
     """
 
     positions: Floats
@@ -97,6 +108,8 @@ class ShotResult:
     n_contact_rule: int
     events: NDArray[Any] | None = None
     segments: Floats | None = None
+    scene: Scene | None = None
+    engine: str = ""
     _arrays: tuple[Floats, Floats, Floats, Floats] | None = None
     _log: Floats | None = None
 
@@ -162,6 +175,143 @@ class ShotResult:
         if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
             raise ValueError(f"times = {times!r}: expected finite numbers of seconds >= 0 in ascending order")
         return sensitivity_along(self.segments, self._log, self._arrays, np.minimum(array, self.time))
+
+    def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
+        """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, where the balls begin and end.
+
+        Args:
+            ax: Where to draw; None for a new figure.
+            compare: Another run of the shot, such as one of "pit"; its paths are dashed, its balls rings.
+
+        Returns:
+            The axes, in metres.
+
+        Raises:
+            ValueError: If a shot was not recorded, or `compare` is of other balls or another table.
+            ModuleNotFoundError: If matplotlib is not installed.
+        """
+        from billiards_env.drawing.plot import draw_shot
+
+        return draw_shot(self.recording("plot"), ax, _recording(compare, "plot"))
+
+    def to_gif(
+        self, path: str | os.PathLike[str], *, fps: float = 25, width: int = 640, compare: ShotResult | None = None
+    ) -> None:
+        """Writes the shot as an animated GIF (extras `render` and `plot`), whole or not at all.
+
+        Args:
+            path: The file, which ends in ".gif"; its folder exists.
+            fps: Frames a second, rounded to whole hundredths of a second a frame, 50 at most.
+            width: Pixels.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, an argument is impossible, or `compare` is of other balls or
+                another table.
+            OSError: If the file cannot be written.
+            ModuleNotFoundError: If pygame is not installed.
+        """
+        recording, other = self.recording("to_gif"), _recording(compare, "to_gif")
+        from billiards_env.drawing.film import write_gif
+
+        write_gif(path, recording, fps, width, other)
+
+    def to_mp4(
+        self, path: str | os.PathLike[str], *, fps: float = 60, width: int = 960, compare: ShotResult | None = None
+    ) -> None:
+        """Writes the shot as an MP4 film (extra `render`), whole or not at all.
+
+        Args:
+            path: The file, which ends in ".mp4"; its folder exists.
+            fps: Frames a second.
+            width: Pixels.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, an argument is impossible, or `compare` is of other balls or
+                another table.
+            OSError: If the file cannot be written.
+            ModuleNotFoundError: If pygame or imageio-ffmpeg is not installed.
+        """
+        recording, other = self.recording("to_mp4"), _recording(compare, "to_mp4")
+        from billiards_env.drawing.film import write_mp4
+
+        write_mp4(path, recording, fps, width, other)
+
+    def to_html(
+        self, path: str | os.PathLike[str], *, title: str | None = None, compare: ShotResult | None = None
+    ) -> None:
+        """Writes a page that plays the shot in any browser, whole or not at all; it needs no other file.
+
+        Args:
+            path: The file, which ends in ".html"; its folder exists.
+            title: The page's heading; None for what the shot was.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, or `compare` is of other balls or another table.
+            OSError: If the file cannot be written.
+        """
+        recording, other = self.recording("to_html"), _recording(compare, "to_html")
+        from billiards_env.drawing.page import write_page
+
+        write_page(path, recording, other, title)
+
+    def _repr_html_(self) -> str | None:
+        """The page of `to_html` in a frame, for notebooks; nothing for a shot that is not recorded or is very long."""
+        if self.segments is None or len(self.segments) > LONGEST_SHOWN:
+            return None
+        from billiards_env.drawing.page import make_page
+
+        page = html.escape(make_page(self.recording("_repr_html_")), quote=True)
+        style = "width: 100%; height: 680px; border: 0"
+        return f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" style="{style}"></iframe>'
+
+    def recording(self, method: str = "recording") -> Recording:
+        """The shot as the arrays that `billiards_env.drawing` takes.
+
+        Args:
+            method: What to call the caller in an error.
+
+        Returns:
+            The recording.
+
+        Raises:
+            ValueError: If the shot was not recorded.
+        """
+        if self.segments is None or self.events is None or self.scene is None:
+            raise ValueError(f"shot.{method}: the shot was not recorded, expected simulate(..., record=True)")
+        from billiards_env.drawing.recording import Recording
+
+        phase, rows = self.segments[:, 1], self.segments[:, 2:]
+        moves = (phase >= layout.ROLLING) & (phase < layout.POTTED)
+        ball = self.segments[:, 0].astype(np.intp)
+        gone = np.full(len(self.positions), np.inf)
+        for k in np.flatnonzero(phase == layout.POTTED):
+            gone[ball[k]] = rows[k, layout.T0]
+        return Recording(
+            scene=self.scene,
+            time=self.time,
+            label=self.engine,
+            ball=ball,
+            start=rows[:, layout.T0].copy(),
+            lasts=np.where(moves, np.minimum(rows[:, layout.LASTS], self.time), 0.0),
+            position=rows[:, [layout.X, layout.Y]],
+            velocity=np.where(moves[:, None], rows[:, [layout.VX, layout.VY]], 0.0),
+            acceleration=np.where(moves[:, None], rows[:, [layout.AX, layout.AY]], 0.0),
+            gone=gone,
+            events=self.events,
+        )
+
+
+def _recording(shot: ShotResult | None, method: str) -> Recording | None:
+    return None if shot is None else shot.recording(method)
+
+
+def _engine_label(mode: str, dt: float | None, fix: str | None) -> str:
+    if dt is None:
+        return mode.upper()
+    return f"{mode.upper()}, dt = {1000 * dt:.4g} ms" + (f", {fix}" if fix else "")
 
 
 @functools.lru_cache(maxsize=256)
@@ -426,6 +576,8 @@ def run_checked(
         n_contact_rule=int(count[N_CONTACT_RULE]),
         events=_event_array(events[: used[0]]) if record else None,
         segments=segments[: used[1]].copy() if record else None,
+        scene=scene if record else None,
+        engine=_engine_label(mode, dt, fix) if record else "",
         _arrays=arrays if record and exact else None,
         _log=events[: used[0]].copy() if record and exact else None,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import warnings
 from collections.abc import Mapping
@@ -9,11 +10,13 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import ShotInput, check_mode, run_checked
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
@@ -130,17 +133,30 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `layout` | str or None | `"random"` | the starting state; None for the game's own |
     | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
     | `scratch_penalty` | float | `0.1` | what a scratch costs |
-    | `render_mode` | None | `None` | there is no rendering yet |
+    | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
 
     The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1) and
     `"pooltool_carom"` (2). The game's own layout is `"rack"` for `pot` and `"carom_opening"` for `carom`.
+
+    ## Rendering
+
+    Drawn to scale by pygame (extra `render`), 30 frames a second, from the exact trajectories.
+
+    - `"human"`: a window in which each step plays its shot, in real time.
+    - `"rgb_array"`: `render()` gives one frame, how the last shot ended, with the balls' paths.
+    - `"rgb_array_list"`: `render()` gives all frames since it was last called, or since the reset: that of the layout,
+      and those of each shot in motion.
+
+    Gymnasium's `RecordVideo` keeps one frame a step; `billiards_env.envs.RecordVideo` takes the same arguments and
+    films the shots in motion. Without a render mode nothing is drawn or imported for it.
 
     ## Version History
 
     * v0: Initial version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (an instance variable in gym.Env)
+    # An instance variable in gym.Env.
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
 
     def __init__(
         self,
@@ -180,9 +196,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.scratch_penalty < 0:
             raise ValueError(f"scratch_penalty = {scratch_penalty!r}: expected a number >= 0, it is subtracted")
         if render_mode is not None:
-            # Stable-Baselines3's make_vec_env asks for "rgb_array" unbidden, and does without on a TypeError only.
-            raise TypeError(f"render_mode = {render_mode!r}: expected None, there is no rendering yet")
+            choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
+        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
 
         n = self.scene.n_balls
         self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
@@ -225,6 +241,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._score = 0
         self._success = False
         self._over = False
+        if self._renderer is not None:
+            self._renderer.layout(self._positions, self.task)
         return self._observation(), {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -247,6 +265,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         velocities[0] = cue_velocity(action, self.max_speed)
         # The balls lie where the last shot, or a checked layout, has left them.
         given = ShotInput(self._positions.copy(), velocities, np.zeros((n, 3)), ~self._potted, self._time_limit)
+        noted = None if self._renderer is None else copy.deepcopy(given)  # a shot is run in its arrays
         shot = run_checked(self.scene, given, self.mode, self.dt, self.fix)
         if shot.status == "event_limit":
             warnings.warn(
@@ -279,7 +298,34 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "is_success": self._success,
         }
         reward = points - self.scratch_penalty if scratch else float(points)
+        if self._renderer is not None and noted is not None:
+            done = self.max_shots - self._shots_left
+            speed = math.hypot(*noted.velocities[0])
+            left = f"{self.task}   shot {done} of {self.max_shots}   {speed:.2f} m/s"
+            self._renderer.shot(noted, left, f"reward {reward:g}   score {self._score}")
         return self._observation(), reward, self._over, False, info
+
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
+        """Shows the shots, as the class's docstring says.
+
+        Returns:
+            A frame (height, width, 3) uint8, a list of frames, or None, by the render mode.
+
+        Raises:
+            DependencyNotInstalled: If pygame is not installed.
+        """
+        if self._renderer is None:
+            gym.logger.warn(
+                "render() without a render mode shows nothing: "
+                f'make the environment with one, such as gym.make("Billiards-v0", render_mode="{RENDER_MODES[1]}")'
+            )
+            return None
+        return self._renderer.render()
+
+    def close(self) -> None:
+        """Closes the window of the render mode "human"."""
+        if self._renderer is not None:
+            self._renderer.close()
 
     def _observation(self) -> NDArray[np.float32]:
         places = np.minimum(np.maximum(self._positions / self._half, -1.0), 1.0)

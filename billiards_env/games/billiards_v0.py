@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -27,8 +27,9 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.envs.billiards import cue_velocity, make_scene
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer
 from billiards_env.games.places import Point, room
-from billiards_env.games.play import History, Setup, Stroke, Table, opening, play, set_table
+from billiards_env.games.play import History, Played, Setup, Stroke, Table, opening, play, set_table
 from billiards_env.games.rules import RULES
 from billiards_env.scene import choose
 
@@ -126,7 +127,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `max_shots` | int | `200` | the most shots of a game |
     | `max_speed` | float | `8.0` | speed of the fastest shot, m/s |
     | `mode`, `dt`, `fix` | | `"pic"` | the engine, as in `Billiards-v0` |
-    | `render_mode` | str or None | `None` | `"rgb_array"` or `"human"` |
+    | `render_mode` | str or None | `None` | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
 
     ## Version History
 
@@ -135,8 +136,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (an instance variable in AECEnv)
         "name": "billiards_v0",
-        "render_modes": ["human", "rgb_array"],
-        "render_fps": 30,
+        "render_modes": list(RENDER_MODES),
+        "render_fps": FPS,
         "is_parallelizable": False,
     }
 
@@ -167,8 +168,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"max_speed = {max_speed!r}: expected a finite speed > 0 in m/s")
         self.max_speed = float(max_speed)
         if render_mode is not None:
-            choose("render_mode", render_mode, tuple(self.metadata["render_modes"]))
+            choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
+        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, mode, dt, fix)
 
         scene_ = self.setup.scene
         n, players = scene_.n_balls, self.setup.n_players
@@ -189,7 +191,6 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self._rng: np.random.Generator | None = None
         self._opening: Table | None = None
         self._strokes: list[Stroke] = []
-        self._window: Any = None
 
     def observation_space(self, agent: str) -> gym.Space[NDArray[np.float32]]:
         """The space of `agent`'s observations, see the class's docstring."""
@@ -226,8 +227,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.infos = {agent: {} for agent in self.agents}
         self._skip_agent_selection = None
         self.agent_selection = self.agents[self.table.state.player]
-        if self.render_mode == "human":
-            self.render()
+        if self._renderer is not None:
+            in_play = np.isin(np.arange(len(self.table.positions)), sorted(self.table.state.on_table))
+            self._renderer.layout(self.table.positions, self.setup.rules, in_play)
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -281,8 +283,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
                 "status": shot.status,
             }
         self.agent_selection = self.possible_agents[state.player]
-        if self.render_mode == "human":
-            self.render()
+        if self._renderer is not None:
+            left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
+            self._renderer.shot(played.given, left, self._said(played))
 
     def observe(self, agent: str) -> NDArray[np.float32]:
         """What `agent` sees, as in the class's docstring."""
@@ -314,42 +317,36 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError("no game has begun: expected reset() before history()")
         return History(self.setup, self._opening, tuple(self._strokes))
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """The table as it is now.
+    def render(self) -> NDArray[np.uint8] | list[Any] | None:
+        """Shows the shots, by the render mode as in `Billiards-v0`.
 
         Returns:
-            (height, width, 3) uint8 with render_mode "rgb_array"; None with "human", which shows it in a window, and
-            without a render mode.
+            "rgb_array": the last frame of the last shot, (height, width, 3) uint8. "rgb_array_list": all frames since
+            the last call or reset. None without a render mode, and with "human", which shows each shot while it is
+            played.
+
+        Raises:
+            DependencyNotInstalled: If pygame is not installed.
         """
-        if self.render_mode is None:
+        if self._renderer is None:
             gym.logger.warn("render() does nothing without a render_mode: expected env(render_mode='rgb_array')")
             return None
-        from billiards_env.games import picture
-
-        state = self.table.state
-        lying = state.on_table if state.in_hand == "no" else state.object_balls
-        frame = picture.frame(self.setup.scene, self.table.positions, sorted(lying), self._caption())
-        if self.render_mode == "rgb_array":
-            return frame
-        self._window = picture.show(self._window, frame, self.metadata["render_fps"])
-        return None
+        return cast("NDArray[np.uint8] | list[Any] | None", self._renderer.render())
 
     def close(self) -> None:
         """Closes the window of render_mode "human"."""
-        if self._window is not None:
-            from billiards_env.games import picture
+        if self._renderer is not None:
+            self._renderer.close()
 
-            picture.close(self._window)
-            self._window = None
-
-    def _caption(self) -> str:
-        state = self.table.state
-        scores = "" if self.setup.target is None else f", {' : '.join(map(str, state.scores))}"
+    def _said(self, played: Played) -> str:
+        """What there is to say of a shot, for its picture."""
+        state, verdict = played.table.state, played.verdict
+        said = [verdict.foul.replace("_", " ")] if verdict.foul else []
+        if self.setup.target is not None:
+            said.append(" : ".join(map(str, state.scores)))
         if state.over:
-            end = "nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins"
-            return f"{self.setup.rules}{scores}, {end}"
-        hand = {"no": "", "behind": ", cue ball in hand behind the head string", "anywhere": ", cue ball in hand"}
-        return f"{self.setup.rules}{scores}, {self.possible_agents[state.player]} to shoot{hand[state.in_hand]}"
+            said.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
+        return "   ".join(said)
 
     def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
         """What an action does to the table as it is."""

@@ -123,12 +123,14 @@ class Played(NamedTuple):
 
     Attributes:
         table: The table after it.
+        given: What the engine was given.
         shot: The recorded shot.
         facts: What happened, as the rules see it.
         verdict: What it was worth.
     """
 
     table: Table
+    given: ShotInput
     shot: ShotResult
     facts: Facts
     verdict: Verdict
@@ -342,7 +344,7 @@ def play(setup: Setup, table: Table, stroke: Stroke) -> Played:
     for ball in verdict.spotted:
         positions[ball] = spot_place(scene, positions, lying, ball)
         lying |= {ball}
-    return Played(Table(positions, state), shot, facts, verdict)
+    return Played(Table(positions, state), given, shot, facts, verdict)
 
 
 def replay(history: History) -> Iterator[Played]:

@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 import math
 import pickle
 import subprocess
@@ -63,7 +64,11 @@ def test_pettingzoos_seed_test(kwargs):
 def test_pettingzoos_render_test(rules, monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    render_test(lambda render_mode="human": make(rules=rules, render_mode=render_mode))
+    # Slow shots are short films, which a window shows at their own pace.
+    render_test(
+        lambda render_mode="human": make(rules=rules, render_mode=render_mode, max_speed=0.02),
+        {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
+    )
 
 
 @variants
@@ -240,7 +245,7 @@ def test_a_shot_cut_off_is_loud(monkeypatch):
 
     def cut(*args):
         played = real(*args)
-        return played._replace(shot=type("Shot", (), {"status": "event_limit", "n_events": 1, "time": 0.1})())
+        return played._replace(shot=dataclasses.replace(played.shot, status="event_limit"))
 
     monkeypatch.setattr(billiards_v0, "play", cut)
     env = billiards_v0.raw_env("carom")
@@ -284,13 +289,36 @@ def test_frames():
     env = make(rules="nine_ball", render_mode="rgb_array")
     env.reset(seed=0)
     first = env.render()
-    env.step(np.array([1, 0, 0, 0], np.float32))
+    env.step(np.array([0.1, 0, 0, 0], np.float32))
     second = env.render()
     assert first.shape == second.shape
     assert first.dtype == np.uint8
     assert (first != second).any()
     assert (second == env.render()).all()
     env.close()
+
+
+def test_all_frames_of_a_shot():
+    pytest.importorskip("pygame")
+    env = make(rules="nine_ball", render_mode="rgb_array_list")
+    env.reset(seed=0)
+    assert len(env.render()) == 1
+    env.step(np.array([0.1, 0, 0, 0], np.float32))
+    frames = env.render()
+    duration = env.infos["player_0"]["shot_time"]
+    assert abs(len(frames) - duration * env.metadata["render_fps"]) <= 2
+    assert env.render() == []
+
+
+def test_drawing_changes_no_bit():
+    pytest.importorskip("pygame")
+    seen, blind = make(rules="carom", render_mode="rgb_array"), make(rules="carom")
+    for env in (seen, blind):
+        env.reset(seed=0)
+        for k in range(4):
+            env.step(np.array([0.1 * k, 0.2], np.float32))
+            env.render() if env is seen else None
+    assert seen.unwrapped.table.positions.tobytes() == blind.unwrapped.table.positions.tobytes()
 
 
 def test_without_a_render_mode_nothing_is_drawn():

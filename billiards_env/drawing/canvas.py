@@ -1,0 +1,363 @@
+"""Frames of a shot, drawn to scale by pygame; no window is needed.
+
+Everything round is drawn several times larger and shrunk, which smooths its edges. What does not change is drawn once:
+the table, and the balls at a few fractions of a pixel, so that slow balls glide. The paths are drawn onto a copy of the
+table as the balls move on.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+try:
+    import pygame
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "pygame is not installed; frames and films need it: pip install 'billiards-env[render]'", name="pygame"
+    ) from error
+
+from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
+from billiards_env.drawing.style import (
+    CHALK,
+    CLOTH,
+    CUSHION,
+    CUSHION_SHARE,
+    INK,
+    PAPER,
+    POCKET,
+    RAIL,
+    RAIL_SHARE,
+    Look,
+    looks,
+)
+from billiards_env.scene import Scene
+
+Frame = NDArray[np.uint8]
+
+TABLE_ZOOM, BALL_ZOOM, PATH_ZOOM = 3, 8, 4
+"""How much larger than shown the parts are drawn."""
+
+BALL, RING, GHOST = 0, 1, 2
+"""Ways to draw a ball: filled with its number, as a ring (another run's), faint (where it began)."""
+
+PHASES = 4
+"""A ball is drawn at so many fractions of a pixel along x and y."""
+
+PATH_STEPS = 4
+"""Points of a path from one frame to the next, corners apart."""
+
+ARROW = 0.09
+"""Length of the aiming arrow over the speed of the shot, s."""
+
+RESULT_SHOWN = 1.0
+"""The line on the right is shown in the last second of a shot, when balls hardly move."""
+
+
+class Canvas:
+    """Draws one scene.
+
+    Attributes:
+        scene: The scene.
+        size: (width, height) of a frame, pixels, both even.
+        scale: Pixels a metre.
+    """
+
+    def __init__(self, scene: Scene, width: int = 800) -> None:
+        """Prepares to draw a scene in frames of `width` pixels."""
+        if isinstance(width, bool) or not isinstance(width, (int, np.integer)) or not 160 <= width <= 7680:
+            raise ValueError(f"width = {width!r}: expected a whole number of pixels from 160 to 7680")
+        pygame.font.init()
+        self.scene = scene
+        width = int(width) // 2 * 2
+        self._margin = width // 80
+        self._bar = width // 24
+        self._rail = RAIL_SHARE * scene.table.length
+        length, breadth = scene.table.length + 2 * self._rail, scene.table.width + 2 * self._rail
+        room = width - 2 * self._margin
+        self.scale = min(room / length, room / breadth)
+        height = math.ceil(breadth * self.scale) + self._margin + self._bar
+        self.size = (width, height + height % 2)
+        self._middle = (width / 2, self._margin + breadth * self.scale / 2)
+        self._looks = looks(scene)
+        self._font = pygame.font.Font(None, round(0.62 * self._bar))
+        self._sprites: dict[tuple[int, int, int, int], pygame.Surface] = {}
+        self._table = self._draw_table()
+
+    def pixels_of(self, places: ArrayLike) -> Floats:
+        """Where places (..., 2), m, lie in a frame: (..., 2) pixels from its upper left corner."""
+        array = np.asarray(places, dtype=np.float64)
+        return np.stack(
+            (self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1
+        )
+
+    def film(
+        self,
+        recording: Recording,
+        fps: float,
+        left: str = "",
+        right: str = "",
+        compare: Recording | None = None,
+        arrow: bool = True,
+        only_last: bool = False,
+    ) -> Iterator[pygame.Surface]:
+        """Draws a shot in motion, a frame for each of `frame_times`.
+
+        Args:
+            recording: The shot.
+            fps: Frames a second.
+            left: A line shown throughout, before the time.
+            right: A line shown in the last second.
+            compare: Another run of the same shot, whose balls are drawn as rings.
+            arrow: Whether to show the cue ball's velocity at the start.
+            only_last: Whether to draw the last frame alone; it is the same as that of the whole film.
+
+        Yields:
+            The frame, valid until the next is asked for.
+
+        Raises:
+            ValueError: If `compare` is of other balls or another table.
+        """
+        shots = [recording]
+        if compare is not None:
+            check_pair(recording, compare)
+            shots.insert(0, compare)
+        duration = max(shot.time for shot in shots)
+        times = frame_times(duration, fps)
+        n = self.scene.n_balls
+        base, frame = self._table.copy(), self._table.copy()
+        if arrow:
+            self._draw_arrow(base, recording)
+        tracks = []
+        for shot in shots:
+            ring = shot is compare
+            for i in range(n):
+                if shot.gone[i] == 0:
+                    continue
+                places = self.pixels_of(shot.path(i, np.minimum(times, shot.time)))
+                steps = None
+                if shot.moves(i):
+                    if not ring:
+                        self._stamp(base, i, places[0], GHOST)
+                    steps = self._path_steps(shot, i, times)
+                tracks.append((shot, ring, i, places, steps))
+        for k, t in enumerate(times):
+            for _, ring, i, _, steps in tracks:
+                if steps is not None and k > 0 and len(steps[k - 1]) > 1:
+                    self._draw_path(base, steps[k - 1], self._looks[i].path, dotted=ring and k % 2 == 0)
+            if only_last and k < len(times) - 1:
+                continue
+            frame.blit(base, (0, 0))
+            for shot, ring, i, places, _ in tracks:
+                if t < shot.gone[i]:
+                    self._stamp(frame, i, places[k], RING if ring else BALL)
+            line = f"{left}   {t:.2f} s" if duration > 0 else left
+            potted = np.flatnonzero(recording.gone <= t)
+            self._draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
+            yield frame
+
+    def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
+        """The points of a ball's path, pixels, from each frame to the next."""
+        end = min(shot.time, shot.gone[ball])
+        fine = np.interp(np.arange(PATH_STEPS * (len(times) - 1) + 1) / PATH_STEPS, np.arange(len(times)), times)
+        corners = shot.corners(ball)
+        at = np.union1d(fine, corners)
+        at = at[at < end] if end < times[-1] else at
+        points = self.pixels_of(shot.path(ball, np.minimum(at, shot.time)))
+        first = np.searchsorted(at, times[:-1])
+        last = np.searchsorted(at, times[1:], side="right")
+        return [points[a:b] for a, b in zip(first, last, strict=True)]
+
+    def _draw_table(self) -> pygame.Surface:
+        z, table = TABLE_ZOOM, self.scene.table
+        large = pygame.Surface((z * self.size[0], z * self.size[1]), 0, 32)
+        large.fill(PAPER)
+        for edge, colour, corner in (
+            (self._rail, RAIL, 0.6 * self._rail),
+            (CUSHION_SHARE * table.length, CUSHION, 0.0),
+            (0.0, CLOTH, 0.0),
+        ):
+            half = np.array([table.length / 2 + edge, table.width / 2 + edge])
+            low, high = z * self.pixels_of(half * (-1, 1)), z * self.pixels_of(half * (1, -1))
+            box = pygame.Rect(np.round(low).astype(int).tolist(), np.round(high - low).astype(int).tolist())
+            pygame.draw.rect(large, colour, box, border_radius=round(z * self.scale * corner))
+        for pocket in table.pockets:
+            centre = z * self.pixels_of((pocket.x, pocket.y))
+            pygame.draw.circle(large, POCKET, centre.tolist(), z * self.scale * pocket.radius)
+        away = 0.68 * self._rail
+        x, y = table.length / 2, table.width / 2
+        diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) if k for s in (-1, 1)]
+        diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
+        size = z * 0.06 * self._rail * self.scale
+        for place in diamonds:
+            cx, cy = (z * self.pixels_of(place)).tolist()
+            pygame.draw.polygon(large, CHALK, [(cx - size, cy), (cx, cy - size), (cx + size, cy), (cx, cy + size)])
+        return pygame.transform.smoothscale(large, self.size)
+
+    def _stamp(self, surface: pygame.Surface, ball: int, place: Floats, way: int) -> None:
+        """Puts a ball, drawn in one of the ways, at `place` (2,), pixels."""
+        corner = place - self._sprite_size(ball) / 2
+        whole = np.floor(corner)
+        fx, fy = ((corner - whole) * PHASES).astype(int).tolist()
+        surface.blit(self._sprite(ball, way, fx, fy), whole.astype(int).tolist())
+
+    def _sprite_size(self, ball: int) -> int:
+        return 2 * math.ceil(self.scale * self.scene.balls.radius[ball] + 2)
+
+    def _sprite(self, ball: int, way: int, fx: int, fy: int) -> pygame.Surface:
+        key = (ball, way, fx, fy)
+        if key not in self._sprites:
+            self._sprites[key] = self._draw_ball(ball, way, (fx + 0.5) / PHASES, (fy + 0.5) / PHASES)
+        return self._sprites[key]
+
+    def _draw_ball(self, ball: int, way: int, dx: float, dy: float, radius: float | None = None) -> pygame.Surface:
+        """A ball whose centre is (dx, dy) pixels off the middle of the surface; `radius`, pixels, if not to scale."""
+        look, z = self._looks[ball], BALL_ZOOM
+        r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
+        side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
+        edge = pygame.Color(INK if way == BALL else look.path)
+        # Transparent in the colour of the edge, which the shrinking mixes in.
+        large = pygame.Surface((z * side, z * side), pygame.SRCALPHA, 32)
+        large.fill((edge.r, edge.g, edge.b, 0))
+        cx, cy = z * ((side - 1) / 2 + dx), z * ((side - 1) / 2 + dy)
+        if way == BALL:
+            _paint_ball(large, look, cx, cy, r)
+        elif way == RING:
+            pygame.draw.circle(large, edge, (cx, cy), r, round(max(1.6 * z, 0.16 * r)))
+        else:
+            pygame.draw.circle(large, (edge.r, edge.g, edge.b, 90), (cx, cy), r)
+        return pygame.transform.smoothscale(large, (side, side))
+
+    def _draw_path(self, surface: pygame.Surface, points: Floats, colour: str, dotted: bool) -> None:
+        """Draws a line of round ends through points (m, 2), pixels."""
+        if dotted or not np.ptp(points, axis=0).any():
+            return
+        z, wide = PATH_ZOOM, max(1.6, self.size[0] / 420)
+        corner = np.floor(points.min(0) - wide).astype(int)
+        side = np.ceil(points.max(0) + wide).astype(int) - corner
+        ink = pygame.Color(colour)
+        large = pygame.Surface((z * side).tolist(), pygame.SRCALPHA, 32)
+        large.fill((ink.r, ink.g, ink.b, 0))
+        line = z * (points - corner)
+        half = z * wide / 2
+        for start, end in itertools.pairwise(line):
+            along = end - start
+            length = math.hypot(*along)
+            if length > 0:
+                across = half / length * np.array([-along[1], along[0]])
+                pygame.draw.polygon(large, ink, [*(start + across, end + across), *(end - across, start - across)])
+        for point in line:
+            pygame.draw.circle(large, ink, point, half)
+        surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
+
+    def _draw_arrow(self, surface: pygame.Surface, recording: Recording) -> None:
+        """Draws the cue ball's velocity at the start as an arrow from its edge."""
+        first = int(np.flatnonzero(recording.ball == 0)[0])
+        velocity = recording.velocity[first]
+        speed = float(np.hypot(*velocity))
+        if speed == 0 or recording.gone[0] == 0:
+            return
+        along = velocity / speed * (1, -1)
+        across = np.array([-along[1], along[0]])
+        radius = self.scale * self.scene.balls.radius[0]
+        start = self.pixels_of(recording.position[first]) + 1.4 * radius * along
+        length = max(self.scale * ARROW * speed, 0.8 * radius)
+        head, half = min(0.9 * radius, length), 0.16 * radius
+        tip, neck = start + length * along, start + (length - head) * along
+        shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]
+        shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
+        points = np.array(shape)
+        corner = np.floor(points.min(0) - 1).astype(int)
+        side = np.ceil(points.max(0) + 1).astype(int) - corner
+        large = pygame.Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+        ink = pygame.Color(INK)
+        large.fill((ink.r, ink.g, ink.b, 0))
+        pygame.draw.polygon(large, ink, (PATH_ZOOM * (points - corner)).tolist())
+        small = pygame.transform.smoothscale(large, side.tolist())
+        small.set_alpha(150)
+        surface.blit(small, corner.tolist())
+
+    def _draw_bar(
+        self, surface: pygame.Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]
+    ) -> None:
+        """Writes the lines of text under the table, and between them the potted balls."""
+        y = self.size[1] - self._bar / 2
+        x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
+        for text, at_right in ((left, False), (right, True)):
+            if text:
+                image = self._font.render(text, True, INK)
+                x = x1 - image.get_width() if at_right else x0
+                surface.blit(image, (round(x), round(y - image.get_height() / 2)))
+        radius = min(0.3 * self._bar, 0.3 * self.size[0] / (2.4 * max(1, len(potted))) / 2.4 * 2)
+        for k, ball in enumerate(potted):
+            image = self._draw_ball(int(ball), BALL, 0.0, 0.0, radius)
+            x = self.size[0] / 2 + 2.4 * radius * (k - (len(potted) - 1) / 2)
+            surface.blit(image, (round(x - image.get_width() / 2), round(y - image.get_height() / 2)))
+
+
+def _paint_ball(large: pygame.Surface, look: Look, cx: float, cy: float, r: float) -> None:
+    """Paints a ball with its number, `BALL_ZOOM` times as large as it will be, about (cx, cy)."""
+    inner = r - max(BALL_ZOOM, 0.08 * r)
+    pygame.draw.circle(large, INK, (cx, cy), r)
+    pygame.draw.circle(large, CHALK if look.striped else look.fill, (cx, cy), inner)
+    if look.striped:  # a band across the middle
+        band = pygame.Surface(large.get_size(), pygame.SRCALPHA, 32)
+        pygame.draw.circle(band, look.fill, (cx, cy), inner)
+        for y0, y1 in ((0.0, cy - 0.56 * r), (cy + 0.56 * r, band.get_height())):
+            band.fill((0, 0, 0, 0), pygame.Rect(0, round(y0), band.get_width(), round(y1 - y0)))
+        large.blit(band, (0, 0))
+    shine = pygame.Surface(large.get_size(), pygame.SRCALPHA, 32)
+    pygame.draw.circle(shine, (255, 255, 255, 110), (cx - 0.42 * r, cy - 0.46 * r), 0.22 * r)
+    large.blit(shine, (0, 0))
+    if look.number:
+        size = (1.5 if len(look.number) == 1 else 1.25) * r
+        text = pygame.font.Font(None, max(1, round(size))).render(look.number, True, look.ink)
+        box = text.get_bounding_rect()
+        large.blit(text, (round(cx - box.centerx), round(cy - box.centery)))
+
+
+def pixels(surface: pygame.Surface) -> Frame:
+    """A copy of a frame as an array (height, width, 3) uint8, RGB."""
+    width, height = surface.get_size()
+    array = np.empty((height, width, 3), np.uint8)
+    for k, view in enumerate(
+        (pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue)
+    ):
+        array[..., k] = view(surface).T
+    return array
+
+
+def tile(frames: Sequence[Frame], columns: int | None = None, gap: int = 4) -> Frame:
+    """Frames side by side.
+
+    Args:
+        frames: (height, width, 3) each, all of one size.
+        columns: How many in a row; None for about as many as rows.
+        gap: Pixels between them.
+
+    Returns:
+        (rows * (height + gap) - gap, columns * (width + gap) - gap, 3) uint8; what is left over is white.
+
+    Raises:
+        ValueError: If there are none or their sizes differ.
+
+    Example:
+        >>> tile([np.zeros((10, 20, 3), np.uint8)] * 3, gap=2).shape
+        (22, 42, 3)
+    """
+    if len({frame.shape for frame in frames}) != 1:
+        raise ValueError(f"frames of shapes {[frame.shape for frame in frames]}: expected one size, and one at least")
+    columns = math.ceil(math.sqrt(len(frames))) if columns is None else columns
+    rows = math.ceil(len(frames) / columns)
+    height, width, _ = frames[0].shape
+    whole = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), 255, np.uint8)
+    for k, frame in enumerate(frames):
+        y, x = k // columns * (height + gap), k % columns * (width + gap)
+        whole[y : y + height, x : x + width] = frame
+    return whole

@@ -1,0 +1,104 @@
+"""Films of a recorded shot: GIF (pillow) and MP4 (imageio-ffmpeg)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from billiards_env.drawing.canvas import Canvas, Frame, pixels
+from billiards_env.drawing.files import check_path, replacing
+from billiards_env.drawing.recording import Recording
+
+
+def frames(
+    recording: Recording, fps: float, width: int, compare: Recording | None = None
+) -> tuple[tuple[int, int], Iterator[Frame]]:
+    """The frames of a film.
+
+    Args:
+        recording: The shot.
+        fps: Frames a second.
+        width: Pixels.
+        compare: Another run of the shot, drawn as rings.
+
+    Returns:
+        Their size (width, height), pixels, and the frames, (height, width, 3) uint8, one by one.
+
+    Raises:
+        ValueError: If `fps` or `width` is impossible.
+    """
+    if isinstance(fps, bool) or not isinstance(fps, (int, float, np.number)) or not 0 < fps <= 1000:
+        raise ValueError(f"fps = {fps!r}: expected frames a second, a number > 0 and <= 1000")
+    canvas = Canvas(recording.scene, width)
+    left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
+    return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, left, compare=compare))
+
+
+def write_gif(
+    path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
+) -> None:
+    """Writes a shot as an animated GIF; `fps` is rounded to what the format has, whole hundredths of a second."""
+    from PIL import Image
+
+    target = check_path(path, ".gif")
+    _, images = frames(recording, fps, width, compare)
+    hundredths = max(2, round(100 / fps))  # shorter ones are played slowly
+    _, images = frames(recording, 100 / hundredths, width, compare)
+    *_, last = images  # the frame that shows most colours
+    palette = Image.fromarray(last).quantize(255, dither=Image.Dither.NONE)
+    _, images = frames(recording, 100 / hundredths, width, compare)
+    indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    with replacing(target) as temporary:
+        next(indexed).save(
+            temporary, save_all=True, append_images=indexed, duration=10 * hundredths, loop=0, disposal=1
+        )
+
+
+def write_mp4(
+    path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
+) -> None:
+    """Writes a shot as an MP4 film (H.264)."""
+    target = check_path(path, ".mp4")
+    size, images = frames(recording, fps, width, compare)
+    with mp4_writer(target, size, fps) as write:
+        for image in images:
+            write(image)
+
+
+@contextlib.contextmanager
+def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Frame], None]]:
+    """A film that is written frame by frame, and is in its place when the block has ended well.
+
+    Args:
+        target: The file.
+        size: (width, height) of a frame, pixels, both even.
+        fps: Frames a second.
+
+    Yields:
+        A function that takes a frame (height, width, 3) uint8.
+
+    Raises:
+        ModuleNotFoundError: If imageio-ffmpeg is not installed.
+        OSError: If the file cannot be written.
+    """
+    try:
+        import imageio_ffmpeg
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "imageio-ffmpeg is not installed; MP4 films need it: pip install 'billiards-env[render]'",
+            name="imageio_ffmpeg",
+        ) from error
+    with replacing(target) as temporary:
+        options: dict[str, Any] = {"fps": fps, "quality": 8, "macro_block_size": 2}
+        options["output_params"] = ["-movflags", "+faststart"]
+        writer = imageio_ffmpeg.write_frames(str(temporary), size, **options)
+        writer.send(None)
+        try:
+            yield lambda frame: writer.send(np.ascontiguousarray(frame))
+        finally:
+            writer.close()

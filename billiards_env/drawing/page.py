@@ -1,0 +1,105 @@
+"""A page that plays a shot in a browser: one HTML file that needs no other."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import os
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from billiards_env.drawing.files import check_path, replacing
+from billiards_env.drawing.recording import Recording, check_pair
+from billiards_env.drawing.style import (
+    CHALK,
+    CLOTH,
+    CUSHION,
+    CUSHION_SHARE,
+    INK,
+    KINDS,
+    POCKET,
+    RAIL,
+    RAIL_SHARE,
+    looks,
+)
+
+
+def write_page(
+    path: str | os.PathLike[str], recording: Recording, compare: Recording | None, title: str | None
+) -> None:
+    """Writes the page of `make_page` to a file."""
+    target = check_path(path, ".html")
+    page = make_page(recording, compare, title)
+    with replacing(target) as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def make_page(recording: Recording, compare: Recording | None = None, title: str | None = None) -> str:
+    """The page of a shot.
+
+    The positions it shows are computed in the browser from the pieces of the trajectories, at any time.
+
+    Args:
+        recording: The shot.
+        compare: Another run of the shot, drawn as rings.
+        title: The heading; None for one that says how the shot was run.
+
+    Returns:
+        HTML; whatever is put into it is escaped.
+
+    Raises:
+        ValueError: If `compare` is of other balls or another table.
+    """
+    runs = [recording]
+    if compare is not None:
+        check_pair(recording, compare)
+        runs.append(compare)
+    if title is None:
+        title = f"{recording.label}: {len(recording.events)} events in {recording.time:.2f} s"
+        title += "" if compare is None else f"; rings: {compare.label}"
+    scene = recording.scene
+    data = {
+        "table": {
+            "length": scene.table.length,
+            "width": scene.table.width,
+            "pockets": [[pocket.x, pocket.y, pocket.radius] for pocket in scene.table.pockets],
+        },
+        "balls": [
+            {"radius": radius, **look._asdict()} for radius, look in zip(scene.balls.radius, looks(scene), strict=True)
+        ],
+        "colours": {
+            "cloth": CLOTH,
+            "cushion": CUSHION,
+            "rail": RAIL,
+            "pocket": POCKET,
+            "ink": INK,
+            "chalk": CHALK,
+            "rail_share": RAIL_SHARE,
+            "cushion_share": CUSHION_SHARE,
+        },
+        "kinds": KINDS,
+        "runs": [_run(run) for run in runs],
+    }
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
+    # "<" in a script could end it; within JSON's strings, the only place for it, \u003c says the same.
+    before, after = template.split("{{data}}")
+    return before.replace("{{title}}", html.escape(title)) + text.replace("<", "\\u003c") + after
+
+
+def _run(recording: Recording) -> dict[str, Any]:
+    columns = (recording.start, recording.lasts, recording.position, recording.velocity, recording.acceleration)
+    rows = np.column_stack(columns)
+    return {
+        "label": recording.label,
+        "time": recording.time,
+        "pieces": [rows[recording.ball == i].tolist() for i in range(recording.scene.n_balls)],
+        "gone": [t if math.isfinite(t) else None for t in recording.gone.tolist()],
+        "events": [
+            [e["time"].item(), str(e["kind"]), *(e[k].item() for k in ("ball", "other", "x", "y", "speed"))]
+            for e in recording.events
+        ],
+    }

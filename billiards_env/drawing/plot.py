@@ -1,0 +1,213 @@
+"""A picture of a shot, drawn to scale by matplotlib.
+
+Faint balls where they begin, their paths, rings where two touch, a mark at each event with its time, and the balls
+where they end. Each kind of event has a mark of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+try:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+    from matplotlib.patheffects import Normal, Stroke
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "matplotlib is not installed; plots need it: pip install 'billiards-env[plot]'", name="matplotlib"
+    ) from error
+
+from billiards_env.drawing.recording import Floats, Recording, check_pair
+from billiards_env.drawing.style import (
+    CHALK,
+    CLOTH,
+    CUSHION,
+    CUSHION_SHARE,
+    INK,
+    POCKET,
+    RAIL,
+    RAIL_SHARE,
+    Look,
+    looks,
+)
+from billiards_env.scene import Scene
+
+MARKS = {
+    "ball_ball": ("*", 10, "ball hits ball"),
+    "cushion": ("s", 4.5, "ball hits cushion"),
+    "roll": ("o", 3.5, "slides until here, then rolls"),
+    "pocket": ("D", 5, "potted"),
+}
+"""Marker, its size in points, and what it means."""
+
+SAMPLES = 400
+"""Points of a path, its corners apart."""
+
+WEAK = 0.02
+"""m/s. Contacts at less bear no mark: balls that come to lie against each other touch a hundred times."""
+
+
+def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
+    """Draws a shot.
+
+    Args:
+        recording: The shot.
+        ax: Where to draw; None for a new figure.
+        compare: Another run of the shot; its paths are dashed, its balls rings.
+
+    Returns:
+        The axes, in metres.
+
+    Raises:
+        ValueError: If `compare` is of other balls or another table.
+    """
+    if compare is not None:
+        check_pair(recording, compare)
+    if ax is None:
+        from matplotlib import pyplot
+
+        ratio = recording.scene.table.width / recording.scene.table.length
+        figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    scene, look = recording.scene, looks(recording.scene)
+    draw_table(ax, scene)
+    if compare is not None:
+        for i in _in_play(compare):
+            _draw_path(ax, compare, i, look[i], (0, (3, 2)))
+            if compare.gone[i] == np.inf:
+                _draw_ring(ax, scene, i, look[i], compare.path(i, [compare.time])[0], 1.6)
+    for i in _in_play(recording):
+        if recording.moves(i):
+            _draw_path(ax, recording, i, look[i], "-")
+            _draw_ball(ax, scene, i, look[i], recording.path(i, [0.0])[0], ghost=True)
+        if recording.gone[i] == np.inf:
+            _draw_ball(ax, scene, i, look[i], recording.path(i, [recording.time])[0], ghost=False)
+    _draw_events(ax, recording, look)
+    return ax
+
+
+def draw_table(ax: Axes, scene: Scene) -> None:
+    """Draws the cloth, the cushions and the pockets of a scene, in metres."""
+    table = scene.table
+    half_x, half_y = table.length / 2, table.width / 2
+    rail, cushion = RAIL_SHARE * table.length, CUSHION_SHARE * table.length
+    for edge, colour, round_corner in ((rail, RAIL, 0.6 * rail), (cushion, CUSHION, 0.0)):
+        corner, size = (-half_x - edge, -half_y - edge), (2 * (half_x + edge), 2 * (half_y + edge))
+        style = f"round,pad=0,rounding_size={round_corner}"
+        ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=style, facecolor=colour, edgecolor="none", zorder=1))
+    ax.add_patch(Rectangle((-half_x, -half_y), 2 * half_x, 2 * half_y, facecolor=CLOTH, edgecolor="none", zorder=2))
+    for pocket in table.pockets:
+        ax.add_patch(Circle((pocket.x, pocket.y), pocket.radius, facecolor=POCKET, edgecolor="none", zorder=3))
+    away = 0.68 * rail
+    for x in [k * half_x / 4 for k in (-3, -2, -1, 1, 2, 3)]:
+        ax.plot([x, x], [-half_y - away, half_y + away], "D", color=CHALK, markersize=2.5, zorder=3)
+    for y in [k * half_y / 2 for k in (-1, 0, 1)]:
+        ax.plot([-half_x - away, half_x + away], [y, y], "D", color=CHALK, markersize=2.5, zorder=3)
+    ax.set_xlim(-half_x - 1.1 * rail, half_x + 1.1 * rail)
+    ax.set_ylim(-half_y - 1.1 * rail, half_y + 1.1 * rail)
+    ax.set_aspect("equal")
+    ax.axis("off")
+
+
+def legend_handles() -> list[Line2D]:
+    """Entries of a legend that says what the balls and marks mean."""
+    marks = [("o", 9, "#e9c98a", "#c78a00", "start"), ("o", 9, "#e69f00", INK, "end")]
+    for kind, (marker, size, label) in MARKS.items():
+        fill = CHALK if kind == "roll" else INK if kind == "ball_ball" else "#888888"
+        marks.append((marker, size, fill, INK, label))
+    return [
+        Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
+        for m, s, f, e, text in marks
+    ]
+
+
+def _in_play(recording: Recording) -> Sequence[int]:
+    return np.flatnonzero(recording.gone > 0).tolist()
+
+
+def _draw_path(ax: Axes, shot: Recording, ball: int, look: Look, style: Any) -> None:
+    if not shot.moves(ball):
+        return
+    times = np.union1d(np.linspace(0, shot.time, SAMPLES), shot.corners(ball))
+    path = shot.path(ball, times[times < shot.gone[ball]])
+    ax.plot(*path.T, linestyle=style, color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
+
+
+def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, place: Floats, width: float) -> None:
+    centre = (float(place[0]), float(place[1]))
+    circle = Circle(centre, scene.balls.radius[ball], fill=False, edgecolor=look.path, linewidth=width, zorder=5)
+    ax.add_patch(circle)
+
+
+def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, place: Floats, ghost: bool) -> None:
+    centre, radius = (float(place[0]), float(place[1])), scene.balls.radius[ball]
+    if ghost:
+        ax.add_patch(Circle(centre, radius, facecolor=CLOTH, edgecolor="none", zorder=5))
+        ax.add_patch(Circle(centre, radius, facecolor=look.fill, alpha=0.35, edgecolor="none", zorder=5.1))
+        dashes = {"edgecolor": look.path, "linewidth": 1, "linestyle": (0, (2, 1.5))}
+        ax.add_patch(Circle(centre, radius, facecolor="none", zorder=6, **dashes))
+    else:
+        disc = Circle(centre, radius, facecolor=CHALK if look.striped else look.fill, edgecolor="none", zorder=8)
+        ax.add_patch(disc)
+        if look.striped:
+            low, size = (centre[0] - radius, centre[1] - 0.56 * radius), (2 * radius, 1.12 * radius)
+            band = Rectangle(low, *size, facecolor=look.fill, edgecolor="none", zorder=8.1)
+            ax.add_patch(band)
+            band.set_clip_path(disc)
+        ax.add_patch(Circle(centre, radius, facecolor="none", edgecolor=INK, linewidth=0.8, zorder=8.2))
+    size = 8 if len(look.number) < 2 else 6.5
+    colour = INK if ghost else look.ink
+    ax.text(
+        *centre, look.number, fontsize=size, color=colour, ha="center", va="center_baseline", zorder=9, clip_on=True
+    )
+
+
+def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
+    """Draws the marks, and their times as far as they have room."""
+    scene, labelled = recording.scene, []
+    room = 0.03 * scene.table.length
+    for event in recording.events:
+        kind, ball, other, time = event["kind"], int(event["ball"]), int(event["other"]), float(event["time"])
+        if kind not in MARKS or (kind in ("ball_ball", "cushion") and event["speed"] < WEAK):
+            continue
+        place = np.array([event["x"], event["y"]])
+        edge, fill = INK, look[ball].path
+        if kind == "ball_ball":
+            here, there = (recording.path(k, [time])[0] for k in (ball, other))
+            share = scene.balls.radius[ball] / (scene.balls.radius[ball] + scene.balls.radius[other])
+            place = here + share * (there - here)
+            edge, fill = CHALK, INK
+            for k, centre in ((ball, here), (other, there)):  # a moving ball, as the two touch
+                if (centre != recording.path(k, [0.0])[0]).any():
+                    _draw_ring(ax, scene, k, look[k], centre, 0.8)
+        elif kind == "pocket":
+            pocket = scene.table.pockets[other]
+            place, edge = np.array([pocket.x, pocket.y]), CHALK
+        elif kind == "roll":
+            fill = CHALK
+        marker, size, _ = MARKS[kind]
+        ax.plot(*place, marker, markersize=size, color=fill, markeredgecolor=edge, markeredgewidth=0.7, zorder=7)
+        near = any(abs(x - place[0]) < 2 * room and abs(y - place[1]) < room for x, y in labelled)
+        if kind != "roll" and not near:
+            labelled.append(place.tolist())
+            _label(ax, kind, other, place, f"{time:.2f} s")
+
+
+def _label(ax: Axes, kind: str, other: int, place: Floats, text: str) -> None:
+    """Writes an event's time: onto the rail, into the pocket, or beside two balls on the side of the table's middle."""
+    style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
+    if kind == "ball_ball":
+        x, y = np.where(place > 0, -1, 1).tolist()
+        halo = [Stroke(linewidth=2, foreground=CLOTH), Normal()]
+        style |= {"xytext": (8 * x, 8 * y), "color": INK, "path_effects": halo}
+        style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
+    elif kind == "cushion":
+        x, y = ((-1, 0), (1, 0), (0, -1), (0, 1))[other]
+        style |= {"xytext": (20 * x, 20 * y), "color": CHALK, "ha": "center", "va": "center", "rotation": 90 * abs(x)}
+    else:
+        style |= {"xytext": (0, -4), "color": CHALK, "ha": "center", "va": "top"}
+    ax.annotate(text, place.tolist(), **style)

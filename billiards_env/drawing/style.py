@@ -1,0 +1,65 @@
+"""Colours and proportions that all pictures share.
+
+The balls' colours are those of Okabe and Ito (2008), which colour-blind readers tell apart, in the order of pool balls;
+seventh and eighth are the wine of Tol (2021) and black. Balls 9 to 15 are striped, and every object ball bears its
+number. Nothing is told by colour alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from billiards_env.scene import Scene
+
+CLOTH, CUSHION, RAIL, POCKET = "#dfe9e2", "#a9c4b1", "#7a5c43", "#1c1c1c"
+PAPER, INK, CHALK, GREY = "#ffffff", "#222222", "#ffffff", "#6b6b6b"
+
+RAIL_SHARE, CUSHION_SHARE = 0.04, 0.014
+"""Widths of rail and cushion as drawn, over the table's length."""
+
+_POOL = ("#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#009e73", "#882255", "#1c1c1c")
+_CAROM = ("#f0e442", "#d55e00")
+_DARK = ("#0072b2", "#882255", "#1c1c1c", GREY)
+
+KINDS = {
+    "ball_ball": "hits ball",
+    "cushion": "hits a cushion",
+    "pocket": "is potted",
+    "roll": "begins to roll",
+    "stop": "stops",
+    "spin_stop": "stops spinning",
+}
+"""What an event of a kind is called, with its ball for the subject."""
+
+
+class Look(NamedTuple):
+    """How a ball looks.
+
+    Attributes:
+        fill: Its colour.
+        ink: The colour of its number.
+        path: The colour of its path, which shows on the cloth.
+        striped: Whether only a band of it has the colour.
+        number: The number it bears; none on the cue ball.
+    """
+
+    fill: str
+    ink: str
+    path: str
+    striped: bool
+    number: str
+
+
+def looks(scene: Scene) -> tuple[Look, ...]:
+    """The look of each ball: white, yellow and red for carom, pool balls else; fixed balls are grey."""
+    carom = not scene.table.pockets and scene.n_balls <= 3
+    colours = _CAROM if carom else _POOL
+    balls = [Look(CHALK, INK, "#555555", False, "")]
+    for i in range(1, scene.n_balls):
+        fill = GREY if math.isinf(scene.balls.mass[i]) else colours[(i - 1) % len(colours)]
+        striped = fill != GREY and not carom and i % 16 > 8
+        ink = CHALK if fill in _DARK else INK
+        path = "#b3a600" if fill == "#f0e442" else fill
+        balls.append(Look(fill, ink, path, striped, str(i)))
+    return tuple(balls)

@@ -1,0 +1,27 @@
+"""A window that shows frames as they are drawn."""
+
+from __future__ import annotations
+
+import pygame
+
+
+class Window:
+    """A pygame window; with the environment variable SDL_VIDEODRIVER=dummy it is shown nowhere."""
+
+    def __init__(self, size: tuple[int, int], title: str) -> None:
+        """Opens a window of `size` (width, height), pixels."""
+        pygame.display.init()
+        pygame.display.set_caption(title)
+        self._screen = pygame.display.set_mode(size)
+        self._clock = pygame.time.Clock()
+
+    def show(self, frame: pygame.Surface, fps: float) -> None:
+        """Shows a frame, 1 / fps seconds after the last at the earliest."""
+        self._screen.blit(frame, (0, 0))
+        pygame.event.pump()
+        self._clock.tick(fps)
+        pygame.display.flip()
+
+    def close(self) -> None:
+        """Closes the window."""
+        pygame.display.quit()

@@ -1,0 +1,193 @@
+"""What an environment shows of its shots, by the conventions of Gymnasium's render modes.
+
+A step only notes how its shot began. A shot that is to be seen is run again, recorded, which gives the same bits, and
+drawn then; so a render mode that nobody looks at costs next to nothing, and pygame is imported with the first frame.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.core import RenderFrame
+from gymnasium.error import DependencyNotInstalled
+from numpy.typing import NDArray
+
+from billiards_env.engine import ShotInput, run_checked
+from billiards_env.scene import Scene
+
+if TYPE_CHECKING:
+    from billiards_env.drawing.canvas import Canvas
+    from billiards_env.drawing.window import Window
+
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
+FPS = 30
+
+Frame = NDArray[np.uint8]
+
+
+class Shown(NamedTuple):
+    """A shot, or with a limit of 0 s a layout, to be drawn with a line of text on either side."""
+
+    given: ShotInput
+    left: str
+    right: str
+
+
+class Renderer:
+    """Draws the shots of one environment.
+
+    Attributes:
+        render_mode: One of `RENDER_MODES`.
+    """
+
+    def __init__(
+        self, scene: Scene, render_mode: str, mode: str = "pic", dt: float | None = None, fix: str | None = None
+    ) -> None:
+        """Takes the scene and how its shots are run; imports and draws nothing yet."""
+        self.render_mode = render_mode
+        self._scene = scene
+        self._engine = (mode, dt, fix)
+        self._shown: list[Shown] = []
+        self._canvas: Canvas | None = None
+        self._window: Window | None = None
+
+    def layout(self, positions: NDArray[np.float64], left: str, in_play: NDArray[np.bool_] | None = None) -> None:
+        """Shows how an episode begins; what was shown before is forgotten.
+
+        Args:
+            positions: (n, 2) m; copied.
+            left: A line of text.
+            in_play: (n,) the balls to show; all by default.
+        """
+        n = len(positions)
+        playing = np.ones(n, np.bool_) if in_play is None else in_play
+        still = ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0)
+        self._shown = []
+        self._show(Shown(still, left, ""))
+
+    def shot(self, given: ShotInput, left: str, right: str) -> None:
+        """Shows a shot.
+
+        Args:
+            given: What it was run from; kept, and not written to.
+            left: A line of text shown throughout.
+            right: A line shown towards its end.
+        """
+        self._show(Shown(given, left, right))
+
+    def _show(self, shown: Shown) -> None:
+        if self.render_mode != "rgb_array_list":
+            self._shown = []
+        self._shown.append(shown)
+        if self.render_mode == "human":
+            self._play()
+
+    def render(self) -> RenderFrame | list[RenderFrame] | None:
+        """What `Env.render` returns in the render mode.
+
+        Returns:
+            "rgb_array": the last frame of the last shot, (height, width, 3) uint8. "rgb_array_list": all frames since
+            the last call or reset. "human": None; the window shows a shot while it is played.
+
+        Raises:
+            DependencyNotInstalled: If pygame is not installed.
+        """
+        if self.render_mode == "human" or not self._shown:
+            return [] if self.render_mode == "rgb_array_list" else None
+        from_surface = self._pixels()
+        if self.render_mode == "rgb_array":
+            return [from_surface(frame) for frame in self._film(self._shown[-1], only_last=True)][-1]
+        frames = [from_surface(frame) for shown in self._shown for frame in self._film(shown)]
+        self._shown = []
+        return frames
+
+    def film(self) -> Iterator[Frame]:
+        """The frames of the last shot, one by one, (height, width, 3) uint8 each."""
+        from_surface = self._pixels()
+        return (from_surface(frame) for frame in self._film(self._shown[-1]))
+
+    def close(self) -> None:
+        """Closes the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _play(self) -> None:
+        for frame in self._film(self._shown[-1]):
+            if self._window is None:
+                from billiards_env.drawing.window import Window
+
+                self._window = Window(frame.get_size(), "Billiards")
+            self._window.show(frame, FPS)
+
+    def _film(self, shown: Shown, only_last: bool = False) -> Iterator[Any]:
+        recording = run_checked(self._scene, shown.given, *self._engine, record=True).recording()
+        return self._drawn().film(recording, FPS, shown.left, shown.right, only_last=only_last)
+
+    def _pixels(self) -> Any:
+        self._drawn()
+        from billiards_env.drawing.canvas import pixels
+
+        return pixels
+
+    def _drawn(self) -> Canvas:
+        if self._canvas is None:
+            try:
+                from billiards_env.drawing.canvas import Canvas
+            except ModuleNotFoundError as error:
+                raise DependencyNotInstalled(
+                    f"render_mode = {self.render_mode!r}: pygame is not installed, run "
+                    "`pip install 'billiards-env[render]'`"
+                ) from error
+            self._canvas = Canvas(self._scene)
+        return self._canvas
+
+
+class RecordVideo(gym.wrappers.RecordVideo):
+    """`gymnasium.wrappers.RecordVideo` for steps that give many frames.
+
+    Gymnasium's own keeps one frame a step, the last, which is a shot's end. This one keeps all frames that a step
+    gives, so the film shows the shots in motion, and it writes them as they come, so a long film needs no more memory
+    than a short one. Arguments and files are the same. It takes an environment whose `render_mode` is "rgb_array_list".
+
+    Example:
+        ```python
+        env = gym.make("Billiards-v0", render_mode="rgb_array_list")
+        env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
+        ```
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], *args: Any, **kwargs: Any) -> None:
+        """Takes the arguments of `gymnasium.wrappers.RecordVideo`."""
+        if env.render_mode != "rgb_array_list":
+            raise ValueError(
+                f"render_mode = {env.render_mode!r}: expected 'rgb_array_list', which gives all frames of a shot"
+            )
+        super().__init__(env, *args, **kwargs)
+        self._file = contextlib.ExitStack()
+        self._write: Callable[[Frame], None] | None = None
+
+    def _capture_frame(self) -> None:
+        from billiards_env.drawing.film import mp4_writer
+
+        frames = cast("list[Frame]", self.env.render())
+        self.render_history = list(frames)  # what `render` gives next, if anybody asks for it
+        for frame in frames:
+            if self._write is None:
+                path = Path(self.video_folder, f"{self._video_name}.mp4")
+                size = (frame.shape[1], frame.shape[0])
+                self._write = self._file.enter_context(mp4_writer(path, size, self.frames_per_sec))
+            self._write(frame)
+            self.recorded_frames.append("")  # of which the wrapper compares the number with `video_length`
+
+    def stop_recording(self) -> None:
+        """Finishes the film and puts it in its place."""
+        self.recorded_frames = []
+        self.recording = False
+        self._write = None
+        self._file.close()

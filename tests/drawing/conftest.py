@@ -1,0 +1,36 @@
+import os
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, layouts
+from billiards_env.engine import simulate
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+SCENE = Scene.named("pool", 4)
+PLACES = layouts.random(SCENE, np.random.default_rng(140))
+VELOCITY = [-2.6777, -0.8187]  # the combination of the README's picture: balls 3 and 2 are potted
+
+
+@pytest.fixture(scope="session")
+def shot():
+    return simulate(SCENE, PLACES, VELOCITY, record=True)
+
+
+@pytest.fixture(scope="session")
+def pit():
+    """The same shot, at a coarse timestep."""
+    return simulate(SCENE, PLACES, VELOCITY, mode="pit", dt=1 / 60, record=True)
+
+
+@pytest.fixture(scope="session")
+def unrecorded():
+    return simulate(SCENE, PLACES, VELOCITY)
+
+
+@pytest.fixture(scope="session")
+def elsewhere():
+    """A shot on another table."""
+    return simulate(Scene.named("carom"), [[0.5, 0.0], [0.0, 0.0], [-0.5, 0.3]], [1.0, 0.1], record=True)

@@ -1,0 +1,185 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.engine import simulate
+from billiards_env.scene import Balls, Table
+
+pytest.importorskip("pygame")
+
+from billiards_env.drawing.canvas import Canvas, pixels, tile
+from billiards_env.drawing.style import looks
+
+
+def rgb(colour):
+    return np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)])
+
+
+def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
+    x, y = np.floor(where + np.array([dx, dy])).astype(int)
+    return np.abs(frame[y, x].astype(int) - rgb(colour)).max() <= tolerance
+
+
+def still(scene, positions, **kwargs):
+    shot = simulate(scene, positions, [0.0, 0.0], max_time=0.0, record=True)
+    canvas = Canvas(scene, **kwargs)
+    (frame,) = [pixels(frame) for frame in canvas.film(shot.recording(), 30)]
+    return canvas, frame
+
+
+def test_a_frame_for_each_thirtieth_of_a_second_and_one_for_the_end(shot):
+    frames = [pixels(frame) for frame in Canvas(shot.scene).film(shot.recording(), 30)]
+    assert len(frames) == math.ceil(30 * shot.time) + 1
+    assert {frame.shape for frame in frames} == {(462, 800, 3)}
+    assert {frame.dtype for frame in frames} == {np.dtype(np.uint8)}
+    assert all((one != other).any() for one, other in itertools.pairwise(frames[::10]))
+
+
+def test_frames_are_the_same_every_time(shot, pit):
+    def film():
+        canvas = Canvas(shot.scene, width=400)
+        return [pixels(f).tobytes() for f in canvas.film(shot.recording(), 20, "one", "two", pit.recording())]
+
+    assert film() == film()
+
+
+def test_a_canvas_draws_one_film_as_it_draws_the_next(shot):
+    canvas = Canvas(shot.scene, width=400)
+    first, second = ([pixels(f).tobytes() for f in canvas.film(shot.recording(), 10)] for _ in range(2))
+    assert first == second
+
+
+def test_the_last_frame_alone_is_that_of_the_film(shot, pit):
+    canvas = Canvas(shot.scene, width=400)
+    film = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording())]
+    (last,) = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording(), only_last=True)]
+    assert (film[-1] == last).all()
+
+
+@pytest.mark.parametrize("width", [640, 801, 1920])
+def test_balls_are_where_they_are_to_scale(width):
+    scene = Scene.named("pool", 15)
+    rng = np.random.default_rng(0)
+    positions = np.column_stack((np.linspace(-1.1, 1.1, 16), rng.uniform(-0.5, 0.5, 16)))
+    canvas, frame = still(scene, positions, width=width)
+    assert frame.shape == (canvas.size[1], canvas.size[0], 3)
+    assert canvas.size[0] % 2 == canvas.size[1] % 2 == 0
+    radius = scene.balls.radius[0] * canvas.scale
+    for place, look in zip(positions, looks(scene), strict=True):
+        centre = canvas.pixels_of(place)
+        # Beside the number; the middle of a striped ball is coloured too.
+        assert near(frame, centre, look.fill, 40, dx=-0.72 * radius)
+        assert near(frame, centre, "#dfe9e2", dy=1.6 * radius)
+        assert near(frame, centre, "#dfe9e2", dy=-1.6 * radius)
+    assert near(frame, canvas.pixels_of(positions[0]), "#ffffff")
+
+
+def test_a_ball_is_as_large_as_it_is():
+    scene = Scene(Balls((0.05,), (0.2,)))
+    canvas, frame = still(scene, [[0.3, -0.2]], width=960)
+    cloth = np.abs(frame.astype(int) - rgb("#dfe9e2")).max(-1) <= 6
+    x, y = np.floor(canvas.pixels_of([0.3, -0.2])).astype(int)
+    window = ~cloth[y - 30 : y + 31, x - 30 : x + 31]
+    assert window.sum() == pytest.approx(math.pi * (0.05 * canvas.scale) ** 2, rel=0.06)
+    across = np.flatnonzero(window.any(0))
+    assert across[-1] - across[0] + 1 == pytest.approx(2 * 0.05 * canvas.scale, abs=2)
+
+
+def test_slow_balls_glide_by_less_than_a_pixel():
+    scene = Scene.named("pool", 0)
+    (_, one), (_, two) = (still(scene, [[x, 0.0]]) for x in (0.1, 0.1 + 0.4 / Canvas(scene).scale))
+    assert (one != two).any()
+
+
+def test_potted_balls_leave_the_table_for_the_bar(shot):
+    canvas = Canvas(shot.scene)
+    *_, last = (pixels(frame) for frame in canvas.film(shot.recording(), 30))
+    look = looks(shot.scene)
+    bar = last[canvas.size[1] - 30 :].astype(int)
+    for ball in range(1, 5):
+        seen = (np.abs(bar - rgb(look[ball].fill)).max(-1) <= 6).sum() > 50
+        assert seen == (ball in (2, 3))
+    for ball in (1, 4):
+        assert near(last, canvas.pixels_of(shot.positions[ball]), look[ball].fill, 30, dx=-6)
+    for pocket in shot.scene.table.pockets:
+        assert near(last, canvas.pixels_of((pocket.x, pocket.y)), "#1c1c1c")
+
+
+def test_paths_grow_behind_the_balls(shot):
+    canvas = Canvas(shot.scene)
+    film = [pixels(frame) for frame in canvas.film(shot.recording(), 30, arrow=False)]
+    path = looks(shot.scene)[2].path
+    where = canvas.pixels_of(shot.at(0.2)[2])
+    assert not near(film[3], where, path, 40)
+    assert near(film[-1], where, path, 40)
+
+
+def test_the_arrow_points_where_the_cue_ball_goes():
+    scene = Scene.named("pool", 0)
+    shot = simulate(scene, [[0.0, 0.0]], [0.0, 2.0], record=True)
+    canvas = Canvas(scene)
+    with_arrow, without = (
+        pixels(next(canvas.film(shot.recording(), 30, arrow=arrow))).astype(int) for arrow in (True, False)
+    )
+    rows, columns = np.nonzero((with_arrow != without).any(-1))
+    middle = canvas.pixels_of([0.0, 0.0])
+    assert np.abs(columns - middle[0]).max() < 12
+    assert rows.max() < middle[1] - 8  # upwards
+    assert middle[1] - rows.min() == pytest.approx(0.09 * 2 * canvas.scale + 12, abs=4)
+
+
+def test_the_other_run_is_drawn_as_rings(shot, pit):
+    canvas = Canvas(shot.scene)
+    *_, alone = (pixels(f) for f in canvas.film(shot.recording(), 30))
+    *_, both = (pixels(f) for f in canvas.film(shot.recording(), 30, compare=pit.recording()))
+    radius = shot.scene.balls.radius[2] * canvas.scale
+    centre = canvas.pixels_of(pit.positions[2])  # it is not potted here
+    path = looks(shot.scene)[2].path
+    assert any(near(both, centre, path, 60, dx=radius - back) for back in (0, 0.5, 1, 1.5))
+    assert near(both, centre, "#dfe9e2", dx=radius / 2)
+    assert near(alone, centre, "#dfe9e2", dx=radius - 1)
+
+
+def test_lines_of_text(shot):
+    canvas = Canvas(shot.scene)
+
+    def film(left, right):
+        return [pixels(frame) for frame in canvas.film(shot.recording(), 10, left, right)]
+
+    plain, left, right = film("", ""), film("a task", ""), film("", "a reward")
+    assert all((a != b).any() for a, b in zip(plain, left, strict=True))
+    shown = [(a != b).any() for a, b in zip(plain, right, strict=True)]
+    assert shown == [t >= shot.time - 1.0 for t in [*(np.arange(len(plain) - 1) / 10), shot.time]]
+
+
+def test_odd_tables_fit():
+    for length, width in ((1.0, 1.0), (0.5, 2.0), (5.0, 0.2)):
+        scene = Scene(Balls((0.03,), (0.2,)), Table(length, width))
+        canvas, frame = still(scene, [[0.0, 0.0]])
+        assert near(frame, canvas.pixels_of([0.0, 0.0]), "#ffffff")
+        for corner in ((length / 2, width / 2), (-length / 2, -width / 2)):
+            x, y = canvas.pixels_of(corner)
+            assert 0 < x < canvas.size[0]
+            assert 0 < y < canvas.size[1]
+
+
+@pytest.mark.parametrize("width", [0, 159, 10**5, 320.0, True, "wide"])
+def test_impossible_widths_are_refused(width):
+    with pytest.raises(ValueError, match=r"width = .*: expected a whole number of pixels from 160 to 7680"):
+        Canvas(Scene.named("pool"), width)
+
+
+def test_tiles():
+    frames = [np.full((4, 6, 3), k, np.uint8) for k in range(5)]
+    whole = tile(frames, gap=1)
+    assert whole.shape == (9, 20, 3)
+    assert [whole[y, x, 0] for y, x in ((0, 0), (0, 7), (0, 14), (5, 0), (5, 7), (5, 14))] == [0, 1, 2, 3, 4, 255]
+    assert whole[4].min() == 255
+    assert tile(frames, columns=1, gap=0).shape == (20, 6, 3)
+    with pytest.raises(ValueError, match="expected one size, and one at least"):
+        tile([])
+    with pytest.raises(ValueError, match="expected one size"):
+        tile([frames[0], frames[0][1:]])

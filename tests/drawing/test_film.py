@@ -1,0 +1,129 @@
+import math
+import os
+import re
+import subprocess
+
+import numpy as np
+import pytest
+
+from billiards_env.drawing.files import replacing
+
+image = pytest.importorskip("PIL.Image")
+ffmpeg = pytest.importorskip("imageio_ffmpeg")
+pytest.importorskip("pygame")
+
+from billiards_env.drawing.canvas import Canvas, pixels  # noqa: E402
+
+
+def read_mp4(path):
+    """Frames a second, and the frames."""
+    ask = [ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
+    data = subprocess.run([*ask, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True).stdout
+    about = subprocess.run(ask, capture_output=True, text=True).stderr
+    assert "h264" in about
+    assert "yuv420p" in about
+    width, height = map(int, re.findall(r" (\d+)x(\d+)[ ,]", about)[0])
+    return float(re.findall(r"([\d.]+) fps", about)[0]), np.frombuffer(data, np.uint8).reshape(-1, height, width, 3)
+
+
+def drawn(shot, fps, width):
+    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, shot.engine)]
+
+
+def test_mp4(shot, tmp_path):
+    shot.to_mp4(tmp_path / "a.mp4", fps=30, width=400)
+    fps, frames = read_mp4(tmp_path / "a.mp4")
+    expected = drawn(shot, 30, 400)
+    assert fps == 30
+    assert len(frames) == len(expected) == math.ceil(30 * shot.time) + 1
+    for one, other in zip(frames[::20], expected[::20], strict=True):
+        assert np.abs(one.astype(int) - other).mean() < 4
+
+
+def test_gif(shot, tmp_path):
+    shot.to_gif(tmp_path / "a.gif", fps=20, width=400)
+    expected = drawn(shot, 20, 400)
+    with image.open(tmp_path / "a.gif") as gif:
+        # Frames that show the same are one, shown for longer.
+        duration = 0
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            frame = np.asarray(gif.convert("RGB")).astype(int)
+            assert np.abs(frame - expected[min(duration // 50, len(expected) - 1)]).mean() < 3
+            duration += gif.info["duration"]
+        assert gif.info["loop"] == 0
+    assert duration == 50 * (math.ceil(20 * shot.time) + 1)
+
+
+def test_gifs_are_never_faster_than_viewers_play_them(elsewhere, tmp_path):
+    elsewhere.to_gif(tmp_path / "a.gif", fps=1000, width=160)
+    with image.open(tmp_path / "a.gif") as gif:
+        assert gif.info["duration"] >= 20
+
+
+def test_another_run_is_shown(shot, pit, tmp_path):
+    shot.to_mp4(tmp_path / "one.mp4", fps=10, width=320)
+    shot.to_mp4(tmp_path / "two.mp4", fps=10, width=320, compare=pit)
+    one, two = (read_mp4(tmp_path / name)[1] for name in ("one.mp4", "two.mp4"))
+    assert len(two) == math.ceil(10 * max(shot.time, pit.time)) + 1 != len(one)
+    assert np.abs(one[10].astype(int) - two[10]).max() > 100
+
+
+@pytest.mark.parametrize("suffix", ["gif", "mp4"])
+def test_bad_arguments_are_refused_and_leave_nothing(suffix, shot, elsewhere, tmp_path):
+    write = getattr(shot, f"to_{suffix}")
+    (tmp_path / f"folder.{suffix}").mkdir()
+    for name, error, message in (
+        ("a.png", ValueError, f"expected a name that ends in '.{suffix}'"),
+        (f"none/a.{suffix}", FileNotFoundError, "the folder .*none' does not exist"),
+        (f"folder.{suffix}", IsADirectoryError, "expected a file, this is a folder"),
+    ):
+        with pytest.raises(error, match=message):
+            write(tmp_path / name)
+    target = tmp_path / f"a.{suffix}"
+    for fps in (0, -1, math.nan, math.inf, True, "fast"):
+        with pytest.raises(ValueError, match=r"fps = .*: expected frames a second"):
+            write(target, fps=fps)
+    with pytest.raises(ValueError, match="width = 3: expected a whole number of pixels"):
+        write(target, width=3)
+    with pytest.raises(ValueError, match="compare: expected a shot of the same balls"):
+        write(target, compare=elsewhere)
+    assert os.listdir(tmp_path) == [f"folder.{suffix}"]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "a.gif"
+    target.write_text("old")
+
+    def write(fails):
+        with replacing(target) as temporary:
+            temporary.write_text("new")
+            assert temporary.suffix == ".gif"
+            if fails:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(True)
+    assert target.read_text() == "old"
+    write(False)
+    assert target.read_text() == "new"
+    assert os.listdir(tmp_path) == ["a.gif"]
+
+
+def test_an_interrupted_film_leaves_the_old_one(shot, tmp_path, monkeypatch):
+    target = tmp_path / "a.mp4"
+    target.write_text("old")
+
+    class Broken:
+        def __init__(self, canvas):
+            self.canvas, self.size = canvas, canvas.size
+
+        def film(self, *args, **kwargs):
+            yield next(self.canvas.film(*args, **kwargs))
+            raise RuntimeError("no more frames")
+
+    monkeypatch.setattr("billiards_env.drawing.film.Canvas", lambda *a: Broken(Canvas(*a)))
+    with pytest.raises(RuntimeError, match="no more frames"):
+        shot.to_mp4(target)
+    assert target.read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.mp4"]

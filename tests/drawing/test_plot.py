@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.engine import simulate
+
+pytest.importorskip("matplotlib")
+
+from matplotlib import colors, pyplot
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+
+from billiards_env.drawing.style import looks
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    pyplot.close("all")
+
+
+def circles(axes, colour, filled):
+    """(x, y, radius) of the circles in a colour."""
+    found = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    wanted = colors.to_rgb(colour)
+    shown = [p for p in found if colors.to_rgb(p.get_facecolor() if filled else p.get_edgecolor()) == wanted]
+    return np.array([(*p.center, p.radius) for p in shown if p.get_fill() == filled]).reshape(-1, 3)
+
+
+def paths(axes, style):
+    return [line for line in axes.lines if line.get_linestyle() == style and len(line.get_xdata()) > 2]
+
+
+def test_it_draws_into_a_new_figure_or_into_axes_of_one_s_own(shot):
+    axes = shot.plot()
+    assert isinstance(axes, Axes)
+    _, own = pyplot.subplots()
+    assert shot.plot(own) is own
+    assert shot.plot(ax=own).figure is own.figure
+
+
+def test_balls_are_drawn_where_they_begin_and_end(shot):
+    axes = shot.plot()
+    radius = shot.scene.balls.radius[0]
+    for ball, look in enumerate(looks(shot.scene)):
+        found = circles(axes, look.fill, True).tolist()
+        ends = [] if shot.potted[ball] else [[*shot.positions[ball], radius]]
+        starts = [[*shot.at(0)[ball], radius]] if ball in (0, 2, 3) else []
+        assert sorted(found) == sorted(starts + ends)
+
+
+def test_paths_are_those_of_the_balls(shot):
+    drawn = {line.get_color(): np.column_stack(line.get_data()) for line in paths(shot.plot(), "-")}
+    look = looks(shot.scene)
+    assert set(drawn) == {look[i].path for i in (0, 2, 3)}
+    assert drawn[look[0].path][-1] == pytest.approx(shot.positions[0], abs=1e-9)
+    corners = [(e["x"], e["y"]) for e in shot.events if e["ball"] == 0 and e["kind"] == "cushion"]
+    assert corners
+    for corner in corners:
+        assert np.abs(drawn[look[0].path] - corner).max(1).min() < 1e-12
+
+
+def test_moving_balls_that_touch_are_ringed(shot):
+    hits = shot.events[shot.events["kind"] == "ball_ball"]
+    rings = circles(shot.plot(), looks(shot.scene)[0].path, False)
+    assert len(hits) == 2
+    assert rings[0, :2] == pytest.approx(shot.at(hits["time"][0])[0], abs=1e-12)
+
+
+def test_events_bear_their_times(shot):
+    texts = {text.get_text() for text in shot.plot().texts}
+    assert {"0.04 s", "0.28 s", "0.57 s", "0.85 s"} <= texts
+    assert {"1", "2", "3", "4"} <= texts  # the balls' numbers
+
+
+def test_another_run_is_dashed_and_ringed(shot, pit):
+    axes = shot.plot(compare=pit)
+    assert len(paths(axes, "--")) == 3
+    rings = circles(axes, looks(shot.scene)[2].path, False)
+    assert np.abs(rings[:, :2] - pit.positions[2]).max(1).min() < 1e-12
+
+
+def test_shots_of_other_tables_are_not_compared(shot, elsewhere):
+    with pytest.raises(ValueError, match="compare: expected a shot of the same balls on the same table"):
+        shot.plot(compare=elsewhere)
+
+
+def test_weak_contacts_bear_no_mark():
+    scene = Scene.named("pool", 1)
+    gap = 2 * scene.balls.radius[0] + 1e-4
+    for speed, marks in ((0.5, 1), (0.01, 0)):
+        axes = simulate(scene, [[0.0, 0.0], [gap, 0.0]], [speed, 0.0], record=True).plot()
+        assert len([line for line in axes.lines if line.get_marker() == "*"]) == marks
+
+
+def test_every_kind_of_table(elsewhere):
+    assert len(elsewhere.plot().lines) > 0
+    stripes = simulate(Scene.named("pool", 9), [[0.1 * k, 0.0] for k in range(10)], [0.0, 1.0], record=True)
+    assert [text.get_text() for text in stripes.plot().texts if text.get_text() == "9"] == ["9"]

@@ -1,0 +1,100 @@
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.drawing.recording import check_pair, frame_times
+from billiards_env.drawing.style import looks
+from billiards_env.engine import simulate
+from billiards_env.scene import Balls
+
+
+def places(recording, t):
+    return np.array([recording.path(i, [t])[0] for i in range(recording.scene.n_balls)])
+
+
+@pytest.mark.parametrize("name", ["shot", "pit", "elsewhere"])
+def test_paths_are_those_of_the_shot(name, request):
+    shot = request.getfixturevalue(name)
+    recording = shot.recording()
+    for t in [0.0, *np.linspace(0.01, shot.time, 57), *shot.events["time"], shot.time]:
+        assert np.abs(places(recording, t) - shot.at(t)).max() < 1e-14
+
+
+def test_a_recording_says_when_balls_are_potted(shot):
+    gone = shot.recording().gone
+    drops = shot.events[shot.events["kind"] == "pocket"]
+    assert drops["ball"].tolist() == [3, 2]
+    assert gone[drops["ball"]].tolist() == drops["time"].tolist()
+    assert np.isinf(gone[[0, 1, 4]]).all()
+
+
+def test_balls_that_are_not_in_play_are_gone_from_the_start():
+    given = {"in_play": [True, False], "record": True}
+    recording = simulate(Scene.named("pool"), [[0.0, 0.0], [9.0, 9.0]], [1.0, 0.2], **given).recording()
+    assert recording.gone.tolist() == [np.inf, 0.0]
+    assert recording.moves(0)
+    assert not recording.moves(1)
+
+
+def test_which_balls_move(shot):
+    recording = shot.recording()
+    assert [i for i in range(5) if recording.moves(i)] == [0, 2, 3]
+
+
+def test_labels_say_how_a_shot_was_run(shot, pit, unrecorded):
+    assert (shot.engine, pit.engine) == ("PIC", "PIT, dt = 16.67 ms")
+    assert shot.scene is not None
+    assert shot.scene.n_balls == 5
+    assert (unrecorded.engine, unrecorded.scene) == ("", None)
+    back = simulate(
+        Scene.named("pool", 0), [[0.0, 0.0]], [1.0, 0.2], mode="pit", dt=0.001, fix="move_back", record=True
+    )
+    assert back.engine == "PIT, dt = 1 ms, move_back"
+
+
+def test_recording_does_not_change_a_shot(shot, unrecorded):
+    assert shot.positions.tobytes() == unrecorded.positions.tobytes()
+    assert shot.time == unrecorded.time
+
+
+def test_only_shots_of_the_same_balls_on_the_same_table_are_compared(shot, pit, elsewhere):
+    check_pair(shot.recording(), pit.recording())
+    with pytest.raises(ValueError, match="compare: expected a shot of the same balls on the same table"):
+        check_pair(shot.recording(), elsewhere.recording())
+
+
+def test_a_film_ends_when_the_shot_does():
+    assert frame_times(1.0, 30).tolist() == [k / 30 for k in range(30)] + [1.0]
+    assert len(frame_times(100 / 30, 30)) == 101  # 100 / 30 * 30 may be more than 100
+    assert len(frame_times(100.5 / 30, 30)) == 102
+    assert frame_times(0.0, 30).tolist() == [0.0]
+
+
+def test_every_way_to_draw_refuses_a_shot_that_was_not_recorded(unrecorded, tmp_path):
+    calls = {
+        "plot": unrecorded.plot,
+        "to_gif": lambda: unrecorded.to_gif(tmp_path / "a.gif"),
+        "to_mp4": lambda: unrecorded.to_mp4(tmp_path / "a.mp4"),
+        "to_html": lambda: unrecorded.to_html(tmp_path / "a.html"),
+        "recording": unrecorded.recording,
+    }
+    for name, call in calls.items():
+        message = f"shot.{name}: the shot was not recorded, expected simulate(..., record=True)"
+        with pytest.raises(ValueError, match=re.escape(message)):
+            call()
+    assert not list(tmp_path.iterdir())
+
+
+def test_looks():
+    pool = looks(Scene.named("pool", 15))
+    assert [look.number for look in pool] == ["", *map(str, range(1, 16))]
+    assert [look.striped for look in pool] == [False] * 9 + [True] * 7
+    assert [look.fill for look in pool[1:8]] == [look.fill for look in pool[9:]]
+    assert len({look.fill for look in pool[:9]}) == 9
+    assert len({look.fill for look in looks(Scene.named("carom"))}) == 3
+    assert looks(Scene.named("carom"))[1].fill == "#f0e442"
+    fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
+    assert looks(fixed)[1].fill == "#6b6b6b"

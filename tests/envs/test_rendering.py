@@ -1,0 +1,322 @@
+import copy
+import math
+import os
+import re
+import subprocess
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.error import DependencyNotInstalled
+from gymnasium.utils.env_checker import check_env
+
+from billiards_env import Scene
+from billiards_env.envs import BilliardsEnv, RecordVideo
+from billiards_env.envs.rendering import FPS, RENDER_MODES
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+INTO_THE_CORNER = {"positions": [[0.97, 0.335], [1.07, 0.435]]}
+SLOWLY = np.array([0.1, 0.1], np.float32)
+
+
+@pytest.fixture(autouse=True)
+def pygame():
+    return pytest.importorskip("pygame")
+
+
+def n_frames(info):
+    return math.ceil(FPS * info["shot_time"] - 1e-6) + 1
+
+
+def run(code):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
+def test_without_a_render_mode_nothing_of_it_is_loaded():
+    code = (
+        "import sys, gymnasium, billiards_env, numpy\n"
+        "env = gymnasium.make('Billiards-v0', render_mode=%s)\n"
+        "env.reset(seed=0)\n"
+        "env.step(numpy.array([0.1, 0.1], 'f4'))\n"
+        "print(*sorted(m for m in sys.modules if 'drawing' in m or m in ('pygame', 'matplotlib', 'PIL')))\n"
+        "%s\n"
+        "print(*sorted(m for m in sys.modules if m in ('pygame', 'matplotlib', 'PIL')))\n"
+    )
+    assert run(code % (None, "env.close()")) == []
+    assert run(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # nor before somebody looks
+
+
+@pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}, {"scene": "ideal", "task": "carom"}])
+def test_a_render_mode_changes_no_bit(kwargs):
+    kwargs = {"max_shots": 3, "n_object_balls": 2, **kwargs}
+    plain, *shown = [BilliardsEnv(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
+    rng = np.random.default_rng(0)
+    for episode in range(3):
+        start = plain.reset(seed=episode)[0].tobytes()
+        assert [env.reset(seed=episode)[0].tobytes() for env in shown] == [start, start]
+        over = False
+        while not over:
+            action = rng.uniform(-1, 1, 2)
+            observation, reward, over, _, info = plain.step(action)
+            for env in shown:
+                other = env.step(action)
+                assert other[0].tobytes() == observation.tobytes()
+                assert other[1:3] == (reward, over)
+                assert other[4]["shot_time"] == info["shot_time"]
+                env.render()
+
+
+def test_rgb_array_is_the_end_of_the_last_shot():
+    env = gym.make("Billiards-v0", render_mode="rgb_array", max_shots=2)
+    env.reset(seed=0)
+    start = env.render()
+    assert start.shape == (462, 800, 3)
+    assert start.dtype == np.uint8
+    assert (env.render() == start).all()
+    env.step(SLOWLY)
+    end = env.render()
+    assert (end != start).any()
+    assert (env.render() == end).all()
+    end[:] = 0  # it is the caller's own
+    assert env.render().any()
+    env.reset(seed=0)
+    assert (env.render() == start).all()
+
+
+def test_rgb_array_list_is_every_frame_since_the_last_call():
+    env = gym.make("Billiards-v0", render_mode="rgb_array_list", max_shots=3)
+    single = gym.make("Billiards-v0", render_mode="rgb_array", max_shots=3)
+    env.reset(seed=0)
+    single.reset(seed=0)
+    (start,) = env.render()
+    assert (start == single.render()).all()
+    assert env.render() == []
+    *_, first = env.step(SLOWLY)
+    *_, second = env.step(-SLOWLY)
+    single.step(SLOWLY)
+    end_of_first = single.render()
+    single.step(-SLOWLY)
+    frames = env.render()
+    assert len(frames) == n_frames(first) + n_frames(second)
+    assert (frames[n_frames(first) - 1] == end_of_first).all()
+    assert (frames[-1] == single.render()).all()
+    env.step(SLOWLY)
+    env.reset(seed=1)
+    assert len(env.render()) == 1  # a reset forgets
+
+
+def test_balls_are_where_the_environment_has_them():
+    env = BilliardsEnv(render_mode="rgb_array", max_shots=2)
+    env.reset(seed=3)
+    observation, *_ = env.step(SLOWLY)
+    frame = env.render()
+    from billiards_env.drawing.canvas import Canvas
+
+    canvas = Canvas(env.scene)
+    half = np.array([env.scene.table.length, env.scene.table.width]) / 2
+    (cue, ball) = canvas.pixels_of(observation.reshape(2, 2) * half)
+    assert frame[int(cue[1]), int(cue[0])].min() >= 250
+    assert frame[int(ball[1]), int(ball[0] - 5)] == pytest.approx((240, 228, 66), abs=12)
+
+
+def test_a_second_shot_starts_with_the_ball_potted_before():
+    env = BilliardsEnv(render_mode="rgb_array_list", n_object_balls=2, max_shots=2)
+    env.reset(options={"positions": [*INTO_THE_CORNER["positions"], [-0.5, -0.3]]})
+    *_, info = env.step(np.array([0.35, 0.35]))
+    assert info["potted"].tolist() == [False, True, False]
+    env.render()
+    env.step(SLOWLY)
+    first = env.render()[0].astype(int)
+    yellow = (np.abs(first - (240, 228, 66)).max(-1) < 12).nonzero()
+    assert len(yellow[0]) > 30
+    assert yellow[0].min() > 425  # in the bar under the table
+
+
+def test_text_is_drawn_for_every_task(monkeypatch):
+    from billiards_env.drawing.canvas import Canvas
+
+    lines = []
+    draw = Canvas.film
+    monkeypatch.setattr(Canvas, "film", lambda self, *a, **k: lines.append(a[2:4]) or draw(self, *a, **k))
+    env = BilliardsEnv(render_mode="rgb_array", n_object_balls=1, max_shots=3)
+    env.reset(options=INTO_THE_CORNER)
+    env.render()
+    env.step(np.array([0.35, 0.35]))
+    env.render()
+    env = BilliardsEnv(scene="carom", task="carom", render_mode="rgb_array", max_shots=2)
+    env.reset(seed=0)
+    env.step(np.array([3.0, 4.0]))
+    env.render()
+    assert lines[0] == ("pot", "")
+    assert lines[1] == ("pot   shot 1 of 3   1.98 m/s", "reward 1   score 1")
+    assert lines[2] == ("carom   shot 1 of 2   4.00 m/s", "reward 0   score 0")
+
+
+def test_human_shows_a_shot_at_its_speed(pygame, monkeypatch):
+    from billiards_env.drawing.window import Window
+
+    shown, paces = [], []
+    show = Window.show
+    monkeypatch.setattr(
+        Window,
+        "show",
+        lambda self, frame, fps: shown.append(frame.get_size()) or paces.append(fps) or show(self, frame, fps),
+    )
+    env = gym.make("Billiards-v0", render_mode="human")
+    env.reset(seed=0)
+    assert shown == [(800, 462)]
+    assert pygame.display.get_surface().get_size() == (800, 462)
+    *_, info = env.step(0.1 * SLOWLY)
+    assert len(shown) == 1 + n_frames(info)
+    assert set(paces) == {FPS}
+    assert env.render() is None
+    env.close()
+    assert not pygame.display.get_init()
+    env.close()
+
+
+def test_human_rendering_works():
+    for mode in ("rgb_array", "rgb_array_list"):
+        env = gym.wrappers.HumanRendering(gym.make("Billiards-v0", render_mode=mode, max_shots=2))
+        env.reset(seed=0)
+        env.step(SLOWLY)
+        env.step(SLOWLY)
+        assert env.render() is None
+        env.close()
+
+
+def film_of(path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    command = [
+        ffmpeg.get_ffmpeg_exe(),
+        "-loglevel",
+        "error",
+        "-i",
+        str(path),
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgb24",
+        "-",
+    ]
+    data = subprocess.run(command, capture_output=True, check=True).stdout
+    return np.frombuffer(data, np.uint8).reshape(-1, 462, 800, 3)
+
+
+def test_record_video_films_every_frame_of_every_shot(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.make("Billiards-v0", render_mode="rgb_array_list", max_shots=2)
+    env = RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda episode: episode != 1)
+    twin = gym.make("Billiards-v0", render_mode="rgb_array_list", max_shots=2)
+    expected = {}
+    for episode in range(3):
+        env.reset(seed=episode)
+        twin.reset(seed=episode)
+        over = False
+        while not over:
+            *_, over, _, info = env.step(SLOWLY)
+            twin.step(SLOWLY)
+            if episode != 1:
+                assert len(env.render()) == n_frames(info)  # Gymnasium's own gives them too
+        expected[episode] = twin.render()
+    env.close()
+    assert sorted(os.listdir(tmp_path / "films")) == ["rl-video-episode-0.mp4", "rl-video-episode-2.mp4"]
+    for episode in (0, 2):
+        film = film_of(tmp_path / "films" / f"rl-video-episode-{episode}.mp4")
+        assert len(film) == len(expected[episode])
+        for one, other in zip(film[::25], expected[episode][::25], strict=True):
+            assert np.abs(one.astype(int) - other).mean() < 4
+
+
+def test_record_video_by_length(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.make("Billiards-v0", render_mode="rgb_array_list")
+    env = RecordVideo(
+        env, str(tmp_path / "films"), episode_trigger=lambda _: False, step_trigger=lambda s: s == 1, video_length=5
+    )
+    for episode in range(3):
+        env.reset(seed=episode)
+        *_, info = env.step(SLOWLY)
+        if episode == 1:
+            length = 1 + n_frames(info)  # the layout, which nobody had asked for yet, and the shot
+    env.close()
+    assert os.listdir(tmp_path / "films") == ["rl-video-step-1.mp4"]
+    assert len(film_of(tmp_path / "films" / "rl-video-step-1.mp4")) == length  # a shot is not cut short
+
+
+def test_record_video_says_which_render_mode_it_needs(tmp_path):
+    with pytest.raises(ValueError, match="render_mode = 'rgb_array': expected 'rgb_array_list'"):
+        RecordVideo(gym.make("Billiards-v0", render_mode="rgb_array"), str(tmp_path))
+
+
+def test_gymnasium_s_own_record_video_takes_it_too(tmp_path):
+    pytest.importorskip("moviepy")
+    env = gym.make("Billiards-v0", render_mode="rgb_array", max_shots=3)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"))
+    env.reset(seed=0)
+    for sign in (1, -1, 1):
+        env.step(sign * SLOWLY)
+    assert len(env.recorded_frames) == 4  # how the table lay at first, and after each shot
+    env.close()
+    assert len(film_of(tmp_path / "films" / "rl-video-episode-0.mp4")) == 4
+
+
+def test_gymnasium_s_checks_pass_in_every_mode():
+    assert BilliardsEnv.metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
+    check_env(gym.make("Billiards-v0").unwrapped)
+
+
+def test_vector_environments_give_a_frame_each():
+    from billiards_env.drawing.canvas import tile
+
+    envs = gym.make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", render_mode="rgb_array")
+    envs.reset(seed=0)
+    envs.step(np.tile(SLOWLY, (3, 1)))
+    frames = envs.render()
+    assert len({frame.tobytes() for frame in frames}) == 3
+    assert tile(frames).shape == (2 * 462 + 4, 2 * 800 + 4, 3)
+    envs.close()
+
+
+def test_environments_can_be_copied_and_specs_survive_json():
+    env = gym.make("Billiards-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    other = copy.deepcopy(env)
+    assert (other.render() == env.render()).all()
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert again.render_mode == "rgb_array"
+
+
+def test_a_mode_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match=r"render_mode = 'rgb_arry': .*did you mean 'rgb_array'"):
+        BilliardsEnv(render_mode="rgb_arry")
+
+
+def test_rendering_without_a_mode_says_so():
+    env = BilliardsEnv()
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="without a render mode shows nothing"):
+        assert env.render() is None
+    env.close()
+
+
+@pytest.mark.parametrize("mode", RENDER_MODES)
+def test_where_pygame_is_missing_it_says_how_to_install_it(mode, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    monkeypatch.delitem(sys.modules, "billiards_env.drawing.canvas", raising=False)
+    env = BilliardsEnv(render_mode=mode)  # as Gymnasium's own environments, which say so when they are to draw
+    if mode != "human":
+        env.reset(seed=0)
+    with pytest.raises(DependencyNotInstalled, match=re.escape("pip install 'billiards-env[render]'")):
+        env.reset(seed=0) if mode == "human" else env.render()
+
+
+def test_a_scene_of_one_s_own_is_drawn():
+    data = Scene.named("pool", 2).to_dict()
+    data["balls"] = {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}
+    env = BilliardsEnv(scene=data, render_mode="rgb_array")
+    env.reset(options={"positions": [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]]})
+    frame = env.render().astype(int)
+    assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 300
