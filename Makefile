@@ -48,5 +48,5 @@ clean:  ## remove the virtual environment, builds and caches; trained runs stay
 # Made anew only when what is to be installed changes.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,dev]'
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev]'
 	touch $@

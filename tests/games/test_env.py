@@ -1,0 +1,359 @@
+import copy
+import dataclasses
+import math
+import pickle
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+import pettingzoo
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import RULES, billiards_v0, replay
+from billiards_env.layouts import MARGIN
+
+with warnings.catch_warnings():
+    # It imports an example by its old name, where that example's own dependencies are installed.
+    warnings.simplefilter("ignore")
+    from pettingzoo.test import api_test, render_test, seed_test
+
+VARIANTS = [
+    *({"rules": rules} for rules in RULES),
+    {"rules": "nine_ball", "n_players": 3},
+    {"rules": "straight", "n_players": 4, "n_object_balls": 5, "target": 4},
+    {"rules": "carom", "n_players": 3, "target": 2, "layout": "random"},
+    {"rules": "eight_ball", "layout": "tight_rack", "mode": "pit", "dt": 1 / 120, "fix": "move_back"},
+    {"rules": "straight", "layout": "random", "n_object_balls": 3, "max_shots": 7},
+]
+variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values())))
+
+
+def make(**kwargs) -> Any:
+    return billiards_v0.env(**kwargs)
+
+
+def play_game(env, seed):
+    """Plays a random game; all that the environment said, arrays as bytes."""
+    env.reset(seed=seed)
+    rng = np.random.default_rng(seed)
+    log = []
+    for agent in env.agent_iter():
+        observation, reward, termination, truncation, info = env.last()
+        log.append((agent, observation.tobytes(), reward, termination, truncation, repr(info)))
+        over = termination or truncation
+        shape = env.action_space(agent).shape
+        env.step(None if over else (2 * rng.random(shape) - 1).astype(np.float32))
+    return log
+
+
+@variants
+def test_pettingzoos_api_test(kwargs, capsys):
+    api_test(make(**kwargs), num_cycles=200)
+    assert "Passed" in capsys.readouterr().out
+
+
+@variants
+def test_pettingzoos_seed_test(kwargs):
+    seed_test(lambda: make(**kwargs), num_cycles=50)
+
+
+@pytest.mark.parametrize("rules", RULES)
+def test_pettingzoos_render_test(rules, monkeypatch):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    # Slow shots are short films, which a window shows at their own pace.
+    render_test(
+        lambda render_mode="human": make(rules=rules, render_mode=render_mode, max_speed=0.02),
+        {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
+    )
+
+
+@variants
+def test_the_same_seed_gives_the_same_game_bit_for_bit(kwargs):
+    env = make(**kwargs)
+    first = play_game(env, 3)
+    assert first == play_game(env, 3) == play_game(make(**kwargs), 3)
+    assert first != play_game(env, 4)
+
+
+@variants
+def test_rewards_are_what_others_lose_and_the_game_ends_for_all(kwargs):
+    env = make(**kwargs)
+    for seed in range(2):
+        env.reset(seed=seed)
+        total = dict.fromkeys(env.agents, 0.0)
+        rng = np.random.default_rng(seed)
+        shots = 0
+        while not any(env.terminations.values()) and not any(env.truncations.values()):
+            agent = env.agent_selection
+            env.step((2 * rng.random(env.action_space(agent).shape) - 1).astype(np.float32))
+            shots += 1
+            assert sum(env.rewards.values()) == pytest.approx(0.0)
+            for player, reward in env.rewards.items():
+                total[player] += reward
+            assert env.infos[agent]["shooter"] == agent
+        info = env.infos[env.agents[0]]
+        assert len(set(env.terminations.values())) == len(set(env.truncations.values())) == 1
+        assert shots == len(env.unwrapped.history().strokes)
+        if env.truncations[env.agents[0]]:
+            assert shots == env.unwrapped.max_shots
+            assert info["winner"] is None
+        elif RULES[kwargs["rules"]].target is None:
+            assert total[info["winner"]] == 1.0
+            assert all(total[player] == -1 / (len(total) - 1) for player in total if player != info["winner"])
+        else:
+            points = np.array(info["scores"], float)
+            others = (points.sum() - points) / (len(points) - 1)
+            assert list(total.values()) == pytest.approx((points - others).tolist())
+
+
+def test_a_loser_is_paid_for_his_own_shot():
+    env = billiards_v0.raw_env("eight_ball", max_shots=1)
+    positions = np.array([[0.9, 0.265], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
+    positions[8] = 1.1, 0.465
+    env.reset(options={"positions": positions})
+    env.step(np.array([0.2, 0.2, 0.0, 0.0], np.float32))
+    assert env.rewards == {"player_0": -1.0, "player_1": 1.0}
+    assert env.terminations == {"player_0": True, "player_1": True}
+    assert env.truncations == {"player_0": False, "player_1": False}
+    assert env.infos["player_1"]["foul"] == "wrong_ball"
+    assert env.infos["player_1"]["winner"] == "player_1"
+
+
+def test_a_player_who_pots_goes_on():
+    env = billiards_v0.raw_env("straight", n_object_balls=2)
+    env.reset(options={"positions": [[-0.635, 0.0], [0.635, 0.3], [0.0, -0.5]]})
+    env.step(np.array([0.25, 0.05625, 0.0, 0.0], np.float32))
+    assert env.infos["player_0"]["potted"] == [1]
+    assert env.rewards == {"player_0": 1.0, "player_1": -1.0}
+    assert env.agent_selection == "player_0"
+    env.step(np.zeros(4, np.float32))
+    assert env.agent_selection == "player_1"
+
+
+def test_the_limit_on_shots_truncates():
+    env = billiards_v0.raw_env("nine_ball", max_shots=3)
+    env.reset(seed=0)
+    for k in range(3):
+        assert not any(env.truncations.values()), k
+        env.step(np.zeros(4, np.float32))
+    assert env.truncations == {"player_0": True, "player_1": True}
+    assert env.terminations == {"player_0": False, "player_1": False}
+
+
+def test_observations():
+    env = billiards_v0.raw_env("eight_ball")
+    positions = np.array([[-1.0, 0.0], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
+    lying = [0, 1, 8, 9, 10]
+    state = {"on_table": lying, "solids": 1, "player": 1, "in_hand": "anywhere"}
+    env.reset(options={"positions": positions, "state": state})
+    assert env.agent_selection == "player_1"
+    for agent, own in (("player_0", {9, 10}), ("player_1", {1})):
+        seen = env.observe(agent)
+        assert env.observation_space(agent).contains(seen)
+        balls = seen[:64].reshape(16, 4)
+        assert balls[:, :2] == pytest.approx(positions / [1.27, 0.635])
+        assert np.flatnonzero(balls[:, 2]).tolist() == [1, 8, 9, 10]
+        assert set(np.flatnonzero(balls[:, 3])) == own
+        assert seen[64:].tolist() == [agent == "player_1", 0, 0, 1]
+
+
+def test_observed_scores_begin_with_the_observers_own():
+    env = billiards_v0.raw_env("straight", n_players=3, n_object_balls=4)
+    env.reset(options={"positions": np.array([[0.2 * i, 0.0] for i in range(5)]), "state": {"scores": [1, -9, 2]}})
+    for agent, scores in (("player_0", [0.25, -1, 0.5]), ("player_1", [-1, 0.5, 0.25]), ("player_2", [0.5, 0.25, -1])):
+        assert env.observe(agent)[-3:].tolist() == scores
+
+
+def test_the_ball_to_strike_is_observed_first():
+    env = billiards_v0.raw_env("carom")
+    env.reset()
+    red, own = [0.5, 0.0], [-0.5, 0.0]
+    assert env.observe("player_0")[[4, 5, 8, 9]].tolist() == [*red, *own]
+    env.step(np.array([0.0, 0.0], np.float32))
+    seen = env.observe("player_1")
+    assert seen[[0, 1]].tolist() == own
+    assert seen[[8, 9]].tolist() == red
+
+
+def test_actions_place_a_cue_ball_in_hand_over_all_of_its_room():
+    env = billiards_v0.raw_env("nine_ball")
+    r = env.setup.scene.balls.radius[0]
+    x_end, y_end = 1.27 - r - MARGIN, 0.635 - r - MARGIN
+    for action, place in [
+        ((-1, 0), (-x_end, 0)),
+        ((1, 0.5), (-0.635, 0.5 * y_end)),
+        ((0, -0.5), (-(x_end + 0.635) / 2, -0.5 * y_end)),
+        ((9, 0), (-0.635, 0)),
+    ]:
+        env.reset(seed=0)
+        env.step(np.array([0, 0, *action], np.float32))
+        assert env.history().strokes[0].place == pytest.approx(place)
+    assert env.table.state.in_hand == "anywhere"
+    env.step(np.array([0, 0, 0.25, 0.5], np.float32))
+    assert env.history().strokes[1].place == pytest.approx((0.25 * x_end, 0.5 * y_end))
+
+
+@pytest.mark.parametrize("action", [None, np.zeros(3), np.full(4, np.nan), np.array([0, 0, 0, np.inf])])
+def test_wrong_actions_are_refused(action):
+    env = billiards_v0.raw_env("nine_ball")
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="expected 4 finite numbers"):
+        env.step(action)
+
+
+def test_actions_out_of_bounds_are_clipped_with_a_warning_by_pettingzoo(capsys):
+    env = make(rules="carom")
+    env.reset(seed=0)
+    env.step(np.array([0.0, 3.0], np.float32))
+    assert env.unwrapped.history().strokes[0].velocity == (0.0, 8.0)
+
+
+def test_calls_out_of_order_are_refused():
+    env = make(rules="carom")
+    with pytest.raises(AttributeError, match="before reset"):
+        _ = env.agents
+    with pytest.raises(ValueError, match="no game has begun"):
+        env.unwrapped.history()
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"rules": "snooker"}, "rules = 'snooker'"),
+        ({"rules": "eight_ball", "n_players": 4}, "n_players = 4"),
+        ({"rules": "eight_ball", "n_object_balls": 9}, "9 object balls: expected 15"),
+        ({"rules": "nine_ball", "scene": Scene.named("pool", 8).to_dict()}, "8 object balls"),
+        ({"layout": "line"}, "layout = 'line'"),
+        ({"max_shots": 0}, "max_shots = 0"),
+        ({"max_speed": 0}, "max_speed = 0"),
+        ({"max_speed": math.inf}, "max_speed = inf"),
+        ({"mode": "pot"}, "mode = 'pot'"),
+        ({"render_mode": "ansi"}, "render_mode = 'ansi'"),
+    ],
+)
+def test_wrong_arguments_are_refused(kwargs, message):
+    with pytest.raises(ValueError, match=message):
+        make(**kwargs)
+
+
+def test_a_shot_cut_off_is_loud(monkeypatch):
+    real = billiards_v0.play
+
+    def cut(*args):
+        played = real(*args)
+        return played._replace(shot=dataclasses.replace(played.shot, status="event_limit"))
+
+    monkeypatch.setattr(billiards_v0, "play", cut)
+    env = billiards_v0.raw_env("carom")
+    env.reset(seed=0)
+    with pytest.warns(RuntimeWarning, match="cut off"):
+        env.step(np.zeros(2, np.float32))
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_copies_play_on_alike(duplicate):
+    env = billiards_v0.raw_env("nine_ball")
+    env.reset(seed=1)
+    actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
+    for action in actions[:5]:
+        env.step(action)
+    other = duplicate(env)
+    for action in actions[5:]:
+        env.step(action)
+        other.step(action)
+    assert env.table.positions.tobytes() == other.table.positions.tobytes()
+    env.reset()
+    other.reset()
+    assert env.table.positions.tobytes() == other.table.positions.tobytes()
+
+
+def test_a_history_plays_again():
+    env = billiards_v0.raw_env("eight_ball")
+    env.reset(seed=1)
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 4)).astype(np.float32)
+    for action in actions:
+        if env.table.state.over:
+            break
+        env.step(action)
+    *_, last = replay(env.history())
+    assert last.table.positions.tobytes() == env.table.positions.tobytes()
+    assert last.table.state == env.table.state
+
+
+def test_frames():
+    pytest.importorskip("pygame")
+    env = make(rules="nine_ball", render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    env.step(np.array([0.1, 0, 0, 0], np.float32))
+    second = env.render()
+    assert first.shape == second.shape
+    assert first.dtype == np.uint8
+    assert (first != second).any()
+    assert (second == env.render()).all()
+    env.close()
+
+
+def test_all_frames_of_a_shot():
+    pytest.importorskip("pygame")
+    env = make(rules="nine_ball", render_mode="rgb_array_list")
+    env.reset(seed=0)
+    assert len(env.render()) == 1
+    env.step(np.array([0.1, 0, 0, 0], np.float32))
+    frames = env.render()
+    duration = env.infos["player_0"]["shot_time"]
+    assert abs(len(frames) - duration * env.metadata["render_fps"]) <= 2
+    assert env.render() == []
+
+
+def test_drawing_changes_no_bit():
+    pytest.importorskip("pygame")
+    seen, blind = make(rules="carom", render_mode="rgb_array"), make(rules="carom")
+    for env in (seen, blind):
+        env.reset(seed=0)
+        for k in range(4):
+            env.step(np.array([0.1 * k, 0.2], np.float32))
+            env.render() if env is seen else None
+    assert seen.unwrapped.table.positions.tobytes() == blind.unwrapped.table.positions.tobytes()
+
+
+def test_without_a_render_mode_nothing_is_drawn():
+    env = make()
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert env.render() is None
+    code = (
+        "import sys, numpy as np\n"
+        "import billiards_env, billiards_env.records, billiards_env.games\n"
+        "print('pettingzoo' in sys.modules)\n"
+        "from billiards_env.games import billiards_v0\n"
+        "env = billiards_v0.env(rules='carom')\n"
+        "env.reset(seed=0)\n"
+        "env.step(np.zeros(2, np.float32))\n"
+        "print({'pygame', 'matplotlib', 'torch'} & set(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "set()"]
+
+
+def test_pettingzoo_makes_it_by_name():
+    env = pettingzoo.make("aec", "billiards_env/billiards-v0", rules="carom", n_players=3)
+    assert env.possible_agents == ["player_0", "player_1", "player_2"]
+    assert str(env) == "billiards_v0"
+
+
+def test_without_pettingzoo_the_error_says_what_to_install():
+    code = (
+        "import sys\n"
+        "sys.modules['pettingzoo'] = None\n"
+        "try:\n"
+        "    import billiards_env.games.billiards_v0\n"
+        "except Exception as error:\n"
+        "    print(type(error).__name__, 'billiards-env[multi]' in str(error))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["DependencyNotInstalled", "True"]

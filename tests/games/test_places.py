@@ -1,0 +1,143 @@
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env.games.places import cue_place, nearest_place, obstacles, room, spot_place
+from billiards_env.layouts import MARGIN
+from billiards_env.scene import Balls, Scene, Table, check_positions
+
+SCENE = Scene.named("pool", 15)
+R = SCENE.balls.radius[0]
+REACH = 2 * R + MARGIN
+FOOT = SCENE.table.length / 4
+AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
+
+
+def on_axis(*xs):
+    """Balls 1, 2, ... at these x on the long string; the others are not on the table."""
+    positions = AWAY.copy()
+    for ball, x in enumerate(xs, start=1):
+        positions[ball] = x, 0.0
+    return positions, range(1, len(xs) + 1)
+
+
+def test_a_free_foot_spot_is_taken():
+    assert spot_place(SCENE, *on_axis(), 9) == (FOOT, 0.0)
+
+
+def test_a_blocked_foot_spot_moves_the_ball_behind_it():
+    x, y = spot_place(SCENE, *on_axis(FOOT), 9)
+    assert y == 0.0
+    assert x == pytest.approx(FOOT + REACH, abs=1e-12)
+
+
+def test_a_ball_beside_the_long_string_blocks_a_part_of_it():
+    positions, balls = on_axis(FOOT)
+    positions[1] = FOOT, R
+    x, _ = spot_place(SCENE, positions, balls, 9)
+    assert x == pytest.approx(FOOT + math.sqrt(REACH * REACH - R * R), abs=1e-12)
+    positions[1] = FOOT, 1.001 * REACH
+    assert spot_place(SCENE, positions, balls, 9) == (FOOT, 0.0)
+
+
+def test_a_gap_too_small_is_passed_over():
+    x, _ = spot_place(SCENE, *on_axis(FOOT, FOOT + 1.9 * REACH), 9)
+    assert x == pytest.approx(FOOT + 2.9 * REACH, abs=1e-12)
+    x, _ = spot_place(SCENE, *on_axis(FOOT, FOOT + 2 * REACH), 9)
+    assert x == pytest.approx(FOOT + REACH, abs=1e-12)
+
+
+def test_where_there_is_no_room_behind_it_goes_in_front():
+    balls = [FOOT + k * REACH for k in range(11)]
+    assert balls[-1] < SCENE.table.length / 2 - R < balls[-1] + REACH
+    x, y = spot_place(SCENE, *on_axis(*balls), 15)
+    assert y == 0.0
+    assert x == pytest.approx(FOOT - REACH, abs=1e-12)
+
+
+def test_a_blocked_long_string_puts_it_beside():
+    small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
+    positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
+    x, y = spot_place(small, positions, (0, 1, 2), 3)
+    assert abs(y) > 0.15
+    positions[3] = x, y
+    check_positions(small, positions)
+
+
+def test_no_room_at_all_is_an_error():
+    with pytest.raises(ValueError, match="no room"):
+        nearest_place((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
+
+
+def test_a_free_wish_is_granted_to_the_bit():
+    wish = (0.1 + 0.2, -1 / 3)
+    assert cue_place(SCENE, AWAY, range(1, 16), 0, wish, False) == wish
+
+
+def test_a_wish_is_moved_into_the_room():
+    x_low, x_high, y_low, y_high = room(SCENE, 0)
+    assert cue_place(SCENE, AWAY, (), 0, (9.0, 0.3), False) == (x_high, 0.3)
+    assert cue_place(SCENE, AWAY, (), 0, (0.3, -9.0), False) == (0.3, y_low)
+    assert cue_place(SCENE, AWAY, (), 0, (0.3, 0.1), True) == (-SCENE.table.length / 4, 0.1)
+    assert (x_low, y_low) == (-x_high, -y_high)
+    assert x_high == SCENE.table.length / 2 - R - MARGIN
+
+
+def test_a_taken_wish_goes_straight_out():
+    positions, balls = on_axis(0.0)
+    x, y = cue_place(SCENE, positions, balls, 0, (0.0, 0.01), False)
+    assert (x, y) == pytest.approx((0.0, REACH), abs=1e-12)
+    assert cue_place(SCENE, positions, balls, 0, (0.0, 0.0), False) == pytest.approx((REACH, 0.0), abs=1e-12)
+
+
+def test_a_pocket_is_kept_clear_of():
+    side = SCENE.table.pockets[5]
+    x, y = cue_place(SCENE, AWAY, (), 0, (side.x, side.y), False)
+    assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + MARGIN, abs=1e-9)
+
+
+def brute(wish, area, circles, steps=401):
+    """The squared distance of the nearest free place on a fine grid."""
+    x = np.linspace(area[0], area[1], steps)[:, None]
+    y = np.linspace(area[2], area[3], steps)[None, :]
+    free = np.ones((steps, steps), bool)
+    for cx, cy, reach in circles:
+        free &= (x - cx) ** 2 + (y - cy) ** 2 >= reach**2
+    return np.min(np.where(free, (x - wish[0]) ** 2 + (y - wish[1]) ** 2, np.inf))
+
+
+def test_the_place_is_free_and_no_other_is_nearer():
+    rng = np.random.default_rng(0)
+    area = (-1.0, 1.0, -0.5, 0.5)
+    for _ in range(200):
+        circles = [(*(2 * rng.random(2) - 1).tolist(), 0.1 + 0.3 * rng.random()) for _ in range(12)]
+        wish = tuple((2.4 * rng.random(2) - 1.2).tolist())
+        nearest = brute(wish, area, circles)
+        if not np.isfinite(nearest):
+            continue
+        x, y = nearest_place(wish, area, circles)
+        assert area[0] <= x <= area[1]
+        assert area[2] <= y <= area[3]
+        assert all(math.hypot(x - cx, y - cy) >= reach - 1e-8 for cx, cy, reach in circles)
+        inside = min(max(wish[0], area[0]), area[1]), min(max(wish[1], area[2]), area[3])
+        best = brute(inside, area, circles)
+        assert math.hypot(x - inside[0], y - inside[1]) <= math.sqrt(best) + 1e-9
+
+
+def test_placed_balls_are_accepted_by_the_engine():
+    rng = np.random.default_rng(1)
+    scene = Scene.named("pool", 9)
+    for _ in range(100):
+        positions = np.full((10, 2), 0.0)
+        lying: list[int] = []
+        for ball in range(10):
+            wish = tuple((2.6 * rng.random(2) - 1.3).tolist())
+            place = (
+                spot_place(scene, positions, lying, ball)
+                if ball % 3
+                else nearest_place(wish, room(scene, ball), obstacles(scene, positions, ball, lying))
+            )
+            positions[ball] = place
+            lying.append(ball)
+        check_positions(scene, positions)

@@ -1,0 +1,401 @@
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import re
+import stat
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env import Scene, __version__, records, simulate
+from billiards_env.games import RULES, History, Setup, Stroke, opening, play
+from billiards_env.scene import SCENES, Balls
+
+POOL = [[-0.635, 0.0], [0.635, 0.3]]
+MASSES = Scene(Balls((0.03, 0.03, 0.04), (0.2, 0.1 + 0.2, math.inf)))
+SHOTS = {
+    "plain": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45]),
+    "numpy": lambda: records.record_shot(Scene.named("pool"), np.array(POOL), np.array([2.0, 0.45], np.float32)),
+    "spins": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
+    "in_play": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
+    "pit": lambda: records.record_shot(
+        Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=np.float64(2.5)
+    ),
+    "masses": lambda: records.record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
+    "event_limit": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
+    **{
+        f"in {name}": (
+            lambda name=name: records.record_shot(Scene.named(name, 1), [[-0.5, 0.1], [0.5, 0.1]], [1.7, 0.1])
+        )
+        for name in SCENES
+    },
+}
+
+
+def game(rules="nine_ball", seed=2, shots=12, **kwargs):
+    scene = Scene.named("pool" if RULES[rules].pockets else "carom", RULES[rules].n_object_balls[1])
+    setup = Setup(rules, scene, **kwargs)
+    rng = np.random.default_rng(seed)
+    table = start = opening(setup, rng)
+    strokes = []
+    while len(strokes) < shots and not table.state.over:
+        place = None if table.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
+        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place))
+        table = play(setup, table, strokes[-1]).table
+    return records.record_game(History(setup, start, tuple(strokes)))
+
+
+RECORDS = {**SHOTS, **{rules: (lambda rules=rules: game(rules)) for rules in RULES}}
+every_record = pytest.mark.parametrize("name", RECORDS)
+
+
+@every_record
+def test_a_record_comes_back_as_it_was(name, tmp_path):
+    record = RECORDS[name]()
+    records.save(tmp_path / "a.json", record)
+    loaded = records.load(tmp_path / "a.json")
+    assert loaded == record
+    assert repr(loaded) == repr(record)  # which tells 0.0 from -0.0
+    records.save(str(tmp_path / "b.json"), loaded)
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_a_shot_plays_again_bit_for_bit(name):
+    record = records.from_json(records.to_json(SHOTS[name]()))
+    assert isinstance(record, records.ShotRecord)
+    shot = records.replay(record, record_events=True)
+    assert shot.events is not None
+    assert shot.positions.tolist() == [list(row) for row in record.end.positions]
+    assert (shot.status, shot.time, shot.n_events) == (record.end.status, record.end.time, record.end.n_events)
+    assert records.replay(record).events is None
+
+
+def test_a_shot_is_that_of_simulate():
+    record = SHOTS["pit"]()
+    shot = simulate(Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=2.5)
+    assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
+
+
+@pytest.mark.parametrize("rules", RULES)
+@pytest.mark.parametrize("engine", [{}, {"mode": "pit", "dt": 1 / 100}], ids=["pic", "pit"])
+def test_a_game_plays_again_bit_for_bit(rules, engine):
+    record = records.from_json(records.to_json(game(rules, shots=40, **engine)))
+    assert isinstance(record, records.GameRecord)
+    table = records.replay(record)
+    assert table.positions.tolist() == [list(row) for row in record.end.positions]
+    assert table.state.scores == record.end.scores
+
+
+@every_record
+def test_files_are_strict_json_with_format_and_version(name):
+    text = records.to_json(RECORDS[name]())
+    data = json.loads(text, parse_constant=pytest.fail)
+    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
+    assert data["version"] == 1
+    assert data["written_by"] == f"billiards_env {__version__}"
+
+
+def test_an_infinite_mass_is_written_as_text():
+    assert json.loads(records.to_json(SHOTS["masses"]()))["scene"]["balls"]["mass"][2] == "inf"
+
+
+def test_recording_checks_as_simulate_does():
+    scene = Scene.named("pool")
+    for args, kwargs in [
+        (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
+        ((POOL, [math.nan, 0.0]), {}),
+        (([POOL], [[1.0, 0.0]]), {}),
+        ((POOL, [1.0, 0.0]), {"mode": "pit"}),
+        ((POOL, [1.0, 0.0]), {"max_events": -1}),
+    ]:
+        with pytest.raises(ValueError, match=r"expected"):
+            records.record_shot(scene, *args, **kwargs)
+
+
+def test_a_replay_that_ends_otherwise_is_told():
+    record = SHOTS["plain"]()
+    off = np.nextafter(record.end.positions[0][0], 1.0)
+    end = dataclasses.replace(
+        record.end, positions=((float(off), record.end.positions[0][1]), *record.end.positions[1:])
+    )
+    wrong = dataclasses.replace(record, end=end)
+    with pytest.raises(ValueError, match="the replay ends otherwise than the record: positions = "):
+        records.replay(wrong)
+    assert records.replay(wrong, check=False).positions[0, 0] == record.end.positions[0][0]
+    played = game()
+    with pytest.raises(ValueError, match="otherwise than the record: scores = "):
+        records.replay(dataclasses.replace(played, end=dataclasses.replace(played.end, scores=(7, 0))))
+
+
+def test_strokes_that_do_not_fit_are_told_by_number():
+    record = game()
+    strokes = (record.strokes[0]._replace(place=None), *record.strokes[1:])
+    with pytest.raises(ValueError, match=r"strokes\[0\]: stroke.place = None"):
+        records.replay(dataclasses.replace(record, strokes=strokes))
+    assert record.history.strokes == record.strokes
+
+
+# Files.
+
+
+def test_a_file_is_replaced_whole_or_stays(tmp_path, monkeypatch):
+    path = tmp_path / "shot.json"
+    records.save(path, SHOTS["plain"]())
+    before = path.read_bytes()
+
+    def fail(*args):
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        with pytest.raises(OSError, match="disk full"):
+            records.save(path, SHOTS["spins"]())
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["shot.json"]
+    records.save(path, SHOTS["spins"]())
+    assert path.read_bytes() != before
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"")
+    assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+
+
+def test_missing_files_and_folders_are_os_errors(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        records.load(tmp_path / "none.json")
+    with pytest.raises(FileNotFoundError):
+        records.save(tmp_path / "none" / "a.json", SHOTS["plain"]())
+    with pytest.raises(OSError, match=re.escape(str(tmp_path))):
+        records.load(tmp_path)
+
+
+def test_errors_name_the_file(tmp_path):
+    path = tmp_path / "shot.json"
+    path.write_text("{")
+    with pytest.raises(ValueError, match=re.escape(str(path))):
+        records.load(path)
+
+
+def test_a_file_too_large_is_refused(tmp_path, monkeypatch):
+    records.save(tmp_path / "shot.json", SHOTS["plain"]())
+    monkeypatch.setattr(records, "MAX_BYTES", 100)
+    with pytest.raises(ValueError, match="more than 100 bytes"):
+        records.load(tmp_path / "shot.json")
+
+
+# What is refused in a file. A path like "scene.table.length" names what is changed.
+
+DROP = object()
+SHOT_FAULTS = [
+    ("format", DROP, "format = None: expected 'billiards_env/shot' or 'billiards_env/game'"),
+    ("format", "billiards_env/film", "format = 'billiards_env/film'"),
+    ("format", ["billiards_env/shot"], "format = "),
+    ("version", DROP, "version = None"),
+    ("version", 2, "version = 2: expected at most 1; the file is of a newer version of billiards_env"),
+    ("version", 0, "version = 0"),
+    ("version", 1.0, "version = 1.0"),
+    ("version", True, "version = True"),
+    ("written_by", 3, "written_by = 3"),
+    ("positions", DROP, "key 'positions' of the file is missing"),
+    ("colour", "red", "key 'colour' of the file is unknown"),
+    ("__class__", "os.system", "key '__class__' of the file is unknown"),
+    ("positions", [[0, 0]], "positions = .*: expected a list of 2"),
+    ("positions", "here", "positions = 'here'"),
+    ("positions.1", [0.0], r"positions\[1\] = \[0.0\]: expected a list of 2"),
+    ("positions.1.0", "0", r"positions\[1\]\[0\] = '0': expected a number"),
+    ("positions.1.0", True, r"positions\[1\]\[0\] = True: expected a number"),
+    ("positions.1.0", None, r"positions\[1\]\[0\] = None: expected a number"),
+    ("positions.1.0", 10**400, r"positions\[1\]\[0\] = 1000.*: expected a finite number"),
+    ("positions.1.0", 5.0, "positions: ball 1 is at"),
+    ("positions.1", POOL[0], "positions: balls 0 and 1 are"),
+    ("velocities.0.0", "fast", r"velocities\[0\]\[0\] = 'fast'"),
+    ("spins", [[0, 0], [0, 0]], r"spins\[0\] = \[0, 0\]: expected a list of 3"),
+    ("in_play", [True], "in_play = "),
+    ("in_play.0", 1, r"in_play\[0\] = 1: expected true or false"),
+    ("mode", "pyc", "mode = 'pyc'"),
+    ("mode", ["pic"], "mode = "),
+    ("mode", "pit", "dt = None"),
+    ("dt", 0.1, "dt = 0.1"),
+    ("fix", "none", "fix = 'none'"),
+    ("fix", {}, "fix = {}"),
+    ("max_time", -1, "max_time = -1"),
+    ("max_time", "long", "max_time = 'long'"),
+    ("max_events", 1.5, "max_events = 1.5"),
+    ("max_events", 10**30, "max_events = "),
+    ("scene", None, "scene = None"),
+    ("scene.table", [], r"scene.table = \[\]"),
+    ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),
+    ("scene.table.length", "long", "table.length = 'long'"),
+    ("scene.table.length", 10**400, "too large"),
+    ("scene.table.length", -1.0, "table.length = -1.0"),
+    ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
+    ("scene.balls.mass", [10**400, 0.1], "too large"),
+    ("scene.balls", {"radius": [0.03] * 2000, "mass": [0.1] * 2000}, "2000 of them, expected at most 1000"),
+    ("scene.physics.motion", "glide", "physics.motion = 'glide'"),
+    ("scene.physics.motion", ["ideal"], "physics.motion"),
+    ("end", None, "end = None"),
+    ("end.status", "stop", "end.status = 'stop'"),
+    ("end.status", {}, "end.status = {}"),
+    ("end.time", "late", "end.time = 'late'"),
+    ("end.n_events", -1, "end.n_events = -1"),
+    ("end.potted.0", 0, r"end.potted\[0\] = 0"),
+    ("end.more", 0, "key 'more' of end is unknown"),
+    ("end.positions", [], "end.positions = "),
+]
+GAME_FAULTS = [
+    ("rules", "snooker", "rules = 'snooker'"),
+    ("rules", ["nine_ball"], "rules = "),
+    ("rules", "eight_ball", "expected 15"),
+    ("n_players", 1, "n_players = 1"),
+    ("n_players", "2", "n_players = '2'"),
+    ("target", 5, "target = 5"),
+    ("velocities", [], "key 'velocities' of the file is unknown"),
+    ("state", [], "state = "),
+    ("state.player", 2, "state.player = 2"),
+    ("state.over", True, "key 'over' of state is unknown"),
+    ("state.solids", DROP, "key 'solids' of state is missing"),
+    ("state.on_table", [[0], 9], r"state.on_table\[0\] = \[0\]"),
+    ("state.in_hand", [], r"state.in_hand = \[\]"),
+    ("positions.5", [9.0, 0.0], "positions: ball 5"),
+    ("strokes", {}, "strokes = {}"),
+    ("strokes.3", [1, 2], r"strokes\[3\] = \[1, 2\]: expected a mapping"),
+    ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
+    ("strokes.3.velocity.0", "1", r"strokes\[3\].velocity\[0\] = '1'"),
+    ("strokes.3.place", DROP, r"key 'place' of strokes\[3\] is missing"),
+    ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),
+    ("end.winner", 2, "end.winner = 2"),
+    ("end.over", 0, "end.over = 0"),
+    ("end.on_table.0", "cue", r"end.on_table\[0\] = 'cue'"),
+    ("end.scores", 3, "end.scores = 3"),
+]
+
+
+def changed(text, path, value):
+    data = json.loads(text)
+    *way, last = (int(part) if part.isdigit() else part for part in path.split("."))
+    inner = data
+    for part in way:
+        inner = inner[part]
+    if value is DROP:
+        del inner[last]
+    else:
+        inner[last] = value
+    return json.dumps(data)
+
+
+SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(game())
+FAULTS = [(SHOT_TEXT, *fault) for fault in SHOT_FAULTS] + [(GAME_TEXT, *fault) for fault in GAME_FAULTS]
+
+
+@pytest.mark.parametrize(("text", "path", "value", "message"), FAULTS, ids=range(len(FAULTS)))
+def test_a_wrong_file_is_refused_with_what_is_wrong(text, path, value, message):
+    with pytest.raises(ValueError, match=message):
+        records.from_json(changed(text, path, value))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "Expecting value"),
+        ("null", "the file = None: expected a mapping"),
+        ("[]", "expected a mapping"),
+        ("3", "expected a mapping"),
+        ("NaN", "NaN: expected a finite number"),
+        ("[" * 100_000 + "]" * 100_000, "nested too deeply"),
+        ('{"format": "billiards_env/shot", "format": "billiards_env/game"}', "key 'format' is there twice"),
+        ('{"format": "billiards_env/shot", "version": ' + "9" * 5000 + "}", "."),
+        (SHOT_TEXT.replace('"time": ', '"time": Infinity, "was": '), "Infinity: expected a finite number"),
+        (SHOT_TEXT.replace("[[-0.635, 0.0]", "[[1e999, 0.0]"), r"positions\[0\]\[0\] = inf: expected a finite number"),
+        (SHOT_TEXT[: len(SHOT_TEXT) // 2], "."),
+        (SHOT_TEXT + "x", "Extra data"),
+    ],
+)
+def test_what_is_no_such_json_is_refused(text, message):
+    with pytest.raises(ValueError, match=message):
+        records.from_json(text)
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(b"\xff\xfe\x00{")
+    with pytest.raises(ValueError, match="utf-8"):
+        records.load(path)
+
+
+ANYTHING = st.recursive(
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.floats(),
+        st.text(max_size=5),
+        st.sampled_from([10**400, -(10**400), "inf", "pic", "pit", 1e308, -0.0, 2**63]),
+    ),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)),
+    max_leaves=5,
+)
+
+
+def paths_of(value, way=()):
+    """The way to every value in nested lists and dicts."""
+    yield way
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield from paths_of(inner, (*way, key))
+
+
+WAYS = [(text, way) for text in (SHOT_TEXT, GAME_TEXT) for way in paths_of(json.loads(text)) if way]
+
+
+@given(st.sampled_from(WAYS), ANYTHING, st.sampled_from(["set", "drop", "add"]))
+def test_a_mangled_value_is_either_fine_or_a_value_error(place, value, how):
+    text, (*way, last) = place
+    data = json.loads(text)
+    inner = data
+    for part in way:
+        inner = inner[part]
+    if how == "set":
+        inner[last] = value
+    elif how == "drop":
+        del inner[last]
+    elif isinstance(inner, list):
+        inner.insert(last, value)
+    else:
+        inner[str(value)] = value
+    try:
+        record = records.from_json(json.dumps(data))
+    except ValueError:
+        return
+    assert records.from_json(records.to_json(record)) == record
+
+
+@given(st.data())
+def test_mangled_bytes_are_either_fine_or_a_value_error(tmp_path_factory, data):
+    text = bytearray(data.draw(st.sampled_from([SHOT_TEXT, GAME_TEXT])).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(text) - 1))
+        text[at : at + data.draw(st.integers(0, 20))] = data.draw(st.binary(max_size=4))
+    path = tmp_path_factory.getbasetemp() / "mangled.json"
+    path.write_bytes(bytes(text))
+    with contextlib.suppress(ValueError):
+        records.load(path)
+
+
+@given(st.text(max_size=40))
+def test_any_text_is_a_value_error(text):
+    with pytest.raises(ValueError, match=r"."):
+        records.from_json(text)
+
+
+def test_loading_runs_nothing(monkeypatch):
+    def fail(*args, **kwargs):
+        raise AssertionError("a shot was run")
+
+    monkeypatch.setattr(records, "simulate", fail)
+    monkeypatch.setattr(records, "play", fail)
+    records.from_json(SHOT_TEXT)
+    records.from_json(GAME_TEXT)
