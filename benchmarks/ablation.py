@@ -50,7 +50,6 @@ SAVINGS = (
     Saving("borrowed arrays", "billiards_env.physics.jit", "BORROW"),
     Saving("inlining", "billiards_env.physics.jit", "INLINE"),
     Saving("out of reach, not solved", "billiards_env.engine.queue", "SKIP"),
-    Saving("bounds of pairs", "billiards_env.engine.queue", "LAZY"),
     Saving("nearest of each row", "billiards_env.engine.queue", "ROWS"),
     Saving("direct joint impulses", "billiards_env.physics.impulse", "DIRECT", same_bits=False),
 )

@@ -31,7 +31,7 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.engine.queue import BOUND, earliest, find_near, predict_ball, predict_pairs, solve_pair
+from billiards_env.engine.queue import earliest, predict_ball, predict_pairs
 from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
@@ -50,12 +50,12 @@ _SOON = 1e-6  # s; pairs predicted to meet within it of an impact are looked at 
 
 
 @inlined
-def gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts):
+def gather(hi, lo, state, phase, radius, params, queue, contacts):
     """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number.
 
     Balls that take part are brought to that instant.
     """
-    pair, pair_lo, near, near_with = queue
+    pair, pair_lo, near, _ = queue
     first, second, nx, ny, closing = contacts
     count = 0
     n = len(phase)
@@ -65,12 +65,6 @@ def gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, co
         for j in range(i + 1, n):
             if pair[i, j] - hi > _SOON:
                 continue
-            if pair_lo[i, j] == BOUND:
-                solve_pair(i, j, state, phase, radius, own, own_kind, limit, pair, pair_lo)
-                if near_with[i] == j:
-                    find_near(i, n, pair, pair_lo, near, near_with)
-                if pair[i, j] - hi > _SOON:
-                    continue
             due = pair[i, j] == hi and pair_lo[i, j] == lo
             ti = since(hi, lo, state[i, T0], state[i, T0_LO])
             tj = since(hi, lo, state[j, T0], state[j, T0_LO])
@@ -119,7 +113,6 @@ def run(
     """
     n = len(phase)
     own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
-    pair, pair_lo, near, near_with = queue
     first, second, nx, ny, closing = contacts
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
@@ -141,12 +134,7 @@ def run(
             predict_pairs(changed[k], hi, lo, state, phase, radius, own, own_kind, limit, queue, touched)
         for k in range(changes):
             touched[changed[k]] = False
-        while True:
-            next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
-            if next_lo != BOUND or next_hi > limit:
-                break
-            solve_pair(a, near_with[a], state, phase, radius, own, own_kind, limit, pair, pair_lo)
-            find_near(a, n, pair, pair_lo, near, near_with)
+        next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
         if next_hi > limit or next_hi == math.inf:
             break
         if counts[N_EVENTS] >= max_events:
@@ -157,7 +145,7 @@ def run(
         hi, lo = next_hi, next_lo
         acts = counts[N_CONTACT_RULE]
         if of_pair:
-            count = gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts)
+            count = gather(hi, lo, state, phase, radius, params, queue, contacts)
             collide(
                 count,
                 hi,

@@ -3,9 +3,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from billiards_env.physics import jit
 
@@ -133,7 +133,7 @@ def test_processes_that_compile_at_once_share_one_cache(tmp_path):
 def test_kernels_make_no_arrays_unless_they_are_marked():
     make = lambda n: np.zeros(n).sum()  # noqa: E731
     assert jit.allocating(make)(3) == 0.0
-    with pytest.raises(numba.core.errors.TypingError):
+    with pytest.raises(TypingError):
         jit.kernel(make)(3)
 
 
