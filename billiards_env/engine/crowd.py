@@ -31,7 +31,7 @@ from billiards_env.engine.log import (
     store,
 )
 from billiards_env.engine.pic import SOON, alone, impacts, join, wind_up
-from billiards_env.engine.queue import pair_time, predict_ball
+from billiards_env.engine.queue import predict_ball, solve_pair
 from billiards_env.physics.contact import line_time
 from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, kernel
@@ -212,7 +212,10 @@ def pair_of(i, j, state, phase, radius, limit, q):
     """When balls i and j next meet: (hi, lo)."""
     if phase[i] == POTTED or phase[j] == POTTED or max(phase[i], phase[j]) < ROLLING:
         return math.inf, 0.0
-    return pair_time(min(i, j), max(i, j), state, phase, radius, q.own, q.own_kind, limit)
+    hi, lo = state[i, T0], state[i, T0_LO]
+    if state[j, T0] > hi or (state[j, T0] == hi and state[j, T0_LO] > lo):
+        hi, lo = state[j, T0], state[j, T0_LO]
+    return solve_pair(min(i, j), max(i, j), hi, lo, state, phase, radius, q.own, q.own_kind, limit)
 
 
 @kernel

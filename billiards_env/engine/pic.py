@@ -31,7 +31,7 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.engine.queue import BOUND, earliest, find_near, pair_time, predict_ball, predict_pairs
+from billiards_env.engine.queue import earliest, predict_ball, predict_pairs
 from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
@@ -76,9 +76,9 @@ def join(i, j, due, due_lo, hi, lo, state, phase, radius, params, count, contact
 
 
 @inlined
-def gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts):
+def gather(hi, lo, state, phase, radius, params, queue, contacts):
     """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number."""
-    pair, pair_lo, near, near_with = queue
+    pair, pair_lo, near, _ = queue
     count = 0
     n = len(phase)
     for i in range(n):
@@ -87,12 +87,6 @@ def gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, co
         for j in range(i + 1, n):
             if pair[i, j] - hi > SOON:
                 continue
-            if pair_lo[i, j] == BOUND:
-                pair[i, j], pair_lo[i, j] = pair_time(i, j, state, phase, radius, own, own_kind, limit)
-                if near_with[i] == j:
-                    find_near(i, n, pair, pair_lo, near, near_with)
-                if pair[i, j] - hi > SOON:
-                    continue
             if join(i, j, pair[i, j], pair_lo[i, j], hi, lo, state, phase, radius, params, count, contacts):
                 count += 1
     return count
@@ -207,7 +201,6 @@ def run(
     """
     n = len(phase)
     own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
-    pair, pair_lo, near, near_with = queue
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     used[0] = used[1] = 0
@@ -228,13 +221,7 @@ def run(
             predict_pairs(changed[k], hi, lo, state, phase, radius, own, own_kind, limit, queue, touched)
         for k in range(changes):
             touched[changed[k]] = False
-        while True:
-            next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
-            if next_lo != BOUND or next_hi > limit:
-                break
-            b = near_with[a]
-            pair[a, b], pair_lo[a, b] = pair_time(a, b, state, phase, radius, own, own_kind, limit)
-            find_near(a, n, pair, pair_lo, near, near_with)
+        next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
         if next_hi > limit or next_hi == math.inf:
             break
         if counts[N_EVENTS] >= max_events:
@@ -244,7 +231,7 @@ def run(
             return hi
         hi, lo = next_hi, next_lo
         if of_pair:
-            count = gather(hi, lo, state, phase, radius, params, own, own_kind, limit, queue, contacts)
+            count = gather(hi, lo, state, phase, radius, params, queue, contacts)
             changes = impacts(
                 count,
                 hi,

@@ -1,12 +1,10 @@
 """What happens next: predictions, each true until an event touches one of the balls concerned.
 
 Of each ball alone the next event is known, `own[i]` = (hi, lo) s, of kind and other `own_kind[i]`. Of each pair i < j
-the time of the next meeting stands in `pair[i, j]`, `pair_lo[i, j]`: either solved for or, with a pair_lo of `BOUND`,
-no more than known not to be earlier. A bound is solved only when nothing else comes before it; mostly something does,
-and voids it. The nearest of each row of pairs is kept in `near`.
+the time of the next meeting stands in `pair[i, j]`, `pair_lo[i, j]`, and the nearest of each row of pairs in `near`.
 
-Both shortcuts (`SKIP`, `LAZY`) leave every result as it is: the equations that are solved in the end are the same, bit
-for bit, as if all of them were, and all bounds are wider than their rounding by far.
+What a path cannot reach is not solved for. That leaves every result as it is, bit for bit: whatever is solved has the
+very input that it has if all is solved, and the margins are wider than the rounding by far.
 """
 
 from __future__ import annotations
@@ -40,12 +38,9 @@ from billiards_env.physics.state import (
 
 # The savings, for benchmarks.ablation to compile the engine without one of them.
 SKIP = True  # what a path is too short or too far off to reach is not solved for
-LAZY = True  # pairs have a bound first, and are solved when it comes to the top
 ROWS = True  # the nearest of each row is kept
 
-BOUND = -math.inf
 MARGIN = 1e-6  # relative, of what is skipped
-SLACK = 1.0 - 1e-3  # of a bound
 TINY = 1e-290  # below it squares lose digits
 
 
@@ -109,11 +104,8 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
 
 
 @kernel
-def pair_time(i, j, state, phase, radius, own, own_kind, limit):
-    """When balls i < j, of which one moves, next meet, looking from the time of the last event of either: (hi, lo)."""
-    hi, lo = state[i, T0], state[i, T0_LO]
-    if state[j, T0] > hi or (state[j, T0] == hi and state[j, T0_LO] > lo):
-        hi, lo = state[j, T0], state[j, T0_LO]
+def solve_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit):
+    """When balls i < j next meet, looking from (hi, lo), the time of the last event of either: (hi, lo)."""
     # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
     for k in (i, j):
         if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
@@ -134,29 +126,26 @@ def pair_time(i, j, state, phase, radius, own, own_kind, limit):
         end,
         NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
     )
-    if t < math.inf:
-        return later(hi, lo, t)
-    return math.inf, 0.0
+    if t == math.inf:
+        return math.inf, 0.0
+    return later(hi, lo, t)
 
 
 @inlined
-def approach_bound(dx, dy, wx, wy, bx, by, reach, end):
-    """A time before which two balls certainly do not meet, or infinity if they do not by `end`; see `circle_time`."""
+def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
+    """Whether two balls certainly do not meet by `end`, looked at without a root; see `circle_time`."""
     dd = dx * dx + dy * dy
     if dd < (1.0 + 1e-5) * reach * reach or not end < math.inf:
-        return 0.0
+        return False
     # How much nearer they can come along the line of centres until then, times their distance
     dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
     closing = max(0.0, -dw) + end * max(0.0, -half_db)
     least = (1.0 - MARGIN) * dd - end * closing
     if least > 0.0 and least * least > reach * reach * dd:
-        return math.inf
+        return True
     # How far off the line of relative motion they pass, times the relative speed
     side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
-    if side > 0.0 and side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY:
-        return math.inf
-    t = SLACK * (dd - reach * math.sqrt(dd)) / closing
-    return t if t > 0.0 else 0.0
+    return side > 0.0 and side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY
 
 
 @inlined
@@ -176,24 +165,19 @@ def predict_pairs(i, hi, lo, state, phase, radius, own, own_kind, limit, queue, 
         t, t_lo = math.inf, 0.0
         a, b = min(i, j), max(i, j)
         if p != POTTED and phase[i] != POTTED and (moves or p >= ROLLING):
-            if LAZY or SKIP:
-                r = state[j]
-                since_j = hi - r[T0]
-                bound = approach_bound(
-                    r[X] + since_j * (r[VX] + 0.5 * since_j * r[AX]) - x,
-                    r[Y] + since_j * (r[VY] + 0.5 * since_j * r[AY]) - y,
-                    r[VX] + since_j * r[AX] - vx,
-                    r[VY] + since_j * r[AY] - vy,
-                    r[AX] - ax,
-                    r[AY] - ay,
-                    radius[i] + radius[j],
-                    min(until, own[j, 0]) - hi,
-                )
-                if bound < math.inf:
-                    t_lo = BOUND
-                    t = hi + bound if bound > 1e-9 + 1e-12 * hi else hi
-            if not LAZY and (not SKIP or t < math.inf):
-                t, t_lo = pair_time(a, b, state, phase, radius, own, own_kind, limit)
+            r = state[j]
+            since_j = hi - r[T0]
+            if not SKIP or not cannot_meet(
+                r[X] + since_j * (r[VX] + 0.5 * since_j * r[AX]) - x,
+                r[Y] + since_j * (r[VY] + 0.5 * since_j * r[AY]) - y,
+                r[VX] + since_j * r[AX] - vx,
+                r[VY] + since_j * r[AY] - vy,
+                r[AX] - ax,
+                r[AY] - ay,
+                radius[i] + radius[j],
+                min(until, own[j, 0]) - hi,
+            ):
+                t, t_lo = solve_pair(a, b, hi, lo, state, phase, radius, own, own_kind, limit)
         pair[a, b], pair_lo[a, b] = t, t_lo
         if t < near[a, 0] or (t == near[a, 0] and t_lo < near[a, 1]):
             near[a, 0], near[a, 1], near_with[a] = t, t_lo, b

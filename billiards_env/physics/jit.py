@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import tempfile
+import threading
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core import config as _numba_config
+from numba.core import event as _event
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -64,6 +67,10 @@ def cache_folder() -> Path | None:
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # its settings are made at run time
 _njit: Any = numba.njit  # its type hints leave out some options
+# The savings, for benchmarks.ablation to compile the engine without one of them.
+BORROW = True  # references to arrays are not counted
+INLINE = True  # what each event needs is compiled into one function
+
 _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 
@@ -75,7 +82,7 @@ def kernel(function: F) -> F:
     (`_nrt`) arrays are borrowed from the caller and none can be made: counting references to them took most of the time
     of an event.
     """
-    return _njit(**_OPTIONS, _nrt=False)(function)
+    return _njit(**_OPTIONS, _nrt=not BORROW)(function)
 
 
 def inlined(function: F) -> F:
@@ -83,7 +90,7 @@ def inlined(function: F) -> F:
 
     A call passes every array as seven words, which can take longer than what is done with it.
     """
-    return _njit(**_OPTIONS, _nrt=False, forceinline=True)(function)
+    return _njit(**_OPTIONS, _nrt=not BORROW, forceinline=INLINE)(function)
 
 
 def allocating(function: F) -> F:
@@ -91,8 +98,40 @@ def allocating(function: F) -> F:
     return _njit(**_OPTIONS)(function)
 
 
+LONG = 1.0
+"""A compilation that takes so many seconds is announced."""
+
+
+class _Announcer(_event.Listener):
+    """Says on stderr, in one line, what is waited for when an entry point takes long to compile."""
+
+    def __init__(self) -> None:
+        self.timers: dict[Callable[..., Any], threading.Timer] = {}
+
+    def on_start(self, event: Any) -> None:
+        """Numba begins to compile a function, of whatever package."""
+        function = event.data["dispatcher"].py_func
+        if function in _ENTRY_POINTS:
+            kept = f"kept in {_FOLDER}" if _FOLDER else "not kept"
+            line = f"billiards_env: compiling {function.__module__}.{function.__qualname__} ({kept}) ...\n"
+            timer = self.timers[function] = threading.Timer(LONG, sys.stderr.write, (line,))
+            timer.daemon = True
+            timer.start()
+
+    def on_end(self, event: Any) -> None:
+        """Numba has compiled a function."""
+        timer = self.timers.pop(event.data["dispatcher"].py_func, None)
+        if timer is not None:
+            timer.cancel()
+
+
+_ENTRY_POINTS: set[Callable[..., Any]] = set()
+_event.register("numba:compile", _Announcer())
+
+
 def entry_point(function: F) -> F:
     """A kernel that Python calls, and that may make arrays: its machine code, callees included, is cached on disk."""
+    _ENTRY_POINTS.add(function)
     if _FOLDER is None:
         warnings.warn(
             "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "

@@ -3,7 +3,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 from billiards_env.physics import jit
 
@@ -101,6 +103,55 @@ def test_an_entry_point_is_cached_in_the_folder_and_leaves_numba_s_setting_alone
     ]
     assert hits == [0, 1]
     assert list((tmp_path / "cache").glob("kernels-*/**/*.nbc"))
+
+
+COMPILES = """
+import sys, time
+from billiards_env.physics import jit
+jit.LONG = float(sys.argv[1])
+jit.entry_point(lambda x: 2 * x)(3)
+time.sleep(0.1)
+"""
+
+
+@pytest.mark.parametrize(("seconds", "lines"), [(0.0, 1), (300.0, 0)])
+def test_a_long_compilation_is_announced_in_one_line(tmp_path, seconds, lines):
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(Path(jit.__file__).parents[2])}
+    code = tmp_path / "compiles.py"
+    code.write_text(COMPILES)
+    done = subprocess.run([sys.executable, code, str(seconds)], env=env, check=True, capture_output=True, text=True)
+    said = done.stderr.splitlines()
+    assert [line.split(" (")[0] for line in said] == ["billiards_env: compiling __main__.<lambda>"] * lines
+
+
+SHOOTS = """
+import sys
+from billiards_env.physics import jit
+@jit.entry_point
+def double(x):
+    return 2 * x
+assert double(3) == 6
+"""
+
+
+def test_processes_that_compile_at_once_share_one_cache(tmp_path):
+    (tmp_path / "shoots.py").write_text(SHOOTS)
+    root = Path(jit.__file__).parents[2]
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}"}
+    start = [sys.executable, "-W", "error", "-m", "shoots"]
+    started = [subprocess.Popen(start, env=env) for _ in range(4)]
+    assert [process.wait() for process in started] == [0] * 4
+    index = next((tmp_path / "cache").glob("kernels-*/**/*.nbi"))
+    kept = {path.name for path in index.parent.iterdir()}
+    subprocess.run(start, env=env, check=True)
+    assert {path.name for path in index.parent.iterdir()} == kept
+
+
+def test_kernels_make_no_arrays_unless_they_are_marked():
+    make = lambda n: np.zeros(n).sum()  # noqa: E731
+    assert jit.allocating(make)(3) == 0.0
+    with pytest.raises(TypingError):
+        jit.kernel(make)(3)
 
 
 def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
