@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.config import load
-from agents.files import write_json
 from agents.ppo import evaluation_seeds, load_policy, make_env
+from billiards_env.files import write_json
 
 _Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
 

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 
 from agents.config import ENV_ID
 from agents.evaluate import play
-from agents.files import write_json
 from agents.pots import Pots, direct_pots
 from agents.ppo import evaluation_seeds
 from billiards_env.engine import spread
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.frames import perturb
 from billiards_env.envs.wrappers import ExecutionNoise
+from billiards_env.files import write_json
 from billiards_env.scene import choose
 
 Floats = NDArray[np.float64]

@@ -29,8 +29,8 @@ from tqdm import tqdm
 
 import billiards_env
 from agents.config import Config, load
-from agents.files import write_json, write_whole
 from agents.ppo import make_env, make_model, make_vec_env, training_seed
+from billiards_env.files import write_json, write_whole
 
 # What a run puts into its folder beside config.yaml, which marks the folder as a run's.
 _FILES = ("versions.json", "model.zip", "evaluation.json")

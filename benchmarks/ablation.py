@@ -18,12 +18,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
 from benchmarks.speed import Case, cases, summary
 from billiards_env.engine import MAX_EVENTS
 from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH
 from billiards_env.engine.shot import check_shot, scene_arrays
+from billiards_env.files import write_json
 from billiards_env.physics import jit
 
 RunShots = Callable[..., None]

@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.files import write_json, write_whole
 from benchmarks import RESULTS, accuracy_report, convergence, error_limit, machine, others
 from benchmarks.methods import PIC, Method, run_all, run_other, timer
 from billiards_env.engine import simulate
+from billiards_env.files import write_json, write_whole
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
 from tests.oracle import OracleError, run

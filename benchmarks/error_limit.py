@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
 from billiards_env import layouts
 from billiards_env.engine import simulate
 from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
+from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from tests.oracle import OracleError, run
 

@@ -12,11 +12,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image  # comes with matplotlib
 
-from agents.files import write_whole
 from billiards_env import layouts
 from billiards_env.drawing.plot import legend_handles
 from billiards_env.drawing.style import INK
 from billiards_env.engine import ShotResult, simulate
+from billiards_env.files import write_whole
 from billiards_env.scene import Scene
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from agents.files import write_json
 from benchmarks import RESULTS, machine, others, print_machine, print_table
 from benchmarks.convergence import PIT_STYLES
 from benchmarks.figures import IMAGES, save
 from benchmarks.methods import PIC, Floats, Method, run_all, timer
 from billiards_env import layouts
+from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, Table
 
 DISKS = [2**k for k in range(1, 9)]

@@ -14,11 +14,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
 from billiards_env import layouts
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.engine import ShotResult, simulate
+from billiards_env.files import write_json
 from billiards_env.scene import Scene
 
 STEPS = 200

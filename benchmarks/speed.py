@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
-from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
 from billiards_env import layouts
 from billiards_env.engine import STATUS, simulate, simulate_batch
 from billiards_env.envs.billiards import cue_velocity
+from billiards_env.files import write_json
 from billiards_env.scene import Scene
 
 MAX_SPEED = 4.0  # m/s, of a random shot: the environment's default

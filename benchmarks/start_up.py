@@ -16,8 +16,8 @@ import tempfile
 from pathlib import Path
 from time import time
 
-from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
+from billiards_env.files import write_json
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from agents.files import write_json, write_whole
 from benchmarks import RESULTS, machine
+from billiards_env.files import write_json, write_whole
 from tests.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"

@@ -22,12 +22,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import billiards_env  # noqa: F401  (registers the environment)
 from agents.config import Config, load
-from agents.files import write_json
 from agents.ppo import make_model, make_vec_env
 from agents.vec_env import SameStepVecEnv
 from benchmarks import RESULTS, machine, print_machine, print_table
 from benchmarks.speed import seconds, summary
 from billiards_env import layouts
+from billiards_env.files import write_json
 from billiards_env.scene import Scene
 
 SAME_STEP = "SameStep"

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 
 from billiards_env.engine import MAX_EVENTS, STATUS, ShotResult, check_mode, simulate
 from billiards_env.engine.shot import check_shot, check_whole
+from billiards_env.files import replacing
 from billiards_env.games.play import History, Setup, Stroke, Table, play, set_table
 from billiards_env.games.rules import State
 from billiards_env.scene import Scene
@@ -264,16 +265,8 @@ def save(path: str | os.PathLike[str], record: Record) -> None:
         OSError: If the file cannot be written.
     """
     content = to_json(record).encode()
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(content)
 
 
 def load(path: str | os.PathLike[str]) -> Record:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
-from billiards_env.drawing.files import check_path, replacing
 from billiards_env.drawing.recording import Recording
+from billiards_env.files import check_path, replacing
 
 
 def frames(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.drawing.files import check_path, replacing
 from billiards_env.drawing.recording import Recording, check_pair
 from billiards_env.drawing.style import (
     CHALK,
@@ -25,6 +24,7 @@ from billiards_env.drawing.style import (
     RAIL_SHARE,
     looks,
 )
+from billiards_env.files import check_path, replacing
 
 
 def write_page(

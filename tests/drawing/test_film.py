@@ -6,8 +6,6 @@ import subprocess
 import numpy as np
 import pytest
 
-from billiards_env.drawing.files import replacing
-
 image = pytest.importorskip("PIL.Image")
 ffmpeg = pytest.importorskip("imageio_ffmpeg")
 pytest.importorskip("pygame")
@@ -89,25 +87,6 @@ def test_bad_arguments_are_refused_and_leave_nothing(suffix, shot, elsewhere, tm
     with pytest.raises(ValueError, match="compare: expected a shot of the same balls"):
         write(target, compare=elsewhere)
     assert os.listdir(tmp_path) == [f"folder.{suffix}"]
-
-
-def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
-    target = tmp_path / "a.gif"
-    target.write_text("old")
-
-    def write(fails):
-        with replacing(target) as temporary:
-            temporary.write_text("new")
-            assert temporary.suffix == ".gif"
-            if fails:
-                raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write(True)
-    assert target.read_text() == "old"
-    write(False)
-    assert target.read_text() == "new"
-    assert os.listdir(tmp_path) == ["a.gif"]
 
 
 def test_an_interrupted_film_leaves_the_old_one(shot, tmp_path, monkeypatch):

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from agents.files import write_json, write_whole
+from billiards_env.files import replacing, write_json, write_whole
 
 
 def test_the_content_replaces_that_of_an_older_file(tmp_path):
@@ -11,6 +11,25 @@ def test_the_content_replaces_that_of_an_older_file(tmp_path):
     write_whole(path, b"new")
     assert path.read_bytes() == b"new"
     assert os.listdir(path.parent) == ["file"]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "a.gif"
+    target.write_text("old")
+
+    def write(fails):
+        with replacing(target) as temporary:
+            temporary.write_text("new")
+            assert temporary.suffix == ".gif"
+            if fails:
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write(True)
+    assert target.read_text() == "old"
+    write(False)
+    assert target.read_text() == "new"
+    assert os.listdir(tmp_path) == ["a.gif"]
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

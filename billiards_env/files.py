@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 
 def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
@@ -35,10 +37,36 @@ def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
 
 @contextlib.contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """A temporary file beside `target` that takes its place if the block ends well, and vanishes if not."""
+    """A temporary file beside `target` that takes its place if the block ends well, and vanishes if not.
+
+    It has the suffix of `target`, which tells some writers what to write, and is on disk before it takes the place, so
+    a crash leaves no half a file either.
+    """
     temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
     try:
         yield temporary
+        with temporary.open("r+b") as file:
+            os.fsync(file.fileno())
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Writes `content` to `path` so that a reader, or a crash, never meets half a file.
+
+    Args:
+        path: Where to write; a file already there is replaced, missing folders are made.
+        content: The file's content.
+
+    Raises:
+        OSError: If the file cannot be written; what stood at `path` is then still there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Writes plain data to `path` as JSON, whole or not at all."""
+    write_whole(path, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())
