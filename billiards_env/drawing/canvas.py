@@ -25,6 +25,8 @@ except ModuleNotFoundError as error:
 
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.style import (
+    ARROW,
+    ARROW_START,
     CHALK,
     CLOTH,
     CUSHION,
@@ -54,9 +56,6 @@ PHASES = 4
 PATH_STEPS = 4
 """Points of a path from one frame to the next, corners apart."""
 
-ARROW = 0.09
-"""Length of the aiming arrow over the speed of the shot, s."""
-
 RESULT_SHOWN = 1.0
 """The line on the right is shown in the last second of a shot, when balls hardly move."""
 
@@ -68,6 +67,8 @@ class Canvas:
         scene: The scene.
         size: (width, height) of a frame, pixels, both even.
         scale: Pixels a metre.
+        table: A frame of the empty table, to be copied.
+        looks: How each ball looks.
     """
 
     def __init__(self, scene: Scene, width: int = 800) -> None:
@@ -86,10 +87,10 @@ class Canvas:
         height = math.ceil(breadth * self.scale) + self._margin + self._bar
         self.size = (width, height + height % 2)
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
-        self._looks = looks(scene)
+        self.looks = looks(scene)
         self._font = pygame.font.Font(None, round(0.62 * self._bar))
         self._sprites: dict[tuple[int, int, int, int], Surface] = {}
-        self._table = self._draw_table()
+        self.table = self._draw_table()
 
     def pixels_of(self, places: ArrayLike) -> Floats:
         """Where places (..., 2), m, lie in a frame: (..., 2) pixels from its upper left corner."""
@@ -97,6 +98,10 @@ class Canvas:
         return np.stack(
             (self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1
         )
+
+    def place_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
+        """The place, m, that lies at a pixel of a frame."""
+        return (pixel[0] - self._middle[0]) / self.scale, (self._middle[1] - pixel[1]) / self.scale
 
     def film(
         self,
@@ -132,9 +137,10 @@ class Canvas:
         duration = max(shot.time for shot in shots)
         times = frame_times(duration, fps)
         n = self.scene.n_balls
-        base, frame = self._table.copy(), self._table.copy()
-        if arrow:
-            self._draw_arrow(base, recording)
+        base, frame = self.table.copy(), self.table.copy()
+        if arrow and recording.gone[0] > 0:
+            first = int(np.flatnonzero(recording.ball == 0)[0])
+            self.draw_arrow(base, 0, recording.position[first], recording.velocity[first])
         tracks = []
         for shot in shots:
             ring = shot is compare
@@ -145,22 +151,23 @@ class Canvas:
                 steps = None
                 if shot.moves(i):
                     if not ring:
-                        self._stamp(base, i, places[0], GHOST)
+                        self.stamp(base, i, places[0], GHOST)
                     steps = self._path_steps(shot, i, times)
                 tracks.append((shot, ring, i, places, steps))
         for k, t in enumerate(times):
             for _, ring, i, _, steps in tracks:
-                if steps is not None and k > 0 and len(steps[k - 1]) > 1:
-                    self._draw_path(base, steps[k - 1], self._looks[i].path, dotted=ring and k % 2 == 0)
+                gap = ring and k % 2 == 0  # another run's paths are dotted
+                if steps is not None and k > 0 and len(steps[k - 1]) > 1 and not gap:
+                    self.draw_path(base, steps[k - 1], self.looks[i].path)
             if only_last and k < len(times) - 1:
                 continue
             frame.blit(base, (0, 0))
             for shot, ring, i, places, _ in tracks:
                 if t < shot.gone[i]:
-                    self._stamp(frame, i, places[k], RING if ring else BALL)
+                    self.stamp(frame, i, places[k], RING if ring else BALL)
             line = f"{left}   {t:.2f} s" if duration > 0 else left
             potted = np.flatnonzero(recording.gone <= t)
-            self._draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
+            self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
             yield frame
 
     def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
@@ -201,7 +208,7 @@ class Canvas:
             pygame.draw.polygon(large, CHALK, [(cx - size, cy), (cx, cy - size), (cx + size, cy), (cx, cy + size)])
         return pygame.transform.smoothscale(large, self.size)
 
-    def _stamp(self, surface: Surface, ball: int, place: Floats, way: int) -> None:
+    def stamp(self, surface: Surface, ball: int, place: Floats, way: int) -> None:
         """Puts a ball, drawn in one of the ways, at `place` (2,), pixels."""
         corner = place - self._sprite_size(ball) / 2
         whole = np.floor(corner)
@@ -219,7 +226,7 @@ class Canvas:
 
     def _draw_ball(self, ball: int, way: int, dx: float, dy: float, radius: float | None = None) -> Surface:
         """A ball whose centre is (dx, dy) pixels off the middle of the surface; `radius`, pixels, if not to scale."""
-        look, z = self._looks[ball], BALL_ZOOM
+        look, z = self.looks[ball], BALL_ZOOM
         r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
         side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
         edge = pygame.Color(INK if way == BALL else look.path)
@@ -235,9 +242,9 @@ class Canvas:
             pygame.draw.circle(large, (edge.r, edge.g, edge.b, 90), (cx, cy), r)
         return pygame.transform.smoothscale(large, (side, side))
 
-    def _draw_path(self, surface: Surface, points: Floats, colour: str, dotted: bool) -> None:
+    def draw_path(self, surface: Surface, points: Floats, colour: str) -> None:
         """Draws a line of round ends through points (m, 2), pixels."""
-        if dotted or not np.ptp(points, axis=0).any():
+        if not np.ptp(points, axis=0).any():
             return
         z, wide = PATH_ZOOM, max(1.6, self.size[0] / 420)
         corner = np.floor(points.min(0) - wide).astype(int)
@@ -257,17 +264,15 @@ class Canvas:
             pygame.draw.circle(large, ink, point, half)
         surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
 
-    def _draw_arrow(self, surface: Surface, recording: Recording) -> None:
-        """Draws the cue ball's velocity at the start as an arrow from its edge."""
-        first = int(np.flatnonzero(recording.ball == 0)[0])
-        velocity = recording.velocity[first]
+    def draw_arrow(self, surface: Surface, ball: int, place: Floats, velocity: Floats) -> None:
+        """Draws the velocity (2,), m/s, of a ball at `place` (2,), m, as an arrow from its edge."""
         speed = float(np.hypot(*velocity))
-        if speed == 0 or recording.gone[0] == 0:
+        if speed == 0:
             return
         along = velocity / speed * (1, -1)
         across = np.array([-along[1], along[0]])
-        radius = self.scale * self.scene.balls.radius[0]
-        start = self.pixels_of(recording.position[first]) + 1.4 * radius * along
+        radius = self.scale * self.scene.balls.radius[ball]
+        start = self.pixels_of(place) + ARROW_START * radius * along
         length = max(self.scale * ARROW * speed, 0.8 * radius)
         head, half = min(0.9 * radius, length), 0.16 * radius
         tip, neck = start + length * along, start + (length - head) * along
@@ -284,7 +289,7 @@ class Canvas:
         small.set_alpha(150)
         surface.blit(small, corner.tolist())
 
-    def _draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
+    def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
         """Writes the lines of text under the table, and between them the potted balls."""
         y = self.size[1] - self._bar / 2
         x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin

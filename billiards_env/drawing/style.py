@@ -18,8 +18,11 @@ PAPER, INK, CHALK, GREY = "#ffffff", "#222222", "#ffffff", "#6b6b6b"
 RAIL_SHARE, CUSHION_SHARE = 0.04, 0.014
 """Widths of rail and cushion as drawn, over the table's length."""
 
+ARROW, ARROW_START = 0.09, 1.4
+"""Length of an arrow over the speed that it stands for, s; how far from a ball's centre it begins, over the radius."""
+
 _POOL = ("#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#009e73", "#882255", "#1c1c1c")
-_CAROM = ("#f0e442", "#d55e00")
+_CAROM = ("#d55e00", "#f0e442")
 _DARK = ("#0072b2", "#882255", "#1c1c1c", GREY)
 
 KINDS = {
@@ -52,7 +55,7 @@ class Look(NamedTuple):
 
 
 def looks(scene: Scene) -> tuple[Look, ...]:
-    """The look of each ball: white, yellow and red for carom, pool balls else; fixed balls are grey."""
+    """The look of each ball: white, red and yellow for carom, pool balls else; fixed balls are grey."""
     carom = not scene.table.pockets and scene.n_balls <= 3
     colours = _CAROM if carom else _POOL
     balls = [Look(CHALK, INK, "#555555", False, "")]
