@@ -1,8 +1,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+ARGS ?= --players human,search
 
-.PHONY: help train test stress lint bench figures format clean
+.PHONY: help train play test stress lint bench figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -10,6 +11,9 @@ help:  ## show this list
 train: $(INSTALLED)  ## train the example agent (resumes, if interrupted) and evaluate it
 	$(BIN)/python -m agents.train configs/ppo/pot.yaml --run-dir runs/pot
 	$(BIN)/python -m agents.evaluate runs/pot
+
+play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARGS="--rules carom --players human,human"
+	$(BIN)/python -m billiards_env.play $(ARGS)
 
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
@@ -36,6 +40,7 @@ bench: $(INSTALLED)  ## measure accuracy, speed, growth, start-up and rendering;
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures
 	$(BIN)/python -m benchmarks.paper_figures
+	$(BIN)/python -m benchmarks.game_figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

@@ -1,0 +1,127 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pygame")
+
+from billiards_env import Scene, records
+from billiards_env.games import Stroke
+from billiards_env.play import window as windows
+from billiards_env.play.__main__ import main, parser, start
+from billiards_env.play.model import Do, shoot, update
+
+BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
+
+
+@pytest.fixture
+def frames(monkeypatch):
+    """The windows that `main` opens; each is closed after three frames."""
+    opened = []
+
+    class Closing(windows.GameWindow):
+        def __init__(self, *args):
+            super().__init__(*args)
+            opened.append(self)
+            self.count = 0
+
+        def frame(self):
+            self.count += 1
+            self.open = self.count < 3
+            return super().frame()
+
+    monkeypatch.setattr(windows, "GameWindow", Closing)
+    return opened
+
+
+@pytest.fixture
+def saved(game, tmp_path):
+    """A saved game."""
+    model = shoot(game(positions=BALLS), Stroke((1.0, 0.3)))
+    records.save(tmp_path / "saved.json", records.record_game(model.history))
+    return tmp_path / "saved.json", update(model, Do("go"))
+
+
+def history(*arguments, seed=0):
+    return start(parser().parse_args(arguments), np.random.default_rng(seed))
+
+
+def test_what_is_played_by_default():
+    setup = history().setup
+    assert (setup.rules, setup.n_players, setup.mode, setup.scene.n_balls) == ("eight_ball", 2, "pic", 16)
+
+
+def test_the_arguments_of_a_game():
+    given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human,random,random")
+    assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
+    pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
+    assert (pit.mode, pit.dt, pit.scene) == ("pit", 1 / 240, Scene.named("carom"))
+    assert history("--layout", "random").opening.state.in_hand == "no"
+
+
+def test_the_seed_racks_the_balls():
+    one, two, other = (history(seed=seed).opening.positions for seed in (1, 1, 2))
+    assert (one == two).all()
+    assert (one != other).any()
+
+
+def test_a_window_is_opened(frames, capsys):
+    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--seed", "1"])
+    (shown,) = frames
+    assert shown.count == 3
+    assert (shown.model.max_speed, shown.model.pace, shown.model.players) == (3.0, 0.5, ("human", "random"))
+    assert "saved" not in capsys.readouterr().out
+
+
+def test_a_saved_game_is_gone_on_with_and_saved_again(frames, saved, tmp_path, capsys):
+    path, model = saved
+    main(["--load", str(path), "--players", "human,human", "--save", str(tmp_path / "again.json")])
+    (shown,) = frames
+    assert shown.model.strokes == model.strokes
+    assert (shown.model.table.positions == model.table.positions).all()
+    assert capsys.readouterr().out.endswith(f"\nsaved to {tmp_path / 'again.json'}\n")
+    assert records.load(tmp_path / "again.json") == records.load(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--players", "human"], "1 players: expected 2"),
+        (["--players", "human,nobody"], "player 'nobody'"),
+        (["--rules", "nine_ball", "--balls", "3"], "with a scene of 3 object balls: expected 9"),
+        (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
+        (["--load", "nothing.json"], "nothing.json"),
+        (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
+        (["--load", "SAVED", "--players", "human,human,human"], "3 players: expected 2"),
+        (["--load", "SHOT"], "holds a shot: expected a game"),
+        (["--width", "3"], "width = 3"),
+    ],
+)
+def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
+    shot = tmp_path / "shot.json"
+    records.save(shot, records.record_shot(Scene.named("pool"), BALLS[:2], [1.0, 0.0]))
+    given = [str({"SAVED": saved[0], "SHOT": shot}.get(a, a)) for a in arguments]
+    with pytest.raises(SystemExit, match=message) as caught:
+        main(given)
+    assert str(caught.value).startswith("error: ")
+    assert frames == []
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "inf", "nan", "1/0", "fast"])
+def test_impossible_numbers_are_refused(text, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args([f"--dt={text}"])
+    assert "argument --dt: invalid" in capsys.readouterr().err
+
+
+def test_without_pygame_it_says_what_to_install():
+    code = (
+        "import sys; sys.modules['pygame'] = None\n"
+        "from billiards_env.play.__main__ import main\n"
+        "main(['--rules', 'carom'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: pygame is not installed")
+    assert "pip install 'billiards-env[render]'" in done.stderr

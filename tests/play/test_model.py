@@ -1,0 +1,248 @@
+import math
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import simulate
+from billiards_env.games import Stroke, play
+from billiards_env.games.places import room
+from billiards_env.play.model import (
+    LEAST_SPEED,
+    PACES,
+    AimAt,
+    Do,
+    MoveBy,
+    MoveTo,
+    Strengthen,
+    Turn,
+    begin,
+    foresee,
+    shoot,
+    tick,
+    update,
+)
+
+STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
+INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
+
+
+def after(model, *inputs) -> Any:
+    for given in inputs:
+        model = update(model, given)
+    return model
+
+
+def same(one, other):
+    """Whether two games have come to the same, bit for bit."""
+    return (
+        one.strokes == other.strokes
+        and one.table.state == other.table.state
+        and (one.table.positions == other.table.positions).all()
+    )
+
+
+def test_it_needs_no_pygame():
+    code = "import sys, billiards_env.play.model, billiards_env.play.words; print('pygame' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(game):
+    model = game("nine_ball")
+    assert model.phase == "placing"
+    model = after(model, Do("go"))
+    assert model.phase == "aiming"
+    model = after(model, Turn(1.0), Do("go"))
+    assert model.phase == "rolling"
+    shot = model.shown[0]
+    for _ in range(math.ceil(60 * shot.time)):
+        assert model.phase == "rolling"
+        model = tick(model, 1 / 60)
+    assert model.phase in ("aiming", "placing")
+    assert model.table.state.player == 1
+    stroke = model.strokes[0]
+    assert (model.table.positions == play(model.setup, model.tables[0], stroke).table.positions).all()
+
+
+def test_the_first_aim_is_full_at_the_nearest_ball_that_may_be_hit(game):
+    balls = [[0.0, 0.0], *([-1.0 + 0.1 * i, 0.5] for i in range(9))]
+    model = game("nine_ball", balls)
+    assert model.angle == math.atan2(0.5, -1.0)
+    model = game("straight", [*balls[:1], [0.4, -0.3], [0.8, 0.0]])
+    assert model.angle == math.atan2(-0.3, 0.4)
+
+
+def test_arrow_keys_turn_and_strengthen(game):
+    model = after(game(positions=STRAIGHT), Turn(10.0), Strengthen(0.5))
+    assert math.degrees(model.angle) == pytest.approx(10.0)
+    assert model.speed == pytest.approx(2.5)
+    assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.angle), 2.5 * math.sin(model.angle)))
+    assert after(model, Strengthen(100.0)).speed == model.max_speed
+    assert after(model, Strengthen(-100.0)).speed == LEAST_SPEED
+
+
+def test_the_arrow_is_drawn_to_the_mouse(game):
+    model = game(positions=STRAIGHT)
+    r = model.setup.scene.balls.radius[0]
+    model = after(model, AimAt((-0.4, 0.09 * 3.0 + 1.4 * r)))
+    assert model.angle == math.pi / 2
+    assert model.speed == pytest.approx(3.0)
+    assert after(model, AimAt((-0.4, 0.0))).speed == LEAST_SPEED
+
+
+def test_inputs_that_make_no_sense_do_nothing(game):
+    aiming = game(positions=STRAIGHT)
+    for given in (MoveTo((0.0, 0.0)), MoveBy((0.1, 0.0)), Do("place"), Do("undo"), Do("replay")):
+        assert update(aiming, given) is aiming
+    placing = game("nine_ball")
+    for given in (Turn(1.0), Strengthen(1.0), AimAt((0.0, 0.0))):
+        assert update(placing, given) is placing
+    assert tick(aiming, 1.0) is aiming
+    rolling = after(aiming, Do("go"))
+    assert update(rolling, Turn(1.0)) is rolling
+
+
+def test_a_cue_ball_in_hand_is_moved_where_it_may_lie(game):
+    model = after(game("nine_ball"), MoveTo((-0.9, 0.2)))
+    assert model.cue_at == (-0.9, 0.2)
+    model = after(model, MoveBy((0.01, -0.02)))
+    assert model.cue_at == pytest.approx((-0.89, 0.18))
+    model = after(model, MoveTo((0.5, 9.0)))  # neither before the head string nor beyond the cushion
+    _, x, _, y = room(model.setup.scene, 0, behind=True)
+    assert model.cue_at == (x, y)
+    model = after(model, Do("go"))
+    assert after(model, Do("place")).phase == "placing"
+    assert model.stroke.place == (x, y)
+    anywhere = game(positions=STRAIGHT, state={"in_hand": "anywhere"})
+    near = np.array(after(anywhere, MoveTo((0.4, 0.01))).cue_at)
+    assert np.hypot(*(near - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
+
+
+@pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
+def test_the_preview_ends_where_the_engine_sees_the_first_contact(game, mode):
+    model = after(game(positions=STRAIGHT, **mode), Turn(1.5))
+    preview = model.preview
+    shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
+    assert shot.events is not None
+    hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+    assert preview.ball == 1
+    assert preview.path[0].tolist() == STRAIGHT[0]
+    assert preview.path[-1] == pytest.approx([hit["x"], hit["y"]], abs=1e-3)
+    line = STRAIGHT[1] - preview.path[-1]
+    assert np.hypot(*line) == pytest.approx(2 * model.setup.scene.balls.radius[0], abs=1e-3)
+    # The struck ball leaves along the line of centres, and momentum is kept.
+    x, y = preview.struck
+    assert math.atan2(y, x) == pytest.approx(math.atan2(line[1], line[0]), abs=0.05)
+    assert np.hypot(*(preview.struck + preview.cue)) < model.speed
+    assert np.hypot(*preview.struck) > np.hypot(*preview.cue)
+
+
+def test_a_preview_without_contact_shows_the_whole_way(game):
+    model = after(game(positions=STRAIGHT), Turn(180.0), Strengthen(-1.9))
+    assert model.preview.ball == -1
+    shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity)
+    assert model.preview.path[-1] == pytest.approx(shot.positions[0], abs=1e-12)
+    table = game(positions=INTO_THE_CORNER).table
+    potted = foresee(model.setup, table, Stroke((0.0, -5.0)))
+    assert np.isfinite(potted.path).all()
+
+
+def test_a_preview_is_that_of_the_cue_ball_in_turn(game):
+    balls = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
+    model = game("carom", balls, {"player": 1, "cue_balls": [2, 0]})
+    assert model.cue == 2
+    assert model.preview.path[0].tolist() == balls[2]
+    assert model.preview.ball == 0
+
+
+def test_go_skips_to_the_end_of_a_shot(game):
+    one = after(game(positions=STRAIGHT), Do("go"))
+    two = after(one, Do("go"))
+    assert two.phase in ("aiming", "placing")
+    assert same(one, two)
+
+
+def test_undo_and_the_shot_again_give_the_same_bits(game):
+    model = after(game("nine_ball"), Do("go"), Turn(0.3))
+    done = after(model, Do("go"), Do("go"))
+    undone = after(done, Do("undo"))
+    assert undone.phase == "placing"
+    assert undone.strokes == ()
+    assert undone.last is None
+    again = shoot(undone, done.strokes[0])
+    assert same(again, done)
+    two = after(done, Do("go"), Do("go"))
+    back = after(two, Do("undo"))
+    assert same(back, done)
+    assert (back.last.shot.positions == done.last.shot.positions).all()
+
+
+def test_undo_goes_back_to_a_shot_of_a_person(game):
+    model = game(positions=STRAIGHT, players=("human", "random"))
+    model = after(model, Turn(90.0), Do("go"), Do("go"))
+    assert model.phase == "thinking"
+    model = after(shoot(model, Stroke((0.1, 0.1))), Do("go"))
+    assert len(model.strokes) == 2
+    assert len(after(model, Do("undo")).strokes) == 0
+    programs = game(positions=STRAIGHT, players=("random", "random"))
+    programs = after(shoot(programs, Stroke((0.1, 0.0))), Do("go"))
+    assert update(programs, Do("undo")) is programs
+
+
+@pytest.mark.parametrize(
+    ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
+)
+def test_a_replay_shows_the_shot_of_the_other_engine(game, mode, ghost):
+    model = after(game(positions=STRAIGHT, **mode), Turn(1.0), Do("go"), Do("go"))
+    turn = model.angle, model.phase
+    model = after(model, Do("replay"))
+    shot, rival = model.shown
+    velocity = model.strokes[0].velocity
+    expected = simulate(model.setup.scene, STRAIGHT, velocity, mode=ghost[0], dt=ghost[1])
+    assert (rival.positions == expected.positions).all()
+    assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, **mode).positions).all()
+    assert (shot.positions != rival.positions).any()
+    assert after(model, Do("ghost")).shown[1] is None
+    assert tick(model, 1e9).phase == "replaying"  # the end stays, to be looked at
+    assert tick(model, 1e9).clock == max(shot.time, rival.time)
+    back = after(tick(model, 1e9), Do("go"))
+    assert (back.angle, back.phase) == turn
+    assert after(tick(model, 1.0), Do("replay")).clock == 0.0
+
+
+def test_pace(game):
+    model = after(game(positions=STRAIGHT), Do("slower"), Do("go"))
+    assert tick(model, 1.0).clock == 0.5
+    assert after(model, *[Do("slower")] * 20).pace == PACES[0]
+    assert after(model, *[Do("faster")] * 20).pace == PACES[-1]
+
+
+def test_a_game_that_is_over(game):
+    model = game(positions=INTO_THE_CORNER, target=1)
+    model = after(model, Do("go"), Do("go"))
+    assert model.phase == "over"
+    assert model.table.state.winner == 0
+    assert update(model, Do("go")) is model
+    assert after(model, Do("replay")).phase == "replaying"
+    assert after(model, Do("replay"), Do("go")).phase == "over"
+    assert after(model, Do("undo")).phase == "aiming"
+
+
+def test_a_game_is_gone_on_with(game):
+    model = after(game("nine_ball"), *[Do("go")] * 5)
+    again = begin(model.history, model.players, 8.0, 1 / 60)
+    assert len(model.strokes) == 2
+    assert same(model, again)
+    assert again.phase == model.phase
+    assert same(after(model, Do("undo")), after(again, Do("undo")))
+    with pytest.raises(ValueError, match="3 players: expected 2"):
+        begin(model.history, ("human",) * 3, 8.0, 1 / 60)
+
+
+def test_help_is_closed_by_go(game):
+    model = after(game(positions=STRAIGHT), Do("help"))
+    assert model.help
+    closed = after(model, Do("go"))
+    assert (closed.help, closed.phase) == (False, "aiming")

@@ -1,0 +1,218 @@
+"""The window, driven by events of mouse and keyboard on a display that is shown nowhere."""
+
+import math
+
+import numpy as np
+import pytest
+
+pygame = pytest.importorskip("pygame")
+
+from billiards_env import records, simulate  # noqa: E402
+from billiards_env.drawing.canvas import pixels  # noqa: E402
+from billiards_env.games import Stroke  # noqa: E402
+from billiards_env.play.model import Do, Turn, tick, update  # noqa: E402
+from billiards_env.play.screen import Screen  # noqa: E402
+from billiards_env.play.window import GameWindow  # noqa: E402
+
+BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
+SHIFT = pygame.KMOD_LSHIFT
+
+
+@pytest.fixture
+def window(tmp_path):
+    """A function that opens a window on a model."""
+    windows = []
+
+    def make(model, players=(None, None)):
+        windows.append(GameWindow(model, players, np.random.default_rng(0), tmp_path / "game.json", 320))
+        pygame.event.clear()
+        return windows[-1]
+
+    yield make
+    for one in windows:
+        one.close()
+
+
+def press(shown, *keys, mod=0):
+    for key in keys:
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
+    return pixels(shown.frame())
+
+
+def at(shown, place):
+    return tuple(np.round(shown.pixels_of(place)).astype(int).tolist())
+
+
+def click(shown, place):
+    for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
+        pygame.event.post(pygame.event.Event(kind, pos=at(shown, place), button=1))
+    shown.frame()
+
+
+def drag(shown, start, *ways):
+    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1))
+    for way in ways:
+        pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, way), rel=(0, 0), buttons=(1, 0, 0)))
+    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=at(shown, ways[-1]), button=1))
+    shown.frame()
+
+
+def test_a_game_by_keyboard(game, window):
+    shown = window(game("nine_ball"))
+    press(shown, pygame.K_LEFT, pygame.K_UP)
+    press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
+    assert shown.model.cue_at == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
+    press(shown, pygame.K_SPACE)
+    angle, speed = shown.model.angle, shown.model.speed
+    press(shown, pygame.K_LEFT, pygame.K_DOWN)
+    press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
+    assert math.degrees(shown.model.angle - angle) == pytest.approx(1.0 - 0.1)
+    assert shown.model.speed == pytest.approx(speed - 0.1 - 0.01)
+    press(shown, pygame.K_p)
+    assert shown.model.phase == "placing"
+    press(shown, pygame.K_RETURN, pygame.K_SPACE)
+    assert shown.model.phase == "rolling"
+    press(shown, pygame.K_MINUS)
+    assert shown.model.pace == 0.5
+    press(shown, pygame.K_EQUALS, pygame.K_SPACE)
+    assert shown.model.pace == 1
+    assert shown.model.phase in ("aiming", "placing")
+    press(shown, pygame.K_r)
+    assert shown.model.phase == "replaying"
+    press(shown, pygame.K_g)
+    assert not shown.model.ghost
+    press(shown, pygame.K_SPACE, pygame.K_u)
+    assert shown.model.strokes == ()
+    press(shown, pygame.K_q)
+    assert not shown.open
+
+
+def test_a_shot_by_mouse(game, window):
+    shown = window(game(positions=BALLS))
+    drag(shown, BALLS[0], (0.0, 0.0), (-0.1, 0.3))
+    model = shown.model
+    assert model.phase == "aiming"
+    assert model.angle == pytest.approx(math.pi / 4, abs=0.03)
+    assert 0.09 * model.speed + 1.4 * 0.028575 == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
+    drag(shown, (-0.1, 0.3), (0.0, 0.0))  # by the arrow's tip
+    assert shown.model.angle == pytest.approx(0.0, abs=0.03)
+    expected = shown.model.stroke
+    click(shown, (0.8, -0.4))
+    assert shown.model.strokes == (expected,)
+    assert shown.model.phase == "rolling"
+    click(shown, (0.8, -0.4))
+    assert shown.model.phase == "aiming"
+
+
+def test_the_mouse_puts_the_cue_ball_down(game, window):
+    shown = window(game(positions=BALLS, state={"in_hand": "anywhere"}))
+    pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, (0.6, -0.3)), rel=(0, 0), buttons=(0, 0, 0)))
+    shown.frame()
+    assert shown.model.cue_at == pytest.approx((0.6, -0.3), abs=0.01)
+    click(shown, (0.6, -0.3))
+    assert shown.model.phase == "aiming"
+    pygame.event.post(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=3))
+    shown.frame()
+    assert shown.model.speed == pytest.approx(2.3)
+
+
+def test_the_window_can_be_closed(game, window):
+    shown = window(game(positions=BALLS))
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    shown.run()
+    assert not shown.open
+
+
+def test_a_saved_game_is_that_which_was_played(game, window, tmp_path):
+    shown = window(game(positions=BALLS))
+    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
+    assert shown.note == f"saved to {tmp_path / 'game.json'}"
+    record = records.load(tmp_path / "game.json")
+    assert isinstance(record, records.GameRecord)
+    assert record.strokes == shown.model.strokes
+    assert len(record.strokes) == 2
+    assert (records.replay(record).positions == shown.model.table.positions).all()
+
+
+def test_a_game_that_cannot_be_saved_goes_on(game, window, tmp_path):
+    (tmp_path / "game.json").mkdir()
+    shown = window(game(positions=BALLS))
+    press(shown, pygame.K_s)
+    assert shown.note.startswith("not saved: ")
+    assert shown.open
+    press(shown, pygame.K_LEFT)
+    assert shown.note == ""
+
+
+def test_a_program_plays_once_its_turn_has_been_shown(game, window):
+    calls = []
+
+    def player(setup, table, max_speed, rng):
+        calls.append((table, max_speed))
+        return Stroke((0.3, 0.4))
+
+    shown = window(game(positions=BALLS, players=("program", "human")), (player, None))
+    assert shown.model.phase == "thinking"
+    press(shown, pygame.K_SPACE)
+    assert shown.model.strokes == (Stroke((0.3, 0.4)),)
+    press(shown, pygame.K_SPACE)
+    assert shown.model.table.state.player == 1
+    assert shown.model.phase == "aiming"
+    assert len(calls) == 1
+    assert calls[0][0].positions.tolist() == BALLS
+    assert calls[0][1] == 8.0
+
+
+def lit(frame, shown, place, colour):
+    """Whether a place is shown in a colour, up to its edges' smoothing."""
+    x, y = at(shown, place)
+    near = frame[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
+    return bool((np.abs(near - colour).max(axis=1) < 15).any())
+
+
+WHITE, YELLOW = (255, 255, 255), (240, 228, 66)
+
+
+def test_balls_are_drawn_where_they_are(game, window):
+    shown = window(game(positions=BALLS))
+    frame = press(shown)
+    assert lit(frame, shown, BALLS[0], WHITE)
+    assert lit(frame, shown, BALLS[1], YELLOW)
+    assert not lit(frame, shown, (-0.4, 0.4), WHITE)
+    press(shown, pygame.K_SPACE)
+    for _ in range(20):
+        frame = press(shown)
+    assert lit(frame, shown, shown.model.last.shot.at(shown.model.clock)[0], WHITE)
+    assert not lit(frame, shown, BALLS[0], WHITE)
+
+
+def test_the_ghost_is_seen_in_a_replay(game):
+    model = game(positions=BALLS)
+    for given in (Turn(1.0), Do("go"), Do("go"), Do("replay")):
+        model = update(model, given)
+    model = tick(model, 3.0)
+    screen = Screen(model.setup.scene, 640)
+    with_ghost = pixels(screen.draw(model))
+    without = pixels(screen.draw(update(model, Do("ghost"))))
+    rival = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, mode="pit", dt=1 / 60, record=True).at(3.0)
+    differ = (with_ghost != without).any(axis=2)
+    x, y = np.round(screen.canvas.pixels_of(rival[1])).astype(int)
+    assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
+    assert (pixels(screen.draw(model)) == with_ghost).all()  # the film begins anew
+
+
+def test_help_and_hints_are_shown(game, window):
+    shown = window(game(positions=BALLS))
+    plain = press(shown)
+    with_help = press(shown, pygame.K_h)
+    assert (plain != with_help).any(axis=2).mean() > 0.05
+    assert (press(shown, pygame.K_SPACE) == plain).all()
+    assert shown.model.phase == "aiming"
+
+
+@pytest.mark.parametrize("rules", ["straight", "eight_ball", "nine_ball", "carom", "three_cushion"])
+def test_every_game_is_played_to_the_next_players_turn(rules, game, window):
+    shown = window(game(rules))
+    for _ in range(6):
+        press(shown, pygame.K_SPACE)
+    assert len(shown.model.strokes) >= 2
