@@ -1,0 +1,28 @@
+import pytest
+
+image = pytest.importorskip("PIL.Image")
+pytest.importorskip("pygame")
+
+from benchmarks.game_figures import main, window  # noqa: E402
+
+
+def test_the_window_is_driven_to_an_aimed_shot():
+    shown = window()
+    model = shown.model
+    shown.close()
+    assert model.phase == "aiming"
+    assert len(model.strokes) == 1
+    assert model.preview is not None
+    assert model.preview.ball == min(model.table.state.object_balls)  # nine ball's ball on
+
+
+def test_pictures_are_small_and_the_same_each_time(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        main(["--folder", str(tmp_path / name)])
+    for name, most in (("play.png", 150_000), ("shot.gif", 1_500_000)):
+        content = (tmp_path / "one" / name).read_bytes()
+        assert content == (tmp_path / "two" / name).read_bytes()
+        assert len(content) < most
+    with image.open(tmp_path / "one" / "shot.gif") as film:
+        assert film.n_frames > 100
