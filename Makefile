@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
-ARGS ?= --players human,search
+ARGS ?= --players human,search:20
 
 .PHONY: help train play test stress lint bench figures format clean
 
