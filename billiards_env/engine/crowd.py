@@ -436,12 +436,19 @@ def workspace(scene):
     )
 
 
-@entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
-    state, phase = np.empty((len(scene.radius), WIDTH)), np.empty(len(scene.radius), np.int8)
-    space = workspace(scene)
+@kernel
+def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
+    """`run_shots` with its working arrays; where none are made, none are counted."""
     for k in range(begin, end):
         load(shots, k, scene, state, phase)
         shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
         store(shots, k, scene, state, phase)
+
+
+@entry_point
+def run_shots(begin, end, scene, limit, max_events, shots, log):
+    """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
+    n = len(scene.radius)
+    run_all(
+        begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(scene), scene, limit, max_events, shots, log
+    )
