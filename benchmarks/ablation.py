@@ -22,7 +22,7 @@ from agents.files import write_json
 from benchmarks import RESULTS, machine, print_machine, print_table
 from benchmarks.speed import Case, cases, summary
 from billiards_env.engine import MAX_EVENTS
-from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH
+from billiards_env.engine.log import N_COUNTS, Shots, empty_log
 from billiards_env.engine.shot import check_shot, scene_arrays
 from billiards_env.physics import jit
 
@@ -81,9 +81,9 @@ def run(engine: RunShots, case: Case) -> tuple[float, tuple[Any, ...]]:
     given = check_shot(case.scene, case.positions, case.velocities, None, None, None)
     m, n = given.positions.shape[:2]
     out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
-    log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)
+    arrays, shots, log = scene_arrays(case.scene), Shots(*given[:4], *out), empty_log()
     begin = thread_time()
-    engine(0, m, *scene_arrays(case.scene), given.limit, MAX_EVENTS, *given[:4], *out, *log)
+    engine(0, m, arrays, given.limit, MAX_EVENTS, shots, log)
     return thread_time() - begin, (*given[:4], *out)
 
 
