@@ -190,8 +190,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"{result['crowd']} on."
         if cross
         else f"The grid saves nothing yet with so few disks; PIC takes it from {result['crowd']} on.",
-        "summary": f"An event takes PIC {first:.2g} us with {few['disks']:,} disks and {last:.2g} us with "
-        f"{many['disks']:,}.",
+        "summary": f"PIC uses them from {result['crowd']} balls on. An event takes it {first:.2g} us with "
+        f"{few['disks']:,} disks and {last:.2g} us with {many['disks']:,}.",
     }
 
 

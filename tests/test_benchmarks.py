@@ -10,12 +10,14 @@ import pytest
 
 from benchmarks import (
     RESULTS,
+    ablation,
     accuracy,
     accuracy_report,
     convergence,
     error_limit,
     figures,
     growth,
+    machine,
     others,
     rendering,
     speed,
@@ -280,6 +282,15 @@ def test_tables_are_markdown():
     rows = [("a", "1.00"), ("bcdef", "12.00")]
     assert table(("what", "s"), rows) == "| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |"
     assert table(("what", "s"), rows, left=2).splitlines()[1:3] == ["| ----- | ----- |", "| a     | 1.00  |"]
+
+
+def test_the_ablation_table_has_a_row_for_each_saving():
+    times = {"median": 2.0, "lower_quartile": 1.0, "upper_quartile": 3.0}
+    savings = [{"name": saving.name, "ratios": [times, times]} for saving in ablation.SAVINGS]
+    cases = {"cases": ["a", "b"], "microseconds_per_shot": [times, times], "savings": savings}
+    rows = ablation.blocks({"machine": machine(), "repeats": 3, **cases})["savings"].splitlines()[3:]
+    assert [row.strip("| ").split(" | ")[0].strip() for row in rows] == [saving.name for saving in ablation.SAVINGS]
+    assert all(row.count("2.00") == 2 for row in rows)
 
 
 def test_the_stress_table_sums_and_takes_the_worst():
