@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, cases, summary
 from billiards_env.engine import MAX_EVENTS
 from billiards_env.engine.log import N_COUNTS, Shots, empty_log
@@ -124,6 +124,17 @@ def measure(repeats: int, scale: float = 0.1) -> dict[str, Any]:
     }
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    rows = [("all on, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
+    rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"Processor time without a saving over that with it; medians of {result['repeats']} interleaved passes.",
+        "savings": table(("without", *result["cases"]), rows),
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.ablation --help`."""
     parser = argparse.ArgumentParser(
@@ -140,11 +151,7 @@ def main(arguments: list[str] | None = None) -> None:
     result = measure(args.repeats, args.scale)
     write_json(args.output, result)
 
-    print_machine(result["machine"])
-    print(f"Processor time without a saving over that with it; medians of {args.repeats} interleaved passes.\n")
-    rows = [("all on, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
-    rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
-    print_table(("without", *result["cases"]), rows)
+    print_blocks(blocks(result))
     print(f"\nWritten to {args.output}.")
 
 

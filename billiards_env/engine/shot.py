@@ -42,8 +42,11 @@ Floats = NDArray[np.float64]
 # The engines; each module has run_shots with the same signature.
 ENGINES = {"pic": pic.run_shots, "pit": pit.run_shots}
 
-CROWD = 64
-"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then."""
+CROWD = 100
+"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then.
+
+Where exactly depends on the scene: `benchmarks.growth` measures it for a thin gas.
+"""
 
 LEAST_DT = 1e-9
 """The smallest timestep of PIT, s: with it a shot takes minutes, and below it for ever."""
