@@ -100,9 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command line; see `python -m billiards_env.play --help`."""
     args = parser().parse_args(arguments)
     rng = np.random.default_rng(args.seed)
-    print(
-        "H in the window shows what does what. The very first time the engine is compiled, for up to 40 s.", flush=True
-    )
+    print("H in the window shows what does what.", flush=True)
     try:
         history = start(args, rng)
         names = tuple(args.players.split(",")) if args.players else (HUMAN,) * history.setup.n_players
