@@ -357,6 +357,7 @@ def test_the_start_of_sum_to_three_slides_without_spin():
     np.testing.assert_allclose(velocity, [1.395 * 1.65, 0.0], rtol=1e-15)
     shot = simulate(game.scene, game.positions, velocity, record=True)
     slip = 2 / 7 * velocity[0] / (0.5 * 9.81)  # until it rolls, if it sets out without spin
+    assert shot.events is not None
     assert (shot.events["kind"][0], shot.events["time"][0]) == ("roll", pytest.approx(slip, rel=1e-14))
     env.step([0.0, 0.0])
     assert np.array_equal(game.positions, shot.positions)
@@ -367,6 +368,7 @@ def test_sum_to_three_counts_the_contacts_of_both_balls():
     rng, seen = np.random.default_rng(0), set()
     for _ in range(20):
         env.reset()
+        info: dict[str, Any] = {}
         for shot in range(10):
             *_, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
             point = info["first_hit"] == 1 and info["cushions"].sum() == 3
