@@ -448,6 +448,7 @@ def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
     assert BilliardsEnv(layout=None, scene="sum_to_three", task="sum_to_three").layout == "line"
     assert BilliardsEnv(layout=None, task="place").layout == "random"
     assert BilliardsEnv().layout == "random"
+    assert billiards._OPENING.keys() == set(TASKS)
 
 
 def test_layouts_start_the_episodes():
