@@ -24,14 +24,18 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure accuracy, speed, growth, start-up and rendering; JSON goes to benchmarks/results
+bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and write the tables of README and docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.speed
-	$(BIN)/python -m benchmarks.start_up
+	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.rendering
+	$(BIN)/python -m benchmarks.ablation
+	$(BIN)/python -m benchmarks.start_up
+	$(BIN)/python -m agents.players
+	$(BIN)/python -m benchmarks.readme
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures

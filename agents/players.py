@@ -205,6 +205,29 @@ def measure(
     return {**result, "ms_per_decision": 1e3 * float(np.median(times))}
 
 
+HEAD = ("case", "player", "success", "95 % interval", "mean reward", "ms/decision")
+
+
+def row(result: Mapping[str, Any]) -> tuple[str, ...]:
+    """The cells of a result's row in a table with that head.
+
+    Args:
+        result: What `measure` returns, with `case` and `player`.
+
+    Returns:
+        A text for each column.
+    """
+    low, high = result["confidence_interval_95"]
+    return (
+        result["case"],
+        result["player"],
+        f"{result['success_rate']:.1%}",
+        f"{low:.1%} - {high:.1%}",
+        f"{result['mean_reward']:.3f}",
+        f"{result['ms_per_decision']:.2f}",
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line; see `python -m agents.players --help`."""
     parser = argparse.ArgumentParser(
@@ -223,18 +246,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if args.env is not None or args.noise is not None:
             cases = {"own": (json.loads(args.env or "{}"), noise, tuple(PLAYERS))}
         results = []
-        print("| case | player | success | 95 % interval | mean reward | ms/decision |")
+        print(f"| {' | '.join(HEAD)} |")
         print("| :-- | :-- | --: | --: | --: | --: |")
         for case, (env, noise, players) in cases.items():
             for name in args.players or players:
-                result = measure(name, env, noise, args.episodes, args.seed)
-                low, high = result["confidence_interval_95"]
-                print(
-                    f"| {case} | {name} | {result['success_rate']:.1%} | {low:.1%} - {high:.1%} "
-                    f"| {result['mean_reward']:.3f} | {result['ms_per_decision']:.2f} |",
-                    flush=True,
-                )
-                results.append({"case": case, "env": env, "noise": list(noise), "player": name, **result})
+                measured = measure(name, env, noise, args.episodes, args.seed)
+                results.append({"case": case, "env": env, "noise": list(noise), "player": name, **measured})
+                print(f"| {' | '.join(row(results[-1]))} |", flush=True)
         write_json(args.output, {"seed": args.seed, "results": results})
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")

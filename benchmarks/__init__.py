@@ -1,4 +1,8 @@
-"""Measurements of the engine: each module prints a table and writes it to `benchmarks/results` as JSON."""
+"""Measurements of the engine: each module prints tables and writes what they show to `benchmarks/results` as JSON.
+
+A module's `blocks` makes the tables, as Markdown by name, from what was measured. The module prints them, and
+`benchmarks.readme` writes them into the README and `docs/measurements.md`.
+"""
 
 from __future__ import annotations
 
@@ -24,22 +28,28 @@ def machine() -> dict[str, str | int | float | None]:
     }
 
 
-def print_machine(m: Mapping[str, object] | None = None) -> None:
-    """Prints in one line what `machine()` told before a measurement, or tells now."""
-    m = machine() if m is None else m
+def machine_line(m: Mapping[str, object]) -> str:
+    """What `machine()` told before a measurement, in one line."""
     versions = ", ".join(f"{name} {m[name]}" for name in ("python", "numba", "numpy", "gymnasium"))
-    print(f"{m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}\n")
+    return f"{m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
 
 
-def print_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Prints a Markdown table, the first column to the left and the others to the right."""
+def print_blocks(blocks: Mapping[str, str]) -> None:
+    """Prints blocks of Markdown."""
+    print("\n\n".join(blocks.values()))
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """A Markdown table, the first `left` columns to the left and the others to the right."""
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
-    rule = ["-" * w if k == 0 else "-" * (w - 1) + ":" for k, w in enumerate(widths)]
+    rule = ["-" * w if k < left else "-" * (w - 1) + ":" for k, w in enumerate(widths)]
+    lines = []
     for row in (head, rule, *rows):
         cells = [
-            cell.ljust(w) if k == 0 else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
+            cell.ljust(w) if k < left else cell.rjust(w) for k, (cell, w) in enumerate(zip(row, widths, strict=True))
         ]
-        print(f"| {' | '.join(cells)} |")
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def _cpu_model() -> str:

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, cases, summary
 from billiards_env.engine import MAX_EVENTS
-from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH
+from billiards_env.engine.log import N_COUNTS, Shots, empty_log
 from billiards_env.engine.shot import check_shot, scene_arrays
 from billiards_env.physics import jit
 
@@ -81,9 +81,9 @@ def run(engine: RunShots, case: Case) -> tuple[float, tuple[Any, ...]]:
     given = check_shot(case.scene, case.positions, case.velocities, None, None, None)
     m, n = given.positions.shape[:2]
     out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
-    log = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH)), np.zeros(2, np.int64)
+    arrays, shots, log = scene_arrays(case.scene), Shots(*given[:4], *out), empty_log()
     begin = thread_time()
-    engine(0, m, *scene_arrays(case.scene), given.limit, MAX_EVENTS, *given[:4], *out, *log)
+    engine(0, m, arrays, given.limit, MAX_EVENTS, shots, log)
     return thread_time() - begin, (*given[:4], *out)
 
 
@@ -124,6 +124,17 @@ def measure(repeats: int, scale: float = 0.1) -> dict[str, Any]:
     }
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    rows = [("all on, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
+    rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"Processor time without a saving over that with it; medians of {result['repeats']} interleaved passes.",
+        "savings": table(("without", *result["cases"]), rows),
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.ablation --help`."""
     parser = argparse.ArgumentParser(
@@ -140,11 +151,7 @@ def main(arguments: list[str] | None = None) -> None:
     result = measure(args.repeats, args.scale)
     write_json(args.output, result)
 
-    print_machine(result["machine"])
-    print(f"Processor time without a saving over that with it; medians of {args.repeats} interleaved passes.\n")
-    rows = [("all on, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
-    rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
-    print_table(("without", *result["cases"]), rows)
+    print_blocks(blocks(result))
     print(f"\nWritten to {args.output}.")
 
 

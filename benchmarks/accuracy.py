@@ -381,7 +381,7 @@ def main(arguments: list[str] | None = None) -> None:
     accuracy_report.draw_pareto(result, args.images / "pareto.png")
     convergence.draw(result, args.images / "convergence.png")
     accuracy_report.print_report(result)
-    print(f"\nIn {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
+    print(f"In {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
 
 
 if __name__ == "__main__":

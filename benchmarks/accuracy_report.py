@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks import print_machine, print_table
+from benchmarks import machine_line, table
 from benchmarks.convergence import PIT_STYLES
 from benchmarks.figures import save
 
@@ -51,7 +51,7 @@ def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any
     return rows[last_bad + 1] if last_bad + 1 < len(rows) else None
 
 
-def print_scene(name: str, scene: dict[str, Any]) -> None:
+def scene_table(scene: dict[str, Any]) -> str:
     """PIT's errors, outcomes and run times at each dt."""
     fixes = list(PIT_STYLES)
     rows = {fix: _pit(scene, fix) for fix in fixes}
@@ -68,11 +68,10 @@ def print_scene(name: str, scene: dict[str, Any]) -> None:
     lines.append(
         ["PIC", _metres(_error(scene, pic)), "", "", *([""] * 3 if scores else []), f"{pic['us_per_shot']:,.1f}", "1"]
     )
-    print(f"\n{name}: median error {_when(scene)}\n")
-    print_table(head, lines)
+    return table(head, lines)
 
 
-def print_levels(scenes: dict[str, Any]) -> None:
+def levels(scenes: dict[str, Any]) -> str:
     """The run time, over PIC's, of the cheapest PIT that keeps the median error below a level."""
     lines = []
     for name, scene in scenes.items():
@@ -87,11 +86,10 @@ def print_levels(scenes: dict[str, Any]) -> None:
             line.append("-" if best is None else f"{_ratio(best['time_over_pic'])} (1/{best['steps_per_second']} s)")
         least = min(_error(scene, row) for row in scene["methods"] if row["method"] == "PIT")
         lines.append([*line, _metres(least), _metres(_error(scene, pic))])
-    print("\nRun time of the cheapest PIT within an error, over PIC's\n")
-    print_table(["median error of PIT below", *LEVELS, "PIT's least error", "PIC's error"], lines)
+    return table(["median error of PIT below", *LEVELS, "PIT's least error", "PIC's error"], lines)
 
 
-def print_enough(scenes: dict[str, Any]) -> None:
+def enough(scenes: dict[str, Any]) -> str:
     """The largest timestep with which outcomes are right in 99 % of shots, and its cost."""
     lines = []
     for name, scene in scenes.items():
@@ -109,11 +107,11 @@ def print_enough(scenes: dict[str, Any]) -> None:
                     else [f"1/{row['steps_per_second']} s", _ratio(row["time_over_pic"])]
                 )
             lines.append([*line, f"{rows[-1]['scoring_shots']}"])
-    print(f"\nThe largest timestep with which {ENOUGH:.0%} of outcomes are PIC's, and its run time over PIC's\n")
-    print_table(["scene", "fix", "all shots", "of PIC's time", "shots that score", "of PIC's time ", "so many"], lines)
+    head = ["scene", "fix", "all shots", "of PIC's time", "shots that score", "of PIC's time ", "so many"]
+    return table(head, lines, left=2)
 
 
-def print_contacts(scenes: dict[str, Any]) -> None:
+def contacts(scenes: dict[str, Any]) -> str:
     """How far the sequence of contacts is the oracle's."""
     lines = []
     for name, scene in scenes.items():
@@ -130,43 +128,34 @@ def print_contacts(scenes: dict[str, Any]) -> None:
                     "" if until is None else f"{until:.2f} s",
                 ]
             )
-    print("\nContacts as the oracle has them (medians; PIT with push_apart)\n")
-    print_table(["scene", "engine", "before the first that differs", "shots with all", "it differs after"], lines)
+    head = ["scene", "engine", "before the first that differs", "shots with all", "it differs after"]
+    return table(head, lines, left=2)
 
 
-def print_others(scenes: dict[str, Any]) -> None:
+def others_table(scene: dict[str, Any]) -> str:
     """The simulators that people use, with PIT and PIC beside them."""
-    for name, scene in scenes.items():
-        rows = [row for row in scene["methods"] if row["method"] in OTHERS]
-        if not rows:
-            continue
-        pit = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 480, 1920)]
-        rows = [r for r in rows if r["steps_per_second"] in (None, 60, 480, 1920)]
-        lines = []
-        for row in (*rows, *pit, _pic(scene)):
-            what = row["method"] + (f", 1/{row['steps_per_second']} s" if row["steps_per_second"] else "")
-            errors = [_metres(row[f"median_error_{t}_m"]) for t in ("0.5", "1.0", "2.0", "5.0")]
-            lines.append([what, *errors, f"{row['us_per_shot']:,.0f}", _ratio(row["time_over_pic"])])
-        print(f"\n{name}: median error after so many seconds; 10 s are simulated\n")
-        print_table(["simulator", "0.5 s", "1 s", "2 s", "5 s", "us/shot", "of PIC's time"], lines)
+    rows = [r for r in scene["methods"] if r["method"] in OTHERS and r["steps_per_second"] in (None, 60, 480, 1920)]
+    pit = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 480, 1920)]
+    lines = []
+    for row in (*rows, *pit, _pic(scene)):
+        what = row["method"] + (f", 1/{row['steps_per_second']} s" if row["steps_per_second"] else "")
+        errors = [_metres(row[f"median_error_{t}_m"]) for t in ("0.5", "1.0", "2.0", "5.0")]
+        lines.append([what, *errors, f"{row['us_per_shot']:,.0f}", _ratio(row["time_over_pic"])])
+    return table(["simulator", "0.5 s", "1 s", "2 s", "5 s", "us/shot", "of PIC's time"], lines)
 
 
-def print_orders(families: dict[str, Any]) -> None:
+def orders_table(families: dict[str, Any]) -> str:
     """The observed orders of convergence."""
     lines = []
     for family, fixes in families.items():
         for fix, found in fixes.items():
             orders = [found[f"order_of_{what}"] for what in ("places", "velocities")]
             lines.append([family, fix, *("rounding" if o is None else f"{o:.2f}" for o in orders)])
-    print("\nOrder in dt of PIT's error after one collision\n")
-    print_table(["collision", "fix", "places", "velocities"], lines)
+    return table(["collision", "fix", "places", "velocities"], lines, left=2)
 
 
-def print_report(result: dict[str, Any]) -> None:
-    """Prints everything."""
-    scenes = result["scenes"]
-    print_machine(result["machine"])
-    print(", ".join(f"{name} {version}" for name, version in result["versions"].items()) or "no other simulator")
+def shots_table(result: dict[str, Any]) -> str:
+    """What errors and outcomes are taken from."""
     rows = [
         [
             name,
@@ -176,19 +165,47 @@ def print_report(result: dict[str, Any]) -> None:
             f"{scene['pic_outcome_as_oracle']}" if scene["outcome_shots"] else "",
             f"{scene['outcome_shots']:,}" if scene["outcome_shots"] else "",
         ]
-        for name, scene in scenes.items()
+        for name, scene in result["scenes"].items()
     ]
-    print("\nShots against the oracle, and shots for outcomes against PIC\n")
-    print_table(
+    return table(
         ["scene", "against the oracle", "compared", "to their end", "PIC's outcome is its", "for outcomes"], rows
     )
-    print_levels(scenes)
-    print_enough(scenes)
-    print_contacts(scenes)
-    print_others(scenes)
-    print_orders(result["convergence"])
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    scenes = result["scenes"]
+    found = {
+        "machine": machine_line(result["machine"]),
+        "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items())
+        or "no other simulator",
+        "shots": shots_table(result),
+        "levels": levels(scenes),
+        "enough": enough(scenes),
+        "contacts": contacts(scenes),
+        "orders": orders_table(result["convergence"]),
+    }
     for name, scene in scenes.items():
-        print_scene(name, scene)
+        if any(row["method"] in OTHERS for row in scene["methods"]):
+            found[f"others, {name}"] = others_table(scene)
+        found[name] = scene_table(scene)
+    return found
+
+
+def print_report(result: dict[str, Any]) -> None:
+    """Prints everything."""
+    titles = {
+        "shots": "Shots against the oracle, and shots for outcomes against PIC",
+        "levels": "Run time of the cheapest PIT within an error, over PIC's",
+        "enough": f"The largest timestep with which {ENOUGH:.0%} of outcomes are PIC's, and its run time over PIC's",
+        "contacts": "Contacts as the oracle has them (medians; PIT with push_apart)",
+        "orders": "Order in dt of PIT's error after one collision",
+    }
+    for name, scene in result["scenes"].items():
+        titles[f"others, {name}"] = f"{name}: median error after so many seconds; 10 s are simulated"
+        titles[name] = f"{name}: median error {_when(scene)}"
+    for name, text in blocks(result).items():
+        print(f"{titles[name]}\n\n{text}\n" if name in titles else f"{text}\n")
 
 
 def draw_pareto(result: dict[str, Any], path: Path) -> None:

@@ -16,6 +16,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, table
 from billiards_env import layouts
 from billiards_env.engine import simulate
 from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
@@ -175,6 +176,27 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
     part.replace(path)
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was found as Markdown, by name."""
+    columns: dict[str, Callable[[dict[str, Any]], str]] = {
+        "same events": lambda s: f"{s['same_events']} of {s['shots']}",
+        "to their end": lambda s: f"{s['to_end']}",
+        "events": lambda s: f"{s['events']:,}",
+        "condition": lambda s: f"{s['median_condition_m']:.2g} m",
+        "error": lambda s: f"{s['median_error_m']:.1e} m",
+        "ratio": lambda s: f"{s['median_ratio']:.2f}",
+        "99 %": lambda s: f"{s['p99_ratio']:.1f}",
+        "largest": lambda s: f"{s['max_ratio']:.1f}",
+    }
+    few = ("same events", "condition", "error", "ratio")
+
+    def of(names: Sequence[str]) -> str:
+        rows = [(kind, *(columns[name](s) for name in names)) for kind, s in result["kinds"].items()]
+        return table(("shots of a kind", *names), rows)
+
+    return {"machine": machine_line(result["machine"]), "kinds": of(list(columns)), "summary": of(few)}
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.error_limit --help`."""
     parser = argparse.ArgumentParser(
@@ -195,36 +217,12 @@ def main(arguments: list[str] | None = None) -> None:
         for kind, result in tqdm(pool.map(_work, tasks, chunksize=5), total=len(tasks), unit="shot"):
             found[kind].append(result)
     kinds = {kind: summary(results) for kind, results in found.items()}
-    write_json(args.output, {"machine": on, "kinds": kinds})
+    result = {"machine": on, "kinds": kinds}
+    write_json(args.output, result)
     draw(found, args.picture)
 
-    print_machine(on)
-    head = (
-        "shots of a kind",
-        "same events",
-        "to their end",
-        "events",
-        "condition",
-        "error",
-        "ratio",
-        "99 %",
-        "largest",
-    )
-    rows = [
-        (
-            kind,
-            f"{s['same_events']} of {s['shots']}",
-            f"{s['to_end']}",
-            f"{s['events']:,}",
-            f"{s['median_condition_m']:.2g} m",
-            f"{s['median_error_m']:.1e} m",
-            f"{s['median_ratio']:.2f}",
-            f"{s['p99_ratio']:.1f}",
-            f"{s['max_ratio']:.1f}",
-        )
-        for kind, s in kinds.items()
-    ]
-    print_table(head, rows)
+    found_blocks = blocks(result)
+    print(f"{found_blocks['machine']}\n\n{found_blocks['kinds']}")
     print(f"\nCondition, error and ratio are medians. Written to {args.output} and {args.picture}.")
 
 

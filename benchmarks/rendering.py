@@ -15,13 +15,14 @@ import gymnasium as gym
 import numpy as np
 
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.engine import ShotResult, simulate
 from billiards_env.scene import Scene
 
 STEPS = 200
+STEP = "env.step, render_mode={!r}, never rendered: us"
 
 
 def shots() -> dict[str, ShotResult]:
@@ -66,8 +67,20 @@ def measure(repeats: int) -> dict[str, list[float]]:
             for width in (800, 1600):
                 found.setdefault(f"{name}, {width} px: frames/s", []).append(frames_per_second(shot, width))
         for mode, env in envs.items():
-            found.setdefault(f"env.step, render_mode={mode!r}, never rendered: us", []).append(1e6 * step_seconds(env))
+            found.setdefault(STEP.format(mode), []).append(1e6 * step_seconds(env))
     return found
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    values = result["values"]
+    ratios = np.divide(values[STEP.format("rgb_array")], values[STEP.format(None)])
+    return {
+        "machine": machine_line(result["machine"]),
+        "figures": table(("what", "median"), [(name, f"{value:,.0f}") for name, value in result["medians"].items()]),
+        "cost": "A step of an environment with a render mode, nothing of it ever rendered, takes "
+        f"{statistics.median(ratios.tolist()):.1f} times as long as one without.",
+    }
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -81,10 +94,10 @@ def main(arguments: list[str] | None = None) -> None:
     on = machine()
     found = measure(args.repeats)
     medians = {name: statistics.median(values) for name, values in found.items()}
-    write_json(args.output, {"machine": on, "medians": medians, "values": found})
+    result = {"machine": on, "medians": medians, "values": found}
+    write_json(args.output, result)
 
-    print_machine(on)
-    print_table(("what", "median"), [(name, f"{value:,.0f}") for name, value in medians.items()])
+    print_blocks(blocks(result))
     print(f"\nWritten to {args.output}.")
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.engine import STATUS, simulate, simulate_batch
 from billiards_env.envs.billiards import cue_velocity
@@ -189,6 +189,42 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     }
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    shots = [
+        (
+            row["case"],
+            f"{row['shots_per_second']['median']:,.0f}",
+            f"{row['events_per_shot']:.1f}",
+            f"{row['most_events']}",
+            f"{row['contact_rule_share']:.1%}",
+            f"{row['microseconds_per_event']['median']:.2f}",
+            f"{row['seconds_simulated_per_shot']:.1f}",
+        )
+        for row in result["batch"]
+    ]
+    per_call = {name: value["median"] for name, value in result["microseconds_per_call"].items()}
+    inside = per_call["simulate_batch"]
+    names = {"simulate_batch": "simulate_batch, per shot", "simulate": "simulate", "env_step": "env.step"}
+    calls = [
+        (name, f"{per_call[key]:.1f}", f"{per_call[key] - inside:.1f}", f"{per_call[key] / inside:.1f}")
+        for key, name in names.items()
+    ]
+    calls.append(("env.reset", f"{per_call['env_reset']:.1f}", "", ""))
+    ratio = result["two_threads_over_one"]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"One core; medians of {result['repeats']} interleaved passes.",
+        "shots": table(
+            ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
+        ),
+        "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} shots):",
+        "calls": table(("call", "us/call", "us above the batch's", "times the batch's"), calls),
+        "threads": f"Two threads over one: {ratio['median']:.2f} times the shots per second, {ratio['fastest']:.2f} if "
+        "the fastest pass of each is compared (a busy machine spoils the median).",
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.speed --help`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.speed", description="Measure how fast shots run.")
@@ -200,41 +236,8 @@ def main(arguments: list[str] | None = None) -> None:
     result = measure(args.repeats)
     write_json(args.output, result)
 
-    print_machine(result["machine"])
-    print(f"One core; medians of {args.repeats} interleaved passes.\n")
-    print_table(
-        ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"),
-        [
-            (
-                row["case"],
-                f"{row['shots_per_second']['median']:,.0f}",
-                f"{row['events_per_shot']:.1f}",
-                f"{row['most_events']}",
-                f"{row['contact_rule_share']:.1%}",
-                f"{row['microseconds_per_event']['median']:.2f}",
-                f"{row['seconds_simulated_per_shot']:.1f}",
-            )
-            for row in result["batch"]
-        ],
-    )
-    per_call = {name: value["median"] for name, value in result["microseconds_per_call"].items()}
-    inside = per_call["simulate_batch"]
-    print(f"\nThe first case, one shot at a time ({N_SINGLES} shots):\n")
-    print_table(
-        ("call", "us/call", "us above the batch's"),
-        [
-            ("simulate_batch, per shot", f"{inside:.1f}", ""),
-            ("simulate", f"{per_call['simulate']:.1f}", f"{per_call['simulate'] - inside:.1f}"),
-            ("env.step", f"{per_call['env_step']:.1f}", f"{per_call['env_step'] - inside:.1f}"),
-            ("env.reset", f"{per_call['env_reset']:.1f}", ""),
-        ],
-    )
-    ratio = result["two_threads_over_one"]
-    print(
-        f"\nTwo threads over one: {ratio['median']:.2f} times the shots per second, {ratio['fastest']:.2f} if the "
-        "fastest pass of each is compared (a busy machine spoils the median)."
-    )
-    print(f"Written to {args.output}.")
+    print_blocks(blocks(result))
+    print(f"\nWritten to {args.output}.")
 
 
 if __name__ == "__main__":

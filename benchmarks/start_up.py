@@ -15,9 +15,10 @@ import sys
 import tempfile
 from pathlib import Path
 from time import time
+from typing import Any
 
 from agents.files import write_json
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -95,6 +96,17 @@ def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
     return seconds
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    count = {name: len(values) for name, values in result["seconds"].items()}
+    rows = [(name, f"{value:.2f}", f"{count[name]}") for name, value in result["median_seconds"].items()]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": "Fresh processes; medians of so many starts.",
+        "times": table(("what", "s", "starts"), rows),
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.start_up --help`."""
     parser = argparse.ArgumentParser(
@@ -113,9 +125,7 @@ def main(arguments: list[str] | None = None) -> None:
     result = {"machine": on, "median_seconds": medians, "seconds": seconds}
     write_json(args.output, result)
 
-    print_machine(on)
-    print(f"Fresh processes; medians of {args.repeats} starts, of {args.compilations} where they compile.\n")
-    print_table(("what", "s"), [(name, f"{value:.2f}") for name, value in medians.items()])
+    print_blocks(blocks(result))
     print(f"\nWritten to {args.output}.")
 
 

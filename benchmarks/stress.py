@@ -1,7 +1,7 @@
 """The stress run: ten million random shots, each checked at every event, and what is left after very long runs.
 
 `python -m benchmarks.stress` takes 10 to 25 minutes on two cores, prints its tables and writes them to
-`benchmarks/results/stress.json` and `stress.md`, and the growth of errors to `docs/images/predictability.png`.
+`benchmarks/results/stress.json`, and the growth of errors to `docs/images/predictability.png`.
 It ends with an error if any shot breaks a rule.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from tqdm import tqdm
 
 from agents.files import write_json, write_whole
-from benchmarks import RESULTS, machine
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from tests.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
@@ -159,39 +159,14 @@ def horizon(curves: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def table(head: list[str], rows: list[list[str]]) -> list[str]:
-    """A Markdown table: the first column to the left, the others to the right."""
-    rule = [":--"] + ["--:"] * (len(head) - 1)
-    return [f"| {' | '.join(row)} |" for row in (head, rule, *rows)]
-
-
-def report(data: dict[str, Any]) -> str:
-    """The results as Markdown."""
-    rows = [
-        [
-            name,
-            f"{s['shots']:,}",
-            f"{len(s['bad'])}",
-            f"{s['overlap']:.1e}",
-            f"{s['outside']:.1e}",
-            f"{s['rise']:.1e}",
-            f"{s['momentum']:.1e}",
-            f"{s['contact_rule']:,}",
-            f"{s['most_events']:,}",
-        ]
-        for name, s in data["shots"].items()
-    ]
+def blocks(data: dict[str, Any]) -> dict[str, str]:
+    """The results as Markdown, by name."""
     every = data["shots"].values()
-    rows.append(
-        [
-            "all",
-            f"{sum(s['shots'] for s in every):,}",
-            f"{sum(len(s['bad']) for s in every)}",
-            *(f"{max(s[key] for s in every):.1e}" for key in ("overlap", "outside", "rise", "momentum")),
-            f"{sum(s['contact_rule'] for s in every):,}",
-            f"{max(s['most_events'] for s in every):,}",
-        ]
-    )
+    shots, bad = sum(s["shots"] for s in every), sum(len(s["bad"]) for s in every)
+    worst = {key: max(s[key] for s in every) for key in WORST}
+    rules = sum(s["contact_rule"] for s in every)
+    rows = [(name, _row(s, len(s["bad"]))) for name, s in data["shots"].items()]
+    rows.append(("all", _row({**worst, "shots": shots, "contact_rule": rules}, bad)))
     head = [
         "random shots",
         "shots",
@@ -203,25 +178,38 @@ def report(data: dict[str, Any]) -> str:
         "contact-time rule acted",
         "most events",
     ]
-    lines = table(head, rows)
-    lines += ["", "Energy and momentum are those of the shots in which the contact-time rule did not act.", ""]
     runs = data["long_runs"]
-    lines += table(
-        ["elastic gas", "collisions", "energy drift", "momentum drift", "deepest overlap, m"],
-        [
-            [
-                f"{d['disks']} disks",
-                f"{d['collisions']:,}",
-                f"{d['energy_drift']:.1e}",
-                f"{d['momentum_drift']:.1e}",
-                f"{d['deepest_overlap_m']:.1e}",
-            ]
-            for d in runs["drift"]
-        ],
-    )
+    drift = [
+        (
+            f"{d['disks']} disks",
+            f"{d['collisions']:,}",
+            f"{d['energy_drift']:.1e}",
+            f"{d['momentum_drift']:.1e}",
+            f"{d['deepest_overlap_m']:.1e}",
+        )
+        for d in runs["drift"]
+    ]
+    return {
+        "machine": machine_line(data["machine"]),
+        "summary": f"Of {shots:,} shots {bad:,} broke a rule; the deepest overlap of two balls was "
+        f"{worst['overlap']:.1e} m, the largest rise of the energy, where the contact-time rule did not "
+        f"act, {worst['rise']:.1e} of it.",
+        "shots": table(head, [(name, *cells) for name, cells in rows]),
+        "drift": table(("elastic gas", "collisions", "energy drift", "momentum drift", "deepest overlap, m"), drift),
+        "long_runs": "\n".join(_long_runs(data)),
+    }
+
+
+def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
+    worst = (f"{s[key]:.1e}" for key in ("overlap", "outside", "rise", "momentum"))
+    return f"{s['shots']:,}", f"{bad}", *worst, f"{s['contact_rule']:,}", f"{s['most_events']:,}"
+
+
+def _long_runs(data: dict[str, Any]) -> list[str]:
+    """The findings that need no table, a line each."""
+    runs = data["long_runs"]
     r, chaos = runs["reversal"], runs["lyapunov"]
-    lines += [
-        "",
+    lines = [
         f"* There and back, {r['runs']} gases of 16 disks, {r['median_collisions']:.0f} collisions each way: "
         f"median error {r['median_error_m']:.1e} m, {r['median_ratio']:.2f} times the amplified roundoff "
         f"(99th percentile {r['p99_ratio']:.1f}).",
@@ -238,7 +226,7 @@ def report(data: dict[str, Any]) -> str:
             f"* {name}: {h['median_same_collisions']:.0f} collisions as the reference has them "
             f"(median of {h['shots']}), the last {h['median_last_error_m']:.1e} m off{far}."
         )
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -261,11 +249,9 @@ def main(arguments: list[str] | None = None) -> None:
         "long_runs": runs,
         "predictability": {name: horizon(c) for name, c in curves.items()},
     }
-    text = report(data)
-    print(text)
+    print_blocks(blocks(data))
     if args.scale == 1:
         write_json(RESULTS / "stress.json", data)
-        write_whole(RESULTS / "stress.md", text.encode())
         draw_growth(curves)
     bad = sum(len(s["bad"]) for s in shots.values())
     if bad:

@@ -25,7 +25,7 @@ from agents.config import Config, load
 from agents.files import write_json
 from agents.ppo import make_model, make_vec_env
 from agents.vec_env import SameStepVecEnv
-from benchmarks import RESULTS, machine, print_machine, print_table
+from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import seconds, summary
 from billiards_env import layouts
 from billiards_env.scene import Scene
@@ -199,6 +199,30 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     }
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What was measured as Markdown, by name."""
+    rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
+    one = next(iter(rates.values()))
+    memory_rows = [
+        (f"{row['environments']:,}", f"{row['bytes_at_rest']:,.0f}", f"{row['bytes_at_most']:,.0f}")
+        for row in result["memory"]
+    ]
+    drawn = [(row["kind"], f"{row['per_second']['median']:,.0f}") for row in result["layouts"]]
+    trained = result["training"]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"Medians of {result['repeats']} interleaved passes.",
+        "steps": table(
+            ("environments", "steps/s", "times a single one's"),
+            [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],
+        ),
+        "layouts": table(("layouts, one thread", "drawn/s"), drawn),
+        "memory": table(("environments", "bytes each", "most while stepped"), memory_rows),
+        "training": f"PPO on 1,024 environments, minibatches of 4,096: {trained['steps_per_second']:,.0f} steps/s, of "
+        f"which time the environments take {trained['environment_share']:.1%}.",
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.vector --help`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.vector", description="Measure how fast envs step.")
@@ -210,23 +234,8 @@ def main(arguments: list[str] | None = None) -> None:
     result = measure(args.repeats)
     write_json(args.output, result)
 
-    print_machine(result["machine"])
-    print(f"Medians of {args.repeats} interleaved passes.\n")
-    for head, key in ((("environments", "steps/s"), "steps"), (("layouts, one thread", "drawn/s"), "layouts")):
-        print_table(head, [(row["kind"], f"{row['per_second']['median']:,.0f}") for row in result[key]])
-        print()
-    print_table(
-        ("environments", "bytes each", "most while stepped"),
-        [
-            (f"{row['environments']:,}", f"{row['bytes_at_rest']:,.0f}", f"{row['bytes_at_most']:,.0f}")
-            for row in result["memory"]
-        ],
-    )
-    trained = result["training"]
-    print(
-        f"\nPPO on 1,024 environments, minibatches of 4,096: {trained['steps_per_second']:,.0f} steps/s, of which time "
-        f"the environments take {trained['environment_share']:.1%}.\nWritten to {args.output}."
-    )
+    print_blocks(blocks(result))
+    print(f"\nWritten to {args.output}.")
 
 
 if __name__ == "__main__":

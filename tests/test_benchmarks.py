@@ -9,21 +9,25 @@ import numpy as np
 import pytest
 
 from benchmarks import (
+    RESULTS,
+    ablation,
     accuracy,
     accuracy_report,
     convergence,
     error_limit,
     figures,
     growth,
+    machine,
     others,
-    print_table,
     rendering,
     speed,
     start_up,
+    stress,
+    table,
 )
 from benchmarks.methods import PIC, Method, run_other, timer
 from billiards_env.engine import simulate_batch
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, check_positions
 
 
 @pytest.fixture
@@ -218,6 +222,7 @@ def test_growth_is_printed_drawn_and_written(matplotlib, tmp_path, capsys):
     growth.main(["--passes", "1", "--most", "32", *files])
     rows = json.loads((tmp_path / "g.json").read_text())["rows"]
     assert [row["disks"] for row in rows] == [2, 4, 8, 16, 32]
+    assert {row["over_pic"]["PIC"] for row in rows} == {1.0}
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     assert "grows as" in capsys.readouterr().out
 
@@ -227,6 +232,35 @@ def test_the_gas_keeps_its_density():
         scene = growth.gas(n)
         share = n * np.pi * growth.RADIUS**2 / (scene.table.length * scene.table.width)
         assert share == pytest.approx(growth.SHARE)
+
+
+def test_many_disks_are_placed_apart_and_inside():
+    for n in (2, 3, 96, 10_000):
+        scene = growth.gas(n)
+        positions, velocities = growth.shots(scene, 2)
+        check_positions(scene, positions)
+        assert positions.shape == velocities.shape == (2, n, 2)
+        assert not np.array_equal(positions[0], positions[1])
+
+
+def test_each_disk_has_as_many_collisions_however_many_there_are():
+    few, many = (
+        simulate_batch(scene, *growth.shots(scene, 4)).n_events.mean() / n
+        for n, scene in ((n, growth.gas(n)) for n in (256, 1024))
+    )
+    assert few == pytest.approx(many, rel=0.1)
+
+
+def test_growth_is_a_slope_and_the_crossover_the_last_one():
+    def row(n, ratio):
+        us = {"PIC": 3.0 * n**1.5}
+        return {"disks": n, "events_per_shot": n, "us_per_shot": us, "all_pairs_over_grid": ratio}
+
+    rows = [row(64, 1.2), row(128, 0.9), row(256, 1.1), row(512, 2.0)]
+    assert growth.slope(rows, "PIC") == pytest.approx(0.5)
+    assert growth.slope(rows[:1], "PIC") is None
+    assert growth.crossover(rows) == 256
+    assert growth.crossover(rows[:2]) is None
 
 
 @pytest.mark.parametrize("module", [accuracy, growth])
@@ -244,9 +278,30 @@ def test_counts_below_one_are_refused(module, capsys):
     assert f"{option} = 0: expected a whole number >= 1" in capsys.readouterr().err
 
 
-def test_tables_are_markdown(capsys):
-    print_table(("what", "s"), [("a", "1.00"), ("bcdef", "12.00")])
-    assert capsys.readouterr().out == ("| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |\n")
+def test_tables_are_markdown():
+    rows = [("a", "1.00"), ("bcdef", "12.00")]
+    assert table(("what", "s"), rows) == "| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |"
+    assert table(("what", "s"), rows, left=2).splitlines()[1:3] == ["| ----- | ----- |", "| a     | 1.00  |"]
+
+
+def test_the_ablation_table_has_a_row_for_each_saving():
+    times = {"median": 2.0, "lower_quartile": 1.0, "upper_quartile": 3.0}
+    savings = [{"name": saving.name, "ratios": [times, times]} for saving in ablation.SAVINGS]
+    cases = {"cases": ["a", "b"], "microseconds_per_shot": [times, times], "savings": savings}
+    rows = ablation.blocks({"machine": machine(), "repeats": 3, **cases})["savings"].splitlines()[3:]
+    assert [row.strip("| ").split(" | ")[0].strip() for row in rows] == [saving.name for saving in ablation.SAVINGS]
+    assert all(row.count("2.00") == 2 for row in rows)
+
+
+def test_the_stress_table_sums_and_takes_the_worst():
+    data = json.loads((RESULTS / "stress.json").read_text())
+    kinds = list(data["shots"].values())
+    kinds[1]["bad"] = [[0, 0, "rest"]]
+    found = stress.blocks(data)
+    last = [cell.strip() for cell in found["shots"].splitlines()[-1].strip("| ").split(" | ")]
+    assert last[:3] == ["all", f"{sum(k['shots'] for k in kinds):,}", "1"]
+    assert last[3] == f"{max(k['overlap'] for k in kinds):.1e}"
+    assert found["summary"].startswith(f"Of {last[1]} shots 1 broke a rule")
 
 
 def test_the_picture_is_of_the_shot_its_title_tells(matplotlib, tmp_path):

@@ -5,17 +5,20 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
+import json
 import re
 from pathlib import Path
 
 import pytest
 
+from benchmarks import readme, speed
 from billiards_env.envs import BilliardsEnv
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Physics, Scene
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+MEASUREMENTS = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
 
 
@@ -71,15 +74,82 @@ def test_physics_defaults_are_those_of_the_code():
 
 
 def test_commands_exist():
-    modules = set(re.findall(r"python -m ([\w.]+)", README))
+    pages = README + MEASUREMENTS
+    modules = set(re.findall(r"python -m ([\w.]+)", pages))
     assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
     assert all(importlib.util.find_spec(module) for module in modules)
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(re.findall(r"(?:^|`)make (\w+)", README, re.MULTILINE)) <= set(targets)
+    assert set(re.findall(r"(?:^|`)make (\w+)", pages, re.MULTILINE)) <= set(targets)
     assert all((ROOT / path).is_file() for path in re.findall(r"configs/[\w/]+\.yaml", README))
 
 
-def test_links_lead_somewhere():
-    links = [link for link in re.findall(r"\]\(([^)]+)\)", README) if not link.startswith("https://")]
+@pytest.mark.parametrize(("page", "folder"), [(README, ROOT), (MEASUREMENTS, ROOT / "docs")])
+def test_links_lead_somewhere(page, folder):
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", page) if not link.startswith("https://")]
     assert links
-    assert all((ROOT / link).exists() for link in links)
+    for link in links:
+        path, _, anchor = link.partition("#")
+        assert (folder / path).exists()
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", (folder / path).read_text(encoding="utf-8"), re.MULTILINE)
+            assert anchor in [heading.lower().replace(" ", "-") for heading in headings]
+
+
+def test_measured_tables_are_those_of_the_committed_results():
+    readme.main(["--check"])
+
+
+def test_all_that_is_measured_is_shown():
+    shown = set(re.findall(r"^<!-- (\w+): ", README + MEASUREMENTS, re.MULTILINE))
+    assert shown == set(readme.SOURCES)
+    written = {path.stem for path in readme.RESULTS.glob("*.json")}
+    assert written <= shown
+
+
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    path = tmp_path / "page.md"
+    path.write_text("# Title\n\n<!-- speed: threads -->\nold\n<!-- end -->\n\nText.\n")
+    monkeypatch.setattr(readme, "PAGES", (path,))
+    return path
+
+
+def test_only_what_is_between_the_markers_is_replaced(page):
+    readme.main([])
+    result = json.loads((readme.RESULTS / "speed.json").read_text())
+    threads = speed.blocks(result)["threads"]
+    whole = f"# Title\n\n<!-- speed: threads -->\n\n{threads}\n\n<!-- end -->\n\nText.\n"
+    assert page.read_text() == whole
+    assert [path.name for path in page.parent.iterdir()] == ["page.md"]
+    readme.main([])
+    assert page.read_text() == whole
+
+
+def test_a_page_that_is_not_up_to_date_is_told_and_left_alone(page):
+    before = page.read_text()
+    with pytest.raises(SystemExit, match=r"not up to date: page\.md"):
+        readme.main(["--check"])
+    assert page.read_text() == before
+    readme.main([])
+    readme.main(["--check"])
+
+
+def test_what_is_not_measured_is_no_figure(page, tmp_path):
+    assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy"),
+        ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
+        ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
+        ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),
+        ("<!-- end -->", "ends nothing"),
+    ],
+)
+def test_wrong_markers_are_refused(page, wrong, message):
+    page.write_text(wrong)
+    with pytest.raises(SystemExit, match=message):
+        readme.main([])
+    assert page.read_text() == wrong

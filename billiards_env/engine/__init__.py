@@ -1,7 +1,7 @@
 """Engines that run shots: `simulate` one, `simulate_batch` many, and what they give back."""
 
-from billiards_env.engine.batch import BatchResult, Shots, empty_shots, run_batch, simulate_batch, spread
-from billiards_env.engine.log import KINDS, STATUS
+from billiards_env.engine.batch import BatchResult, run_batch, simulate_batch, spread
+from billiards_env.engine.log import KINDS, STATUS, Shots, empty_shots
 from billiards_env.engine.shot import (
     MAX_EVENTS,
     ShotInput,

@@ -8,7 +8,6 @@ import os
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,59 +16,23 @@ from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
-    EVENT_WIDTH,
     FIRST_HIT,
     N_CONTACT_RULE,
     N_COUNTS,
     N_EVENTS,
-    SEGMENT_WIDTH,
+    SceneArrays,
+    Shots,
+    empty_log,
 )
 from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_whole, engine_of, scene_arrays
 from billiards_env.scene import Scene
 
 _LEAST = 32  # shots that are worth a thread
 
-Floats = NDArray[np.float64]
-
-
-class Shots(NamedTuple):
-    """m shots of n balls as an engine works on them, in place: before a shot, what it starts from; then, its outcome.
-
-    Attributes:
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool: balls that are not in a pocket.
-        times: (m,) float64 out: duration, s.
-        hits: (m, n, 2) int32 out: columns `CUSHIONS` and `CUSHIONS_BEFORE_HIT` of `engine.log`.
-        counts: (m, N_COUNTS) int64 out: columns `N_EVENTS`, `ENDED`, `FIRST_HIT` and `N_CONTACT_RULE`.
-    """
-
-    positions: Floats
-    velocities: Floats
-    spins: Floats
-    in_play: NDArray[np.bool_]
-    times: Floats
-    hits: NDArray[np.int32]
-    counts: NDArray[np.int64]
-
-
-def empty_shots(m: int, n: int) -> Shots:
-    """Arrays for m shots of n balls, all in play and at rest, their places not yet set."""
-    return Shots(
-        np.zeros((m, n, 2)),
-        np.zeros((m, n, 2)),
-        np.zeros((m, n, 3)),
-        np.ones((m, n), np.bool_),
-        np.zeros(m),
-        np.zeros((m, n, 2), np.int32),
-        np.zeros((m, N_COUNTS), np.int64),
-    )
-
 
 def run_batch(
     mode: str,
-    arrays: tuple[Floats, Floats, Floats, Floats],
+    arrays: SceneArrays,
     limit: float,
     shots: Shots,
     begin: int,
@@ -87,11 +50,7 @@ def run_batch(
         end: One past the last.
         max_events: As in `simulate`, for each shot.
     """
-    engine = engine_of(mode, len(arrays[1]))
-    engine(begin, end, *arrays, limit, max_events, *shots, *_NO_LOG, np.empty(2, np.int64))
-
-
-_NO_LOG = np.empty((0, EVENT_WIDTH)), np.empty((0, SEGMENT_WIDTH))
+    engine_of(mode, len(arrays.radius))(begin, end, arrays, limit, max_events, shots, empty_log())
 
 
 def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:

@@ -314,11 +314,11 @@ def gather(hi, lo, state, phase, params, radius, limit, q, found, contacts):
 
 
 @kernel
-def run(
-    state, phase, space, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used
-):
+def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     """Runs one shot; arguments and result as `pic.run`, but for the `workspace`."""
     n = len(phase)
+    params, radius, inv_mass, pockets = scene
+    events, segments, used = log
     q, found, contacts, scratch, last_hit, quick, changed = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
@@ -404,11 +404,11 @@ def run(
 
 
 @allocating
-def workspace(params, radius):
+def workspace(scene):
     """The arrays that a shot is run with, see `run`."""
-    n = len(radius)
+    n = len(scene.radius)
     most = 6 * n  # contacts at one instant: circles that touch are a planar graph, of less than 3 n edges
-    columns, rows = grid(params, radius)
+    columns, rows = grid(scene.params, scene.radius)
     q = Queue(
         np.empty((n, 2)),
         np.empty((n, 2), np.int64),
@@ -436,47 +436,19 @@ def workspace(params, radius):
     )
 
 
+@kernel
+def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
+    """`run_shots` with its working arrays; where none are made, none are counted."""
+    for k in range(begin, end):
+        load(shots, k, scene, state, phase)
+        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        store(shots, k, scene, state, phase)
+
+
 @entry_point
-def run_shots(
-    begin,
-    end,
-    params,
-    radius,
-    inv_mass,
-    pockets,
-    limit,
-    max_events,
-    positions,
-    velocities,
-    spins,
-    in_play,
-    times,
-    hits,
-    counts,
-    events,
-    segments,
-    used,
-):
+def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
-    n = len(radius)
-    state, phase = np.empty((n, WIDTH)), np.empty(n, np.int8)
-    space = workspace(params, radius)
-    for shot in range(begin, end):
-        load(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
-        times[shot] = run(
-            state,
-            phase,
-            space,
-            params,
-            radius,
-            inv_mass,
-            pockets,
-            limit,
-            max_events,
-            hits[shot],
-            counts[shot],
-            events,
-            segments,
-            used,
-        )
-        store(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
+    n = len(scene.radius)
+    run_all(
+        begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(scene), scene, limit, max_events, shots, log
+    )

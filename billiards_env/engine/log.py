@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from billiards_env.physics.jit import kernel
 from billiards_env.physics.state import (
     MOTION,
@@ -37,6 +42,79 @@ EVENT_WIDTH = 9  # time (hi, lo), kind, ball, other, x, y, speed, rule
 SEGMENT_WIDTH = WIDTH + 2
 
 
+Floats = NDArray[np.float64]
+
+
+class SceneArrays(NamedTuple):
+    """A scene of n balls as the kernels take it.
+
+    Attributes:
+        params: (N_PARAMS,) float64, see `physics.state`.
+        radius: (n,) float64, m.
+        inv_mass: (n,) float64, 1/kg; 0 for a ball that nothing moves.
+        pockets: (k, 3) float64: x, y, radius, m.
+    """
+
+    params: Floats
+    radius: Floats
+    inv_mass: Floats
+    pockets: Floats
+
+
+class Shots(NamedTuple):
+    """m shots of n balls as an engine works on them, in place: before a shot, what it starts from; then, its outcome.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool: balls that are not in a pocket.
+        times: (m,) float64 out: duration, s.
+        hits: (m, n, 2) int32 out: columns `CUSHIONS` and `CUSHIONS_BEFORE_HIT`.
+        counts: (m, N_COUNTS) int64 out: columns `N_EVENTS`, `ENDED`, `FIRST_HIT` and `N_CONTACT_RULE`.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: NDArray[np.bool_]
+    times: Floats
+    hits: NDArray[np.int32]
+    counts: NDArray[np.int64]
+
+
+def empty_shots(m: int, n: int) -> Shots:
+    """Arrays for m shots of n balls, all in play and at rest, their places not yet set."""
+    return Shots(
+        np.zeros((m, n, 2)),
+        np.zeros((m, n, 2)),
+        np.zeros((m, n, 3)),
+        np.ones((m, n), np.bool_),
+        np.zeros(m),
+        np.zeros((m, n, 2), np.int32),
+        np.zeros((m, N_COUNTS), np.int64),
+    )
+
+
+class Log(NamedTuple):
+    """What a shot is recorded in; nothing is where there are no rows.
+
+    Attributes:
+        events: (rows, EVENT_WIDTH) float64 out.
+        segments: (rows, SEGMENT_WIDTH) float64 out, the pieces of the trajectories.
+        used: (2,) int64 out: rows of events and segments in use, or that would be, were there more.
+    """
+
+    events: Floats
+    segments: Floats
+    used: NDArray[np.int64]
+
+
+def empty_log(n_events: int = 0, n_segments: int = 0) -> Log:
+    """A log with room for so much."""
+    return Log(np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, SEGMENT_WIDTH)), np.zeros(2, np.int64))
+
+
 @kernel
 def log_event(events, used, hi, lo, kind, ball, other, state, speed, rule):
     """Appends an event at (hi, lo) at ball's place.
@@ -68,33 +146,34 @@ def log_segment(segments, used, state, phase, ball):
 
 
 @kernel
-def load(positions, velocities, spins, in_play, radius, params, state, phase):
-    """Fills `state` and `phase` for time 0 from (n, 2) positions and velocities, (n, 3) spins and (n,) in_play."""
-    slips = params[MOTION] == SLIDING_AND_ROLLING
+def load(shots, k, scene, state, phase):
+    """Fills `state` and `phase` for time 0 of shot k."""
+    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
     for i in range(len(phase)):
         s = state[i]
         s[:] = 0.0
-        s[X], s[Y] = positions[i, 0], positions[i, 1]
-        if not in_play[i]:
+        s[X], s[Y] = shots.positions[k, i, 0], shots.positions[k, i, 1]
+        if not shots.in_play[k, i]:
             phase[i] = POTTED
             continue
         phase[i] = REST
-        s[VX], s[VY] = velocities[i, 0], velocities[i, 1]
+        s[VX], s[VY] = shots.velocities[k, i, 0], shots.velocities[k, i, 1]
         if slips:
-            s[UX] = s[VX] - radius[i] * spins[i, 1]
-            s[UY] = s[VY] + radius[i] * spins[i, 0]
-            s[WZ] = spins[i, 2]
+            s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, 1]
+            s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, 0]
+            s[WZ] = shots.spins[k, i, 2]
 
 
 @kernel
-def store(positions, velocities, spins, in_play, radius, params, state, phase):
+def store(shots, k, scene, state, phase):
     """The reverse of `load`, at the shot's end."""
-    slips = params[MOTION] == SLIDING_AND_ROLLING
+    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
     for i in range(len(phase)):
         s = state[i]
-        positions[i, 0], positions[i, 1] = s[X], s[Y]
-        velocities[i, 0], velocities[i, 1] = s[VX], s[VY]
-        in_play[i] = phase[i] != POTTED
+        shots.positions[k, i, 0], shots.positions[k, i, 1] = s[X], s[Y]
+        shots.velocities[k, i, 0], shots.velocities[k, i, 1] = s[VX], s[VY]
+        shots.in_play[k, i] = phase[i] != POTTED
         if slips:
-            spins[i, 0], spins[i, 1] = (s[UY] - s[VY]) / radius[i], (s[VX] - s[UX]) / radius[i]
-            spins[i, 2] = s[WZ]
+            shots.spins[k, i, 0] = (s[UY] - s[VY]) / scene.radius[i]
+            shots.spins[k, i, 1] = (s[VX] - s[UX]) / scene.radius[i]
+            shots.spins[k, i, 2] = s[WZ]

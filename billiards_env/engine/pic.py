@@ -175,31 +175,26 @@ def wind_up(hi, state, phase, params, limit, counts):
 
 
 @kernel
-def run(
-    state, phase, space, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used
-):
+def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     """Runs one shot to rest, to the time `limit` or to `max_events` events.
 
     Args:
         state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
         phase: (n,) int8; POTTED balls are out of play.
         space: A `workspace`, new or left by another shot.
-        params: (N_PARAMS,) float64.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
+        scene: A `SceneArrays`.
         limit: s; may be infinite unless motion is ideal.
         max_events: The shot is given up after so many.
         hits: (n, 2) int32 out, see `engine.log`.
         counts: (N_COUNTS,) int64 out, see `engine.log`.
-        events: (rows, EVENT_WIDTH) float64 out; no rows where the shot is not recorded.
-        segments: (rows, SEGMENT_WIDTH) float64 out, likewise.
-        used: (2,) int64 out: rows of events and segments in use.
+        log: A `Log`.
 
     Returns:
         The time at which the shot ended, s.
     """
     n = len(phase)
+    params, radius, inv_mass, pockets = scene
+    events, segments, used = log
     own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
@@ -296,68 +291,27 @@ def workspace(n):
     )
 
 
+@kernel
+def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
+    """`run_shots` with its working arrays; where none are made, none are counted."""
+    for k in range(begin, end):
+        load(shots, k, scene, state, phase)
+        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        store(shots, k, scene, state, phase)
+
+
 @entry_point
-def run_shots(
-    begin,
-    end,
-    params,
-    radius,
-    inv_mass,
-    pockets,
-    limit,
-    max_events,
-    positions,
-    velocities,
-    spins,
-    in_play,
-    times,
-    hits,
-    counts,
-    events,
-    segments,
-    used,
-):
+def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place.
 
     Args:
         begin: First shot.
         end: One past the last.
-        params: (N_PARAMS,) float64.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
+        scene: A `SceneArrays`.
         limit: s; may be infinite unless motion is ideal.
         max_events: A shot is given up after so many.
-        positions: (m, n, 2) float64, m; the final ones on return.
-        velocities: (m, n, 2) float64, m/s; likewise.
-        spins: (m, n, 3) float64, rad/s; likewise.
-        in_play: (m, n) bool: balls that are not in a pocket; likewise.
-        times: (m,) float64 out, s.
-        hits: (m, n, 2) int32 out, see `engine.log`.
-        counts: (m, N_COUNTS) int64 out, see `engine.log`.
-        events: (rows, EVENT_WIDTH) float64 out: the log of the last shot; no rows to record nothing.
-        segments: (rows, SEGMENT_WIDTH) float64 out, likewise.
-        used: (2,) int64 out: rows of events and segments in use, of the last shot.
+        shots: The `Shots`.
+        log: A `Log`, of the last shot.
     """
-    n = len(radius)
-    state, phase = np.empty((n, WIDTH)), np.empty(n, np.int8)
-    space = workspace(n)
-    for shot in range(begin, end):
-        load(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
-        times[shot] = run(
-            state,
-            phase,
-            space,
-            params,
-            radius,
-            inv_mass,
-            pockets,
-            limit,
-            max_events,
-            hits[shot],
-            counts[shot],
-            events,
-            segments,
-            used,
-        )
-        store(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
+    n = len(scene.radius)
+    run_all(begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n), scene, limit, max_events, shots, log)

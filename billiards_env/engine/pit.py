@@ -207,42 +207,38 @@ def workspace(n):
     most = max(1, n * (n - 1) // 2)
     contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
     scratch = impulse_scratch(n, most)
-    here, back = np.zeros((n, 4)), np.zeros(n)  # x, y, vx, vy at this test; how long a ball goes back, s
+    here, back = np.empty((n, 4)), np.empty(n)  # x, y, vx, vy at this test; how long a ball goes back, s
     change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
     moving = np.empty(n, np.int64)  # the balls that are under way when the step begins
-    return contacts, scratch, here, back, change, moving, np.zeros(n, np.bool_), np.ones(n, np.bool_)
+    return contacts, scratch, here, back, change, moving, np.empty(n, np.bool_), np.empty(n, np.bool_)
 
 
 @kernel
-def run(
-    state, phase, space, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used
-):
+def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     """Runs one shot to rest, to the time `limit` or to `max_events` events.
 
     Args:
         state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
         phase: (n,) int8; POTTED balls are out of play.
-        space: A new `workspace`.
-        params: (N_PARAMS,) float64; its DT is the step, s, and its FIX what is done about overlaps.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
+        space: A `workspace`, new or left by another shot.
+        scene: A `SceneArrays`; of its params, DT is the step, s, and FIX what is done about overlaps.
         limit: s; may be infinite unless motion is ideal.
         max_events: The shot is given up after so many.
         hits: (n, 2) int32 out, see `engine.log`.
         counts: (N_COUNTS,) int64 out, see `engine.log`.
-        events: (rows, EVENT_WIDTH) float64 out; no rows where the shot is not recorded.
-        segments: (rows, SEGMENT_WIDTH) float64 out, likewise.
-        used: (2,) int64 out: rows of events and segments in use.
+        log: A `Log`.
 
     Returns:
         The time at which the shot ended, s.
     """
     n = len(phase)
+    params, radius, inv_mass, pockets = scene
+    events, segments, used = log
     dt, fix = params[DT], params[FIX]
     contacts, scratch, here, back, change, moving, moved, changed = space
     first, second, nx, ny, closing = contacts
     moves = 0
+    changed[:] = True
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     used[0] = used[1] = 0
@@ -360,46 +356,17 @@ def run(
     return end
 
 
+@kernel
+def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
+    """`run_shots` with its working arrays; where none are made, none are counted."""
+    for k in range(begin, end):
+        load(shots, k, scene, state, phase)
+        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        store(shots, k, scene, state, phase)
+
+
 @entry_point
-def run_shots(
-    begin,
-    end,
-    params,
-    radius,
-    inv_mass,
-    pockets,
-    limit,
-    max_events,
-    positions,
-    velocities,
-    spins,
-    in_play,
-    times,
-    hits,
-    counts,
-    events,
-    segments,
-    used,
-):
+def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `engine.pic.run_shots`, which takes the same arguments."""
-    n = len(radius)
-    state, phase = np.empty((n, WIDTH)), np.empty(n, np.int8)
-    for shot in range(begin, end):
-        load(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
-        times[shot] = run(
-            state,
-            phase,
-            workspace(n),
-            params,
-            radius,
-            inv_mass,
-            pockets,
-            limit,
-            max_events,
-            hits[shot],
-            counts[shot],
-            events,
-            segments,
-            used,
-        )
-        store(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
+    n = len(scene.radius)
+    run_all(begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n), scene, limit, max_events, shots, log)

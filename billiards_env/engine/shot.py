@@ -18,14 +18,15 @@ from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
-    EVENT_WIDTH,
     FIRST_HIT,
     KINDS,
     N_CONTACT_RULE,
     N_COUNTS,
     N_EVENTS,
-    SEGMENT_WIDTH,
     STATUS,
+    SceneArrays,
+    Shots,
+    empty_log,
 )
 from billiards_env.engine.sensitivity import Sensitivity, sensitivity_along
 from billiards_env.physics import state as layout
@@ -41,8 +42,11 @@ Floats = NDArray[np.float64]
 # The engines; each module has run_shots with the same signature.
 ENGINES = {"pic": pic.run_shots, "pit": pit.run_shots}
 
-CROWD = 64
-"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then."""
+CROWD = 100
+"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then.
+
+Where exactly depends on the scene: `benchmarks.growth` measures it for a thin gas.
+"""
 
 LEAST_DT = 1e-9
 """The smallest timestep of PIT, s: with it a shot takes minutes, and below it for ever."""
@@ -114,7 +118,7 @@ class ShotResult:
     segments: Floats | None = None
     scene: Scene | None = None
     engine: str = ""
-    _arrays: tuple[Floats, Floats, Floats, Floats] | None = None
+    _arrays: SceneArrays | None = None
     _log: Floats | None = None
 
     def at(self, t: float) -> Floats:
@@ -318,10 +322,8 @@ def _engine_label(mode: str, dt: float | None, fix: str | None) -> str:
     return f"{mode.upper()}, dt = {1000 * dt:.4g} ms" + (f", {fix}" if fix else "")
 
 
-def scene_arrays(
-    scene: Scene, dt: float | None = None, fix: str | None = None
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """The scene as the kernels take it: params (N_PARAMS,), radius (n,), inverse mass (n,), pockets (k, 3)."""
+def scene_arrays(scene: Scene, dt: float | None = None, fix: str | None = None) -> SceneArrays:
+    """The scene, and the settings of PIT, as the kernels take them."""
     global _latest
     for_scene, for_dt, for_fix, arrays = _latest
     if for_scene is scene and for_dt == dt and for_fix == fix:
@@ -335,7 +337,7 @@ _latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and
 
 
 @functools.lru_cache(maxsize=256)
-def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> tuple[Floats, Floats, Floats, Floats]:
+def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArrays:
     p = scene.physics
     params = np.zeros(layout.N_PARAMS)
     params[layout.MOTION] = MOTIONS.index(p.motion)
@@ -348,7 +350,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> tuple[Floa
     params[layout.DT] = 0.0 if dt is None else dt
     params[layout.FIX] = layout.FIXES.index(layout.FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
-    return params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets
+    return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets)
 
 
 def engine_of(mode: str, n_balls: int) -> Callable[..., None]:
@@ -569,26 +571,11 @@ def run_checked(
         balls = given[:4]
         if record:  # kept, should the log prove too short
             balls = tuple(array.copy() for array in balls)
-        events, segments = np.empty((room, EVENT_WIDTH)), np.empty((4 * room, SEGMENT_WIDTH))
-        used = np.zeros(2, np.int64)
         places, moving, spinning, playing = balls
-        engine_of(mode, n)(
-            0,
-            1,
-            *arrays,
-            given.limit,
-            max_events,
-            places[None],
-            moving[None],
-            spinning[None],
-            playing[None],
-            times,
-            hits,
-            counts,
-            events,
-            segments,
-            used,
-        )
+        log = empty_log(room, 4 * room)
+        shots = Shots(places[None], moving[None], spinning[None], playing[None], times, hits, counts)
+        engine_of(mode, n)(0, 1, arrays, given.limit, max_events, shots, log)
+        events, segments, used = log
         if not record or (used[0] <= len(events) and used[1] <= len(segments)):
             break
         room = max(4 * room, int(max(used)))  # the log was too short: the same shot again, with room for all of it

@@ -171,28 +171,25 @@ def gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, n
 
 
 @allocating
-def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits, counts, events, segments, used):
+def run(state, phase, scene, limit, max_events, hits, counts, log):
     """Runs one shot to rest, to the time `limit` or to `max_events` events.
 
     Args:
         state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
         phase: (n,) int8; POTTED balls are out of play.
-        params: (N_PARAMS,) float64.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
+        scene: A `SceneArrays`.
         limit: s; may be infinite unless motion is ideal.
         max_events: The shot is given up after so many.
         hits: (n, 2) int32 out, see `engine.log`.
         counts: (N_COUNTS,) int64 out, see `engine.log`.
-        events: (rows, EVENT_WIDTH) float64 out; no rows where the shot is not recorded.
-        segments: (rows, SEGMENT_WIDTH) float64 out, likewise.
-        used: (2,) int64 out: rows of events and segments in use.
+        log: A `Log`.
 
     Returns:
         The time at which the shot ended, s.
     """
     n = len(phase)
+    params, radius, inv_mass, pockets = scene
+    events, segments, used = log
     own, own_kind = np.empty((n, 2)), np.empty((n, 2), np.int64)
     pair, pair_lo = np.full((n, n), math.inf), np.zeros((n, n))
     most = max(1, n * (n - 1) // 2)
@@ -304,65 +301,10 @@ def run(state, phase, params, radius, inv_mass, pockets, limit, max_events, hits
 
 
 @entry_point
-def run_shots(
-    begin,
-    end,
-    params,
-    radius,
-    inv_mass,
-    pockets,
-    limit,
-    max_events,
-    positions,
-    velocities,
-    spins,
-    in_play,
-    times,
-    hits,
-    counts,
-    events,
-    segments,
-    used,
-):
-    """Runs shots `begin` to `end` of a batch, in place.
-
-    Args:
-        begin: First shot.
-        end: One past the last.
-        params: (N_PARAMS,) float64.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
-        limit: s; may be infinite unless motion is ideal.
-        max_events: A shot is given up after so many.
-        positions: (m, n, 2) float64, m; the final ones on return.
-        velocities: (m, n, 2) float64, m/s; likewise.
-        spins: (m, n, 3) float64, rad/s; likewise.
-        in_play: (m, n) bool: balls that are not in a pocket; likewise.
-        times: (m,) float64 out, s.
-        hits: (m, n, 2) int32 out, see `engine.log`.
-        counts: (m, N_COUNTS) int64 out, see `engine.log`.
-        events: (rows, EVENT_WIDTH) float64 out: the log of the last shot; no rows to record nothing.
-        segments: (rows, SEGMENT_WIDTH) float64 out, likewise.
-        used: (2,) int64 out: rows of events and segments in use, of the last shot.
-    """
-    n = len(radius)
-    state, phase = np.empty((n, WIDTH)), np.empty(n, np.int8)
-    for shot in range(begin, end):
-        load(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
-        times[shot] = run(
-            state,
-            phase,
-            params,
-            radius,
-            inv_mass,
-            pockets,
-            limit,
-            max_events,
-            hits[shot],
-            counts[shot],
-            events,
-            segments,
-            used,
-        )
-        store(positions[shot], velocities[shot], spins[shot], in_play[shot], radius, params, state, phase)
+def run_shots(begin, end, scene, limit, max_events, shots, log):
+    """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
+    state, phase = np.empty((len(scene.radius), WIDTH)), np.empty(len(scene.radius), np.int8)
+    for k in range(begin, end):
+        load(shots, k, scene, state, phase)
+        shots.times[k] = run(state, phase, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        store(shots, k, scene, state, phase)

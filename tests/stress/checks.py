@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.engine.log import (
     BALL_BALL,
-    EVENT_WIDTH,
     N_CONTACT_RULE,
     N_COUNTS,
     N_EVENTS,
     SEGMENT_WIDTH,
+    Shots,
+    empty_log,
 )
 from billiards_env.engine.log import ENDED as STATUS_COLUMN
 from billiards_env.engine.pic import run_shots
@@ -187,55 +188,20 @@ def _check(events, n_events, segments, radius, mass, pockets, params, acts, rows
 
 
 @entry_point
-def _run_checked(
-    params,
-    radius,
-    inv_mass,
-    pockets,
-    limit,
-    max_events,
-    positions,
-    velocities,
-    spins,
-    in_play,
-    times,
-    hits,
-    counts,
-    events,
-    segments,
-    found,
-):
+def _run_checked(scene, limit, max_events, shots, log, found):
+    params, radius, inv_mass, pockets = scene
+    events, segments, used = log
     n = len(radius)
     mass = 1.0 / inv_mass
     rows, phases = np.empty((n, SEGMENT_WIDTH - 2)), np.empty(n, np.int64)
-    momenta, xy, used = np.empty((n, 2)), np.empty((n, 2)), np.zeros(2, np.int64)
-    for shot in range(len(positions)):
-        run_shots(
-            shot,
-            shot + 1,
-            params,
-            radius,
-            inv_mass,
-            pockets,
-            limit,
-            max_events,
-            positions,
-            velocities,
-            spins,
-            in_play,
-            times,
-            hits,
-            counts,
-            events,
-            segments,
-            used,
-        )
+    momenta, xy = np.empty((n, 2)), np.empty((n, 2))
+    for k in range(len(found)):
+        run_shots(k, k + 1, scene, limit, max_events, shots, log)
         if used[0] > len(events) or used[1] > len(segments):
-            found[shot, FULL] = 1.0
+            found[k, FULL] = 1.0
         else:
-            log = events, used[0], segments
-            acts = counts[shot, N_CONTACT_RULE]
-            _check(*log, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found[shot])
+            acts = shots.counts[k, N_CONTACT_RULE]
+            _check(events, used[0], segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found[k])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -306,16 +272,16 @@ def run_checked(
     times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
     found = np.zeros((m, N_FOUND))
     arrays = scene_arrays(scene)
-    log = np.empty((log_rows, EVENT_WIDTH)), np.empty((2 * log_rows + n, SEGMENT_WIDTH))
+    log = empty_log(log_rows, 2 * log_rows + n)
     at, v, w, playing = given.positions.copy(), given.velocities.copy(), given.spins.copy(), given.in_play.copy()
-    _run_checked(*arrays, given.limit, max_events, *given[:4], times, hits, counts, *log, found)
+    _run_checked(arrays, given.limit, max_events, Shots(*given[:4], times, hits, counts), log, found)
     for k in np.flatnonzero(found[:, FULL]):
         rows = int(counts[k, N_EVENTS])
-        log = np.empty((rows, EVENT_WIDTH)), np.empty((2 * rows + n, SEGMENT_WIDTH))
+        log = empty_log(rows, 2 * rows + n)
         found[k] = 0.0
         one = slice(k, k + 1)
-        again = at[one], v[one], w[one], playing[one]
-        _run_checked(*arrays, given.limit, max_events, *again, times[one], hits[one], counts[one], *log, found[one])
+        again = Shots(at[one], v[one], w[one], playing[one], times[one], hits[one], counts[one])
+        _run_checked(arrays, given.limit, max_events, again, log, found[one])
     p = scene.physics
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(
