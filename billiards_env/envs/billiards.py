@@ -18,7 +18,7 @@ from billiards_env.engine import STATUS, ShotInput, check_mode
 from billiards_env.engine.log import CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, cue_ball_alone, shorten
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
 # The layout a game of each task opens with.
@@ -294,7 +294,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation = np.empty(self._size, np.float32)
         tables.start(0, 1, _ONE, observation[None])
         if self._renderer is not None:
-            self._renderer.begin([layout(tables.shots.positions[0], self.task)])
+            self._renderer.begin([layout(tables.shots.positions[0], self.task, circles=goal_circles(tables.goals[0]))])
         return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -341,13 +341,19 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "is_success": success == 1,
         }
         if self._renderer is not None:
-            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0])])
+            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0], self.goals)])
         return observation, reward.item(), tables.over.item(), False, info
 
     def shown(
-        self, tables: Tables, k: int, action: NDArray[np.float64], reward: float, tally: NDArray[np.int64]
+        self,
+        tables: Tables,
+        k: int,
+        action: NDArray[np.float64],
+        reward: float,
+        tally: NDArray[np.int64],
+        goals: NDArray[np.float64],
     ) -> Shown:
-        """The last shot of table k, to be drawn; `action`, `reward` and `tally` are its own."""
+        """The last shot of table k, to be drawn; `action`, `reward`, `tally` and `goals` are its own."""
         n = self.scene.n_balls
         velocities = np.zeros((n, 2))
         velocities[0] = cue_velocity(action, self.max_speed)
@@ -356,7 +362,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         given = ShotInput(tables.starts[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
         done = self.max_shots - int(tally[SHOTS_LEFT])
         left = f"{self.task}   shot {done} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}")
+        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}", goal_circles(goals))
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Shows the shots, as the class's docstring says.
@@ -481,6 +487,11 @@ def placed_by_hand(
         goals = np.reshape(options["goal"], (*tables, 1, 2))
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a place of the cue ball", counts)
     return positions, goals
+
+
+def goal_circles(goals: NDArray[np.float64]) -> list[tuple[float, float, float]]:
+    """Within what the cue ball has to come to rest: x, y and radius, m, for each of the (g, 2) goals."""
+    return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
 
 
 def check_action(action: ArrayLike) -> NDArray[np.float64]:

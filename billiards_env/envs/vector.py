@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env import streams
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
-from billiards_env.envs.billiards import BilliardsEnv, placed_by_hand, warn_cut_off
+from billiards_env.envs.billiards import BilliardsEnv, goal_circles, placed_by_hand, warn_cut_off
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import POINTS, SCORE, SHOTS_LEFT, SUCCESS
 from billiards_env.scene import choose
@@ -208,6 +208,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         at_once = self.autoreset_mode is AutoresetMode.SAME_STEP
         rewards, potted, seen = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
         over, tally = np.empty(m, np.bool_), np.empty_like(tables.tally)
+        goals = tables.goals[: self._n_shown()].copy()
         observations = self._new_observations() if at_once else seen
 
         def work(begin: int, end: int) -> None:
@@ -225,7 +226,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k])
+                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k], goals[k])
                     for k in range(self._n_shown())
                 ]
             )
@@ -267,7 +268,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def _layout(self, k: int) -> Shown:
         shots = self._tables.shots
-        return layout(shots.positions[k], self.single_env.task, shots.in_play[k])
+        circles = goal_circles(self._tables.goals[k])
+        return layout(shots.positions[k], self.single_env.task, shots.in_play[k], circles)
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._tables.shots
