@@ -21,12 +21,49 @@ import yaml
 from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.envs.frames import FRAMES
 from billiards_env.scene import choose
 
 ENV_ID = "Billiards-v0"
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 
 T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """The action frame that the policy plays in: `billiards_env.envs.wrappers.ActionFrame`.
+
+    Attributes:
+        name: "polar", "cut" or "sum_to_three".
+        ball: The ball that a shot is aimed at: "nearest", "first" or its number.
+        least_speed: The slowest shot of "polar" and "cut", m/s.
+    """
+
+    name: str
+    ball: str | int = "nearest"
+    least_speed: float = 0.4
+
+    def __post_init__(self) -> None:
+        choose("frame.name", self.name, FRAMES)
+        _at_least("frame.least_speed", self.least_speed, 0)
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """The execution noise, in training and in evaluation: `billiards_env.envs.wrappers.ExecutionNoise`.
+
+    Attributes:
+        angle_std: Standard deviation of the direction, degrees.
+        speed_std: Standard deviation of the speed, m/s.
+    """
+
+    angle_std: float = 0.125
+    speed_std: float = 0.075
+
+    def __post_init__(self) -> None:
+        for name in ("angle_std", "speed_std"):
+            _at_least(f"noise.{name}", getattr(self, name), 0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +141,8 @@ class Config:
     Attributes:
         timesteps: Environment steps (shots) in all, rounded up to whole updates.
         env: Arguments of `gym.make("Billiards-v0", ...)`; those left out are filled in with their defaults.
+        frame: The action frame; None for the environment's own actions, the cue ball's velocity.
+        noise: The execution noise; None for none.
         n_envs: Environments stepped together.
         seed: Seed of everything that is drawn; the same seed gives the same run.
         checkpoint_every: Steps between two checkpoints.
@@ -114,6 +153,8 @@ class Config:
 
     timesteps: int
     env: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    frame: Frame | None = None
+    noise: Noise | None = None
     n_envs: int = 64
     seed: int = 0
     checkpoint_every: int = 50_000
@@ -145,7 +186,7 @@ class Config:
         """A configuration from plain data, as read from YAML.
 
         Args:
-            data: A mapping of the fields of `Config`; `policy` and `ppo` are mappings of theirs.
+            data: A mapping of the fields of `Config`; `frame`, `noise`, `policy` and `ppo` are mappings of theirs.
 
         Returns:
             The configuration.
@@ -225,7 +266,8 @@ def _read(hint: Any, name: str, value: Any) -> Any:
         return _read_dataclass(typing.cast(Any, hint), name, value)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType:
-        return None if value is None else _read(arguments[0], name, value)
+        kind = type(value) if type(value) in arguments else arguments[0]
+        return None if kind is types.NoneType else _read(kind, name, value)
     if origin is tuple:
         if not isinstance(value, list):
             raise TypeError(f"{name} = {value!r}: expected a list, not {type(value).__name__}")

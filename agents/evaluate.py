@@ -7,7 +7,7 @@ import copy
 import math
 import pickle
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,21 +42,44 @@ def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
     return max(centre - half, 0.0), min(centre + half, 1.0)
 
 
+def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """The 95 % confidence interval of a mean, by the central limit theorem.
+
+    It takes some dozens of values, not nearly all of them equal, to be worth its name.
+
+    Args:
+        values: Independent values of one distribution, at least one.
+
+    Returns:
+        The interval's lower and upper end; None for a single value, whose spread nobody knows.
+
+    Example:
+        >>> [round(end, 2) for end in mean_interval([0.0, 2.0] * 50)]
+        [0.8, 1.2]
+    """
+    if len(values) < 2:
+        return None
+    half = _Z * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    mean = float(np.mean(values))
+    return mean - half, mean + half
+
+
 def play(
     env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]], seeds: Iterable[int]
 ) -> dict[str, Any]:
     """Plays one episode a seed.
 
     Args:
-        env: The environment; the last `info` of an episode holds `success`.
+        env: The environment; the last `info` of an episode holds `success` and `score`, its points.
         act: The action for an observation.
         seeds: Seeds of the environment, one an episode.
 
     Returns:
-        `episodes`, `successes`, `success_rate`, `confidence_interval_95` and `mean_reward` (sum of an episode's
-        rewards, averaged over the episodes).
+        `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` (points of an episode)
+        and its `score_interval_95` (see `mean_interval`), and `mean_reward` (sum of an episode's rewards, averaged over
+        the episodes).
     """
-    successes, rewards = [], []
+    successes, scores, rewards = [], [], []
     for seed in seeds:
         observation, info = env.reset(seed=int(seed))
         total, done = 0.0, False
@@ -65,12 +88,15 @@ def play(
             total += float(reward)
             done = terminated or truncated
         successes.append(bool(info["success"]))
+        scores.append(float(info["score"]))
         rewards.append(total)
     return {
         "episodes": len(successes),
         "successes": sum(successes),
         "success_rate": sum(successes) / len(successes),
         "confidence_interval_95": list(wilson_interval(sum(successes), len(successes))),
+        "mean_score": sum(scores) / len(scores),
+        "score_interval_95": None if (interval := mean_interval(scores)) is None else list(interval),
         "mean_reward": sum(rewards) / len(rewards),
     }
 
@@ -133,9 +159,12 @@ def main(arguments: list[str] | None = None) -> None:
     for name in ("policy", "random"):
         r = result[name]
         low, high = r["confidence_interval_95"]
+        score = f"  score {r['mean_score']:.3f}"
+        if r["score_interval_95"] is not None:
+            score += " ({:.3f} to {:.3f})".format(*r["score_interval_95"])
         print(
             f"  {name:6}  success {r['success_rate']:6.1%}  (95 % confidence {low:.1%} to {high:.1%})"
-            f"  mean reward {r['mean_reward']:.3f}"
+            f"{score}  mean reward {r['mean_reward']:.3f}"
         )
     print(f"written to {args.run_dir / 'evaluation.json'}")
 

@@ -113,8 +113,9 @@ def rehearse(env: BilliardsEnv, actions: Floats) -> Floats:
     tables, rewards = env.tables(m), np.empty(m)
     tables.shots.positions[:] = env.positions
     tables.shots.in_play[:] = ~env.potted
+    tables.goals[:] = env.goals
     still, potted = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
-    observations = np.empty((m, 2 * n), np.float32)
+    observations = np.empty((m, 2 * (n + len(env.goals))), np.float32)
 
     def work(begin: int, end: int) -> None:
         tables.shoot(begin, end, still, actions, env.max_speed, env.scratch_penalty, rewards, potted, observations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,6 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.config import ENV_ID, Config
 from agents.vec_env import SameStepVecEnv
+from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
@@ -45,20 +47,31 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
 
 
 def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]]:
-    """One environment.
+    """One environment, with the configuration's execution noise and in its action frame.
 
     Raises:
-        ValueError: If an argument of the environment is impossible.
+        ValueError: If an argument of the environment, its noise or its frame is impossible.
         TypeError: If one is of the wrong type.
     """
-    return gym.make(ENV_ID, **config.env)
+    env: gym.Env[Any, Any] = gym.make(ENV_ID, **config.env)
+    if config.noise is not None:
+        env = ExecutionNoise(env, **dataclasses.asdict(config.noise))
+    if config.frame is not None:
+        env = ActionFrame(env, *dataclasses.astuple(config.frame))
+    return env
 
 
 def make_vec_env(config: Config) -> VecEnv:
-    """`config.n_envs` environments stepped together; they add each episode's return and length to its last `info`."""
-    return VecMonitor(
-        SameStepVecEnv(gym.make_vec(ENV_ID, num_envs=config.n_envs, autoreset_mode="SameStep", **config.env))
-    )
+    """`config.n_envs` environments as `make_env` makes them, stepped together.
+
+    They add each episode's return and length to its last `info`.
+    """
+    envs = gym.make_vec(ENV_ID, num_envs=config.n_envs, autoreset_mode="SameStep", **config.env)
+    if config.noise is not None:
+        envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
+    if config.frame is not None:
+        envs = VectorActionFrame(envs, *dataclasses.astuple(config.frame))
+    return VecMonitor(SameStepVecEnv(envs))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:

@@ -300,9 +300,10 @@ class Scene:
 
         Args:
             name: "pool" (9-foot table with six pockets), "carom" (no pockets), "ideal" (the frictionless, elastic
-                world without pockets; a shot ends after 10 s) or "pooltool_carom" (carom with elastic balls, the
-                setting of the reference shots made with pooltool).
-            n_object_balls: Number of object balls; None for the usual one (1 on "pool" and "ideal", 2 on carom tables).
+                world without pockets; a shot ends after 10 s), "pooltool_carom" (carom with elastic balls, the
+                setting of the reference shots made with pooltool) or "sum_to_three" (the small table of pooltool's
+                game of that name).
+            n_object_balls: Number of object balls; None for the usual one (2 on carom tables, 1 elsewhere).
 
         Returns:
             The scene.
@@ -397,12 +398,20 @@ def _pooltool_carom(n_balls: int) -> Scene:
     return dataclasses.replace(_carom(n_balls), physics=physics)
 
 
+def _sum_to_three(n_balls: int) -> Scene:
+    # pooltool's game of that name, as LightZero plays it (Niu et al. 2023; zoo/pooltool).
+    physics = dataclasses.replace(_pooltool_carom(n_balls).physics, mu_slide=0.5, mu_cushion=0.5)
+    return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
+
+
+# To add a scene: write its builder, name it here, and say in `Scene.named` what it is.
 # name: (builder, usual number of object balls, largest)
 _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "pool": (_pool, 1, 15),
     "carom": (_carom, 2, 15),
     "ideal": (_ideal, 1, 500),
     "pooltool_carom": (_pooltool_carom, 2, 15),
+    "sum_to_three": (_sum_to_three, 1, 15),
 }
 SCENES = tuple(_NAMED)
 

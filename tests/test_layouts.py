@@ -89,7 +89,7 @@ def test_racks_are_accepted_and_the_cue_ball_is_behind_the_head_string(scene, n_
     check_positions(scene, positions)
     cue = positions[:, 0]
     assert np.all(cue[:, 0] <= -scene.table.length / 4)
-    assert np.ptp(cue[:, 0]) > 0.2 * scene.table.length
+    assert np.ptp(cue[:, 0]) > 0.84 * (scene.table.length / 4 - scene.balls.radius[0])
     assert np.ptp(cue[:, 1]) > 0.7 * scene.table.width
 
 

@@ -50,7 +50,9 @@ def test_the_defaults_are_a_nine_foot_table_and_the_measured_constants():
     )
 
 
-@pytest.mark.parametrize(("name", "usual"), [("pool", 1), ("carom", 2), ("ideal", 1), ("pooltool_carom", 2)])
+@pytest.mark.parametrize(
+    ("name", "usual"), [("pool", 1), ("carom", 2), ("ideal", 1), ("pooltool_carom", 2), ("sum_to_three", 1)]
+)
 def test_named_scenes_have_their_usual_number_of_balls(name, usual):
     assert Scene.named(name).n_balls == len(Scene.named(name).balls) == usual + 1
     assert Scene.named(name, 0).n_balls == 1
@@ -77,6 +79,16 @@ def test_carom_scenes_have_a_match_table_without_pockets():
     assert pooltool.physics.spin_decay == pytest.approx(5 * 0.013666666666666666 * 9.81 / (2 * 0.03075))
 
 
+def test_sum_to_three_has_the_small_table_of_pooltool():
+    scene = Scene.named("sum_to_three")
+    assert scene.table == Table(1.22, 0.61, 0.036576)
+    assert scene.balls == Balls.uniform(2, 0.03048, 0.21)
+    p = scene.physics
+    assert (p.motion, p.cushion, p.g) == ("sliding", "han2005", 9.81)
+    assert (p.mu_slide, p.mu_roll, p.e_ball, p.e_cushion, p.mu_cushion) == (0.5, 0.01, 1.0, 0.85, 0.5)
+    assert p.spin_decay == pytest.approx(5 * (4 / 9) * 9.81 / 2)
+
+
 def test_the_ideal_scene_loses_no_energy_and_has_a_horizon():
     physics = Scene.named("ideal").physics
     assert (physics.motion, physics.cushion, physics.e_ball, physics.e_cushion) == ("ideal", "restitution", 1.0, 1.0)
@@ -86,7 +98,8 @@ def test_the_ideal_scene_loses_no_energy_and_has_a_horizon():
 @pytest.mark.parametrize(
     ("name", "count", "message"),
     [
-        ("pol", None, "scene = 'pol': expected one of 'pool', 'carom', 'ideal', 'pooltool_carom' (did you mean 'pool'"),
+        ("pol", None, "scene = 'pol': expected one of 'pool', 'carom', 'ideal', 'pooltool_carom', "),
+        ("pol", None, "'sum_to_three' (did you mean 'pool'?)"),
         ("snooker", None, "scene = 'snooker': expected one of"),
         ("pool", 16, "n_object_balls = 16: expected a whole number from 0 to 15 for scene 'pool'"),
         ("pool", -1, "n_object_balls = -1: expected a whole number"),

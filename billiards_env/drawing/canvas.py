@@ -112,6 +112,7 @@ class Canvas:
         compare: Recording | None = None,
         arrow: bool = True,
         only_last: bool = False,
+        circles: Sequence[tuple[float, float, float]] = (),
     ) -> Iterator[Surface]:
         """Draws a shot in motion, a frame for each of `frame_times`.
 
@@ -123,6 +124,7 @@ class Canvas:
             compare: Another run of the same shot, whose balls are drawn as rings.
             arrow: Whether to show the cue ball's velocity at the start.
             only_last: Whether to draw the last frame alone; it is the same as that of the whole film.
+            circles: What to mark on the cloth: x, y and radius, m.
 
         Yields:
             The frame, valid until the next is asked for.
@@ -138,6 +140,10 @@ class Canvas:
         times = frame_times(duration, fps)
         n = self.scene.n_balls
         base, frame = self.table.copy(), self.table.copy()
+        for x, y, radius in circles:
+            angles = np.linspace(0.0, 2 * np.pi, 97)
+            rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
+            self.draw_path(base, self.pixels_of(rim), INK, dotted=False)
         if arrow and recording.gone[0] > 0:
             first = int(np.flatnonzero(recording.ball == 0)[0])
             self.draw_arrow(base, 0, recording.position[first], recording.velocity[first])

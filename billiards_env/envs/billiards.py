@@ -17,12 +17,18 @@ from billiards_env import layouts
 from billiards_env.engine import STATUS, ShotInput, check_mode
 from billiards_env.engine.log import CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
-from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, shorten
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, cue_ball_alone, shorten
+from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
 from billiards_env.scene import Scene, check_positions, choose
 
 # The layout a game of each task opens with.
-_OPENING = {"pot": "rack", "carom": "carom_opening"}
+_OPENING = {
+    "pot": "rack",
+    "carom": "carom_opening",
+    "three_cushion": "carom_opening",
+    "sum_to_three": "line",
+    "place": "random",
+}
 
 _ONE = np.ones(1, np.bool_)
 _NONE = np.zeros(1, np.bool_)
@@ -46,12 +52,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
 
-    `Box(-1, 1, (2 * n_balls,), float32)`: where the balls are, the cue ball first.
+    `Box(-1, 1, (2 * n_balls,), float32)`: where the balls are, the cue ball first. Some arguments append to it:
 
     | Num     | Observation                                               | Min | Max |
     |---------|-----------------------------------------------------------|-----|-----|
     | 2 i     | x of ball i over half the table's length                  | -1  | 1   |
     | 2 i + 1 | y of ball i over half the table's width                   | -1  | 1   |
+    | next 2  | with `task="place"`: x and y of the goal, likewise        | -1  | 1   |
     | last    | with `observe_shots_left`: share of the shots still to do | 0   | 1   |
 
     The table's centre is (0, 0). A potted ball is seen at its pocket, clipped to the box; no ball on the table can be
@@ -63,6 +70,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `task="pot"`: a point for each object ball potted. Balls of infinite mass are obstacles, not object balls.
     - `task="carom"`: a point if the cue ball touches every object ball in this shot and does not scratch.
+    - `task="three_cushion"`: the same, if the cue ball has made at least three cushion contacts when it first touches
+      the last of them.
+    - `task="sum_to_three"`: a point if the cue ball touches the object ball and both together make exactly three
+      cushion contacts in this shot, before the hit or after it.
+    - `task="place"`: a point if the cue ball touches an object ball, does not scratch and comes to rest within 0.15 m
+      of the goal. Once no object ball is left on the table, or in a scene without any, none has to be touched.
 
     The penalty is small by default: under a large one an agent learns to keep clear of the pockets before it has
     learned to use them.
@@ -78,8 +91,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis.
 
+    Then, for `task="place"`, the goal is drawn: any place where the cue ball, alone on the table, can lie, uniformly.
+    It stays for the episode.
+
     `reset(options={"positions": [[x, y], ...]})` places the balls by hand, a row a ball, in metres from the
-    table's centre.
+    table's centre, and `options={"goal": [x, y]}` the goal.
 
     ## Episode End
 
@@ -87,7 +103,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     task, so the environment never truncates.
 
     - `task="pot"` is decided when all object balls are potted, or the cue ball is. A potted object ball stays out.
-    - `task="carom"` goes on after a point as after a miss; on a table with pockets any potted ball decides it.
+    - `task="carom"` and `task="three_cushion"` go on after a point as after a miss; on a table with pockets any potted
+      ball decides them.
+    - `task="sum_to_three"` is never decided before its last shot.
+    - `task="place"` is decided when the point is made, or the cue ball potted.
 
     ## Info
 
@@ -105,7 +124,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `points` | int | points of this shot |
     | `score` | int | points of the episode so far |
     | `shots_left` | int | shots still allowed |
-    | `success` | bool | `pot`: all object balls potted, no scratch; `carom`: at least one point so far |
+    | `success` | bool | `pot`: all object balls potted, no scratch; other tasks: at least one point so far |
     | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
 
     A shot that meets the engine's limit on events raises a `RuntimeWarning` as well; no ordinary shot does.
@@ -132,7 +151,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | Argument | Type | Default | Description |
     |---|---|---|---|
     | `scene` | str or dict | `"pool"` | name of a scene, or a scene in the form of `Scene.to_dict()` |
-    | `task` | str | `"pot"` | `"pot"` (needs pockets) or `"carom"` |
+    | `task` | str | `"pot"` | `"pot"` (needs pockets), `"carom"`, `"three_cushion"`, `"sum_to_three"` (one object ball,
+      no pockets) or `"place"` |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
     | `mode` | str | `"pic"` | the engine: `"pic"` (exact) or `"pit"` (fixed timestep) |
     | `dt` | float or None | `None` | the timestep of `"pit"`, s; `"pic"` has none |
@@ -144,8 +164,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scratch_penalty` | float | `0.1` | what a scratch costs |
     | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
 
-    The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1) and
-    `"pooltool_carom"` (2). The game's own layout is `"rack"` for `pot` and `"carom_opening"` for `carom`.
+    The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1),
+    `"pooltool_carom"` (2) and `"sum_to_three"` (1). The game's own layout is `"rack"` for `pot`, `"carom_opening"` for
+    `carom` and `three_cushion`, `"line"` for `sum_to_three` and `"random"` for `place`.
 
     ## Rendering
 
@@ -209,13 +230,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
 
-        n = self.scene.n_balls
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
-        low = np.full(2 * n + self.observe_shots_left, -1.0, np.float32)
-        low[2 * n :] = 0.0
-        self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
-
         self._tables = self.tables(1)
+        places = 2 * (self.scene.n_balls + self._tables.goals.shape[1])
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        low = np.full(places + self.observe_shots_left, -1.0, np.float32)
+        low[places:] = 0.0
+        self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._rewards = np.empty(1)
         self._size = len(low)
 
@@ -243,6 +263,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """(n,) the balls off the table, a copy."""
         return ~self._tables.shots.in_play[0]
 
+    @property
+    def goals(self) -> NDArray[np.float64]:
+        """(g, 2) the goals, m, a copy: one in the task "place", none in the others."""
+        return self._tables.goals[0].copy()
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -250,7 +275,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Args:
             seed: Seeds the generator that draws the layouts; the same seed gives the same episode bit for bit.
-            options: None or {"positions": (n, 2) positions in m}, to place the balls by hand instead.
+            options: None or a dict with any of "positions": (n, 2) places of the balls, m, and, in the task "place",
+                "goal": (2,) m; what is given is not drawn.
 
         Returns:
             The observation, as in the class's docstring, and an empty info.
@@ -259,14 +285,16 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: If an option is unknown or the balls cannot be placed so.
             TypeError: If the options are no mapping.
         """
-        placed = placed_by_hand(self.scene, options)
+        placed, goal = placed_by_hand(self.scene, self.task, options)
         super().reset(seed=seed)
         tables = self._tables
         tables.shots.positions[0] = layouts.draw_one(tables.plan, self.np_random) if placed is None else placed
+        if tables.goal_plan is not None:
+            tables.goals[0] = layouts.draw_one(tables.goal_plan, self.np_random) if goal is None else goal
         observation = np.empty(self._size, np.float32)
         tables.start(0, 1, _ONE, observation[None])
         if self._renderer is not None:
-            self._renderer.begin([layout(tables.shots.positions[0], self.task)])
+            self._renderer.begin([layout(tables.shots.positions[0], self.task, circles=goal_circles(tables.goals[0]))])
         return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
@@ -313,13 +341,19 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "is_success": success == 1,
         }
         if self._renderer is not None:
-            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0])])
+            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0], self.goals)])
         return observation, reward.item(), tables.over.item(), False, info
 
     def shown(
-        self, tables: Tables, k: int, action: NDArray[np.float64], reward: float, tally: NDArray[np.int64]
+        self,
+        tables: Tables,
+        k: int,
+        action: NDArray[np.float64],
+        reward: float,
+        tally: NDArray[np.int64],
+        goals: NDArray[np.float64],
     ) -> Shown:
-        """The last shot of table k, to be drawn; `action`, `reward` and `tally` are its own."""
+        """The last shot of table k, to be drawn; `action`, `reward`, `tally` and `goals` are its own."""
         n = self.scene.n_balls
         velocities = np.zeros((n, 2))
         velocities[0] = cue_velocity(action, self.max_speed)
@@ -328,7 +362,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         given = ShotInput(tables.starts[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
         done = self.max_shots - int(tally[SHOTS_LEFT])
         left = f"{self.task}   shot {done} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}")
+        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}", goal_circles(goals))
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Shows the shots, as the class's docstring says.
@@ -393,8 +427,13 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     """
     choose("task", task, tuple(TASKS))
     targets = np.arange(scene.n_balls) > 0
-    if not targets.any():
+    if task != "place" and not targets.any():
         raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
+    if task == "sum_to_three" and (scene.n_balls != 2 or scene.table.pockets):
+        raise ValueError(
+            f"task = 'sum_to_three' with {scene.n_balls - 1} object balls and {len(scene.table.pockets)} pockets: "
+            "expected one object ball and a table without pockets, such as scene 'sum_to_three'"
+        )
     if task == "pot":
         if not scene.table.pockets:
             raise ValueError(
@@ -407,36 +446,52 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
 
 
 def placed_by_hand(
-    scene: Scene, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
-) -> NDArray[np.float64] | None:
-    """The positions that the options of a reset give, checked, or None if they give none.
+    scene: Scene, task: str, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """The places that the options of a reset give, checked.
 
     Args:
         scene: The scene.
+        task: The task; "place" alone has goals.
         options: The options.
-        mask: None for one table; for m tables (m,) bool, those whose positions count.
+        mask: None for one table; for m tables (m,) bool, those whose places count.
 
     Returns:
-        (n, 2) or (m, n, 2) positions, m.
+        (n, 2) or (m, n, 2) positions of the balls, m, or None if the options give none, and (1, 2) or (m, 1, 2) goals,
+        m, or None.
 
     Raises:
-        ValueError: If an option is unknown or the balls cannot be placed so.
+        ValueError: If an option is unknown or the balls or goals cannot be placed so.
         TypeError: If the options are no mapping.
     """
     if options is None:
-        return None
+        return None, None
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {options!r}: expected a dict")
     for key in options:
-        choose("key of options", key, ("positions",))
-    if "positions" not in options:
-        return None
-    expected = (scene.n_balls, 2) if mask is None else (len(mask), scene.n_balls, 2)
-    shape = np.shape(options["positions"])
-    if shape != expected:
-        raise ValueError(f"options['positions'] has shape {shape}: expected {expected}, a row a ball")
-    in_play = None if mask is None else np.broadcast_to(mask[:, None], expected[:2])
-    return check_positions(scene, options["positions"], "options['positions']", in_play)
+        choose("key of options", key, ("positions", "goal") if task == "place" else ("positions",))
+    tables = () if mask is None else (len(mask),)
+    positions = goals = None
+    if "positions" in options:
+        expected = (*tables, scene.n_balls, 2)
+        shape = np.shape(options["positions"])
+        if shape != expected:
+            raise ValueError(f"options['positions'] has shape {shape}: expected {expected}, a row a ball")
+        in_play = None if mask is None else np.broadcast_to(mask[:, None], expected[:2])
+        positions = check_positions(scene, options["positions"], "options['positions']", in_play)
+    if "goal" in options:
+        shape = np.shape(options["goal"])
+        if shape != (*tables, 2):
+            raise ValueError(f"options['goal'] has shape {shape}: expected {(*tables, 2)}, one a table")
+        counts = None if mask is None else mask[:, None]
+        goals = np.reshape(options["goal"], (*tables, 1, 2))
+        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a place of the cue ball", counts)
+    return positions, goals
+
+
+def goal_circles(goals: NDArray[np.float64]) -> list[tuple[float, float, float]]:
+    """Within what the cue ball has to come to rest: x, y and radius, m, for each of the (g, 2) goals."""
+    return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
 
 
 def check_action(action: ArrayLike) -> NDArray[np.float64]:

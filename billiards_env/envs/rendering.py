@@ -39,27 +39,35 @@ class Shown(NamedTuple):
         given: What it is run from; it is not written to.
         left: A line of text shown throughout.
         right: A line shown towards the shot's end.
+        circles: What is marked on the cloth: x, y and radius, m.
     """
 
     given: ShotInput
     left: str
     right: str = ""
+    circles: Sequence[tuple[float, float, float]] = ()
 
 
-def layout(positions: NDArray[np.float64], left: str, in_play: NDArray[np.bool_] | None = None) -> Shown:
+def layout(
+    positions: NDArray[np.float64],
+    left: str,
+    in_play: NDArray[np.bool_] | None = None,
+    circles: Sequence[tuple[float, float, float]] = (),
+) -> Shown:
     """How the balls lie before a shot.
 
     Args:
         positions: (n, 2) m; copied.
         left: A line of text.
         in_play: (n,) bool; None for all balls.
+        circles: As in `Shown`.
 
     Returns:
         What `Renderer` takes.
     """
     n = len(positions)
     playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
-    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left)
+    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles)
 
 
 class Renderer:
@@ -138,9 +146,9 @@ class Renderer:
         if self._canvas is None:
             self._canvas = Canvas(self._scene, WIDTH if len(tables) == 1 else WIDTH_OF_MANY)
         films = []
-        for given, left, right in tables:
+        for given, left, right, circles in tables:
             recording = run_checked(self._scene, given, *self._engine, record=True).recording()
-            films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last))
+            films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
         return films[0] if len(films) == 1 else side_by_side(films)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,10 +10,10 @@ from numpy.typing import NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import MAX_EVENTS, empty_shots, run_batch, scene_arrays
-from billiards_env.engine.log import CUSHIONS_BEFORE_HIT
+from billiards_env.engine.log import CUSHIONS, CUSHIONS_BEFORE_HIT
 from billiards_env.envs.tasks import TASKS, judge
 from billiards_env.physics.jit import entry_point, kernel
-from billiards_env.scene import Scene
+from billiards_env.scene import Balls, Scene
 
 # Columns of `tally`, an episode's counters.
 POINTS, SCORE, SHOTS_LEFT, SUCCESS = 0, 1, 2, 3
@@ -32,6 +33,9 @@ class Tables:
         starts: (m, n, 2) float64, m: where the balls were before the last shot.
         potted_before: (m, n) bool: the balls that were off the table before it.
         plan: The layout that episodes start from.
+        goals: (m, g, 2) float64, m: the places that the task is about, see `envs.tasks`.
+        goal_plan: Where goals are drawn: anywhere that the cue ball, alone on the table, can lie; None if the task has
+            no goal.
     """
 
     def __init__(
@@ -52,6 +56,8 @@ class Tables:
         self.over = np.ones(count, np.bool_)
         self.starts = np.zeros((count, n, 2))
         self.plan = plan
+        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task == "place" else None
+        self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
         self._mode = mode
         self._arrays = scene_arrays(scene, dt, fix)
@@ -61,9 +67,32 @@ class Tables:
         self._max_shots = max_shots
         self._half = scene.table.length / 2, scene.table.width / 2
 
-    def draw(self, begin: int, end: int, wanted: NDArray[np.bool_], rows: NDArray[np.uint64]) -> None:
-        """Draws the balls' places on the wanted tables, from the (m, 4) streams `rows`."""
-        layouts.draw_tables(self.plan, begin, end, wanted, rows, self.shots.positions)
+    def draw(
+        self,
+        begin: int,
+        end: int,
+        wanted: NDArray[np.bool_],
+        rows: NDArray[np.uint64],
+        balls: bool = True,
+        goals: bool = True,
+    ) -> None:
+        """Draws where the balls lie, then the goals if the task has any.
+
+        Args:
+            begin: First table.
+            end: One past the last.
+            wanted: (m,) the tables to draw for.
+            rows: (m, 4) their streams, which move on.
+            balls: Whether to draw the balls' places.
+            goals: Whether to draw the goals.
+
+        Raises:
+            ValueError: If a ball finds no room.
+        """
+        if balls:
+            layouts.draw_tables(self.plan, begin, end, wanted, rows, self.shots.positions)
+        if goals and self.goal_plan is not None:
+            layouts.draw_tables(self.goal_plan, begin, end, wanted, rows, self.goals)
 
     def start(self, begin: int, end: int, wanted: NDArray[np.bool_], observations: NDArray[np.float32]) -> None:
         """Starts episodes on the wanted tables with the balls where they have been put, and observes all tables.
@@ -74,8 +103,20 @@ class Tables:
             wanted: (m,) the tables whose episodes start.
             observations: (m, size) float32 out.
         """
-        positions, in_play = self.shots.positions, self.shots.in_play
-        start(begin, end, wanted, positions, in_play, self.tally, self.over, self._max_shots, *self._half, observations)
+        shots = self.shots
+        start(
+            begin,
+            end,
+            wanted,
+            shots.positions,
+            self.goals,
+            shots.in_play,
+            self.tally,
+            self.over,
+            self._max_shots,
+            *self._half,
+            observations,
+        )
 
     def shoot(
         self,
@@ -111,6 +152,7 @@ class Tables:
             still,
             self._task,
             self._targets,
+            self.goals,
             scratch_penalty,
             shots.positions,
             shots.in_play,
@@ -126,6 +168,11 @@ class Tables:
         )
 
 
+def cue_ball_alone(scene: Scene) -> Scene:
+    """The scene without its object balls."""
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
+
+
 @kernel
 def shorten(x, y, max_speed):
     """The velocity of an action (x, y): shortened to the unit disc, times `max_speed`."""
@@ -138,14 +185,17 @@ def shorten(x, y, max_speed):
 
 
 @kernel
-def observe(k, positions, tally, max_shots, half_length, half_width, observations):
-    """Observes table k: places as shares of the half table and, if there is room for it, the share of shots left."""
-    n = positions.shape[1]
+def observe(k, positions, goals, tally, max_shots, half_length, half_width, observations):
+    """Observes table k: balls and goals as shares of the half table and, if there is room, the share of shots left."""
+    n, n_goals = positions.shape[1], goals.shape[1]
     for i in range(n):
         observations[k, 2 * i] = min(max(positions[k, i, 0] / half_length, -1.0), 1.0)
         observations[k, 2 * i + 1] = min(max(positions[k, i, 1] / half_width, -1.0), 1.0)
-    if observations.shape[1] > 2 * n:
-        observations[k, 2 * n] = tally[k, SHOTS_LEFT] / max_shots
+    for i in range(n_goals):
+        observations[k, 2 * (n + i)] = goals[k, i, 0] / half_length
+        observations[k, 2 * (n + i) + 1] = goals[k, i, 1] / half_width
+    if observations.shape[1] > 2 * (n + n_goals):
+        observations[k, 2 * (n + n_goals)] = tally[k, SHOTS_LEFT] / max_shots
 
 
 @entry_point
@@ -154,6 +204,7 @@ def start(
     end,
     wanted,
     positions,
+    goals,
     in_play,
     tally,
     over,
@@ -170,7 +221,7 @@ def start(
             tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
             tally[k, SHOTS_LEFT] = max_shots
             over[k] = False
-        observe(k, positions, tally, max_shots, half_length, half_width, observations)
+        observe(k, positions, goals, tally, max_shots, half_length, half_width, observations)
 
 
 @entry_point
@@ -195,6 +246,7 @@ def settle(
     still,
     task,
     targets,
+    goals,
     scratch_penalty,
     positions,
     in_play,
@@ -210,13 +262,15 @@ def settle(
     observations,
 ):
     """What the shots were worth, and what is seen after them; see `Tables.shoot`."""
-    cushions_before_hit = hits[:, :, CUSHIONS_BEFORE_HIT]
+    cushions, cushions_before_hit = hits[:, :, CUSHIONS], hits[:, :, CUSHIONS_BEFORE_HIT]
     for k in range(begin, end):
         for i in range(in_play.shape[1]):
             potted[k, i] = not in_play[k, i]
         rewards[k] = 0.0
         if not still[k]:
-            points, decided, success = judge(task, k, targets, potted_before, potted, cushions_before_hit)
+            points, decided, success = judge(
+                task, k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions
+            )
             tally[k, POINTS] = points
             tally[k, SCORE] += points
             tally[k, SHOTS_LEFT] -= 1
@@ -224,4 +278,4 @@ def settle(
                 tally[k, SUCCESS] = 1
             over[k] = decided or tally[k, SHOTS_LEFT] == 0
             rewards[k] = points - scratch_penalty if potted[k, 0] else float(points)
-        observe(k, positions, tally, max_shots, half_length, half_width, observations)
+        observe(k, positions, goals, tally, max_shots, half_length, half_width, observations)

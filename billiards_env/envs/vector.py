@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env import streams
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
-from billiards_env.envs.billiards import BilliardsEnv, placed_by_hand, warn_cut_off
+from billiards_env.envs.billiards import BilliardsEnv, goal_circles, placed_by_hand, warn_cut_off
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import POINTS, SCORE, SHOTS_LEFT, SUCCESS
 from billiards_env.scene import choose
@@ -36,8 +36,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     the episodes of a `BilliardsEnv` that is seeded alike; `reset(seed=7)` seeds it with `7 + i`, a list gives each its
     own seed.
 
-    `reset(options={"positions": ...})` takes `(num_envs, n, 2)` places in metres from the table's centre, and
-    `options={"reset_mask": ...}`, `(num_envs,)` bool, resets these environments only.
+    `reset(options={"positions": ...})` takes `(num_envs, n, 2)` places in metres from the table's centre, "goal" in the
+    task "place" `(num_envs, 2)`, and `options={"reset_mask": ...}`, `(num_envs,)` bool, resets these environments only.
 
     What happens when an episode ends is one of Gymnasium's autoreset modes:
 
@@ -122,6 +122,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """(num_envs, n) the balls off the table, a copy."""
         return ~self._tables.shots.in_play
 
+    @property
+    def goals(self) -> NDArray[np.float64]:
+        """(num_envs, g, 2) the goals, m, a copy: one a table in the task "place", none in the others."""
+        return self._tables.goals.copy()
+
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -129,8 +134,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         Args:
             seed: Environment i is seeded with `seed + i`, or with entry i of a sequence; None seeds none anew.
-            options: None or a dict with any of "positions": (num_envs, n, 2) places of the balls, m, and "reset_mask":
-                (num_envs,) bool array, the environments to reset; the others are neither reset nor seeded.
+            options: None or a dict with any of "positions": (num_envs, n, 2) places of the balls, m, "goal":
+                (num_envs, 2) m, in the task "place", and "reset_mask": (num_envs,) bool array, the environments to
+                reset; the others are neither reset nor seeded.
 
         Returns:
             (num_envs, size) observations of all environments, and an empty info.
@@ -145,7 +151,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if isinstance(options, dict) and "reset_mask" in options:
             mask = self._checked_mask(options["reset_mask"])
             options = {key: value for key, value in options.items() if key != "reset_mask"}
-        placed = placed_by_hand(self.single_env.scene, options, mask)
+        placed, goals = placed_by_hand(self.single_env.scene, self.single_env.task, options, mask)
         if not (self._begun | mask).all():
             raise ResetNeeded("reset_mask leaves out environments that have never been reset: reset all of them first")
         if seeds is not None:
@@ -157,11 +163,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         tables = self._tables
         if placed is not None:
             tables.shots.positions[mask] = placed[mask]
+        if goals is not None:
+            tables.goals[mask] = goals[mask]
         observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
-            if placed is None:
-                tables.draw(begin, end, mask, self._rows)
+            tables.draw(begin, end, mask, self._rows, balls=placed is None, goals=goals is None)
             tables.start(begin, end, mask, observations)
 
         spread(work, self.num_envs, self.threads)
@@ -201,6 +208,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         at_once = self.autoreset_mode is AutoresetMode.SAME_STEP
         rewards, potted, seen = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
         over, tally = np.empty(m, np.bool_), np.empty_like(tables.tally)
+        goals = tables.goals[: self._n_shown()].copy()
         observations = self._new_observations() if at_once else seen
 
         def work(begin: int, end: int) -> None:
@@ -218,7 +226,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k])
+                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k], goals[k])
                     for k in range(self._n_shown())
                 ]
             )
@@ -260,7 +268,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def _layout(self, k: int) -> Shown:
         shots = self._tables.shots
-        return layout(shots.positions[k], self.single_env.task, shots.in_play[k])
+        circles = goal_circles(self._tables.goals[k])
+        return layout(shots.positions[k], self.single_env.task, shots.in_play[k], circles)
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._tables.shots

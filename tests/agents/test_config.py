@@ -1,8 +1,16 @@
+import dataclasses
+import inspect
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+import torch
 
-from agents.config import PPO, Config, load
+from agents.config import PPO, Config, Frame, Noise, load
+from agents.ppo import make_env, make_model, make_vec_env
+from billiards_env.envs import wrappers
+from billiards_env.envs.tasks import TASKS
 
 CONFIGS = sorted(Path(__file__).parents[2].glob("configs/ppo/*.yaml"))
 
@@ -32,6 +40,14 @@ def test_arguments_of_the_environment_left_out_are_filled_in():
         ({"timesteps": 1, "policy": {"hiden": [8]}}, r"key of policy = 'hiden'.*did you mean 'hidden'"),
         ({"timesteps": 1, "env": {"max_shot": 2}}, r"key of env = 'max_shot'.*did you mean 'max_shots'"),
         ({"timesteps": 1, "env": {"render_mode": "human"}}, "key of env = 'render_mode'"),
+        ({"timesteps": 1, "frame": {"nam": "cut"}}, r"key of frame = 'nam'.*did you mean 'name'"),
+        ({"timesteps": 1, "frame": {}}, "frame.name is missing"),
+        ({"timesteps": 1, "frame": {"name": "cot"}}, "frame.name = 'cot': .*did you mean 'cut'"),
+        ({"timesteps": 1, "frame": {"name": "cut", "least_speed": -1}}, "frame.least_speed = -1.0: expected a number"),
+        ({"timesteps": 1, "noise": {"angle": 1.0}}, "key of noise = 'angle'.*did you mean 'angle_std'"),
+        ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "noise.speed_std = -0.1: expected a number >= 0"),
+        ({"timesteps": 1, "noise": {"speed_std": float("inf")}}, "noise.speed_std = inf: expected a finite number"),
+        ({"timesteps": 1, "ppo": {"target_kl": float("nan")}}, "ppo.target_kl = nan: expected a finite number"),
         ({"seed": 1}, "timesteps is missing"),
         ({"timesteps": 0}, r"timesteps = 0: expected a number >= 1"),
         ({"timesteps": 1, "seed": -1}, r"seed = -1: expected a number >= 0"),
@@ -61,6 +77,10 @@ def test_unknown_keys_and_impossible_values_are_refused_by_name(data, message):
         ({"timesteps": 1, "ppo": {"gamma": True}}, "ppo.gamma = True: expected a number, not bool"),
         ({"timesteps": 1, "ppo": {"gamma": None}}, "ppo.gamma = None: expected a number, not NoneType"),
         ({"timesteps": 1, "ppo": [1]}, r"ppo = \[1\]: expected a mapping"),
+        ({"timesteps": 1, "frame": "cut"}, "frame = 'cut': expected a mapping"),
+        ({"timesteps": 1, "frame": {"name": "cut", "ball": 1.0}}, "frame.ball = 1.0: expected text, not float"),
+        ({"timesteps": 1, "frame": {"name": "cut", "ball": None}}, "frame.ball = None: expected text, not NoneType"),
+        ({"timesteps": 1, "noise": {"angle_std": "some"}}, "noise.angle_std = 'some': expected a number, not str"),
         ({"timesteps": 1, "env": ["pool"]}, r"env = \['pool'\]: expected a mapping, not list"),
         ({"timesteps": 1, "policy": {"hidden": 64}}, "policy.hidden = 64: expected a list, not int"),
         ({"timesteps": 1, "policy": {"hidden": [64, "x"]}}, r"policy.hidden\[1\] = 'x': expected a whole number"),
@@ -78,6 +98,8 @@ def test_yaml_is_read_back_as_it_was_written(tmp_path):
             "timesteps": 1000,
             "seed": 3,
             "env": {"n_object_balls": 2},
+            "frame": {"name": "cut", "ball": 2},
+            "noise": {"angle_std": 1},
             "policy": {"hidden": [32, 16], "activation": "relu"},
             "ppo": {"final_learning_rate": 1e-5, "n_steps": 8},
         }
@@ -85,6 +107,7 @@ def test_yaml_is_read_back_as_it_was_written(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(config.to_yaml())
     assert load(path) == config
+    assert (config.frame, config.noise) == (Frame(name="cut", ball=2), Noise(angle_std=1.0))
 
 
 def test_a_file_that_is_no_yaml_is_refused(tmp_path):
@@ -102,5 +125,64 @@ def test_yaml_that_would_run_code_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_the_configurations_that_come_along_are_valid(path):
-    load(path)
+def test_the_configurations_that_come_along_train(path):
+    config = load(path)
+    short = dataclasses.replace(config, n_envs=8, ppo=dataclasses.replace(config.ppo, n_steps=4, batch_size=16))
+    env, envs = make_env(short), make_vec_env(short)
+    assert env.observation_space == envs.observation_space
+    model = make_model(short, envs)
+    before = [weights.clone() for weights in model.policy.parameters()]
+    model.learn(32)
+    assert any(not torch.equal(old, new) for old, new in zip(before, model.policy.parameters(), strict=True))
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    envs.close()
+
+
+def test_every_task_has_a_configuration():
+    assert {load(path).env["task"] for path in CONFIGS} == set(TASKS)
+
+
+def test_frame_and_noise_default_to_what_the_wrappers_do():
+    frame, noise = Frame(name="cut"), Noise()
+    for mine, wrapper, given in ((frame, wrappers.ActionFrame, ["cut"]), (noise, wrappers.ExecutionNoise, [])):
+        bound = inspect.signature(wrapper).bind(None, *given)
+        bound.apply_defaults()
+        _, *theirs = bound.arguments.values()
+        assert list(dataclasses.astuple(mine)) == theirs
+
+
+def test_both_ways_of_making_environments_give_the_same_shots():
+    config = Config.from_dict(
+        {
+            "timesteps": 1,
+            "n_envs": 3,
+            "env": {"n_object_balls": 2, "max_shots": 4, "max_speed": 2.0},
+            "frame": {"name": "cut", "ball": "first", "least_speed": 1.0},
+            "noise": {"angle_std": 3.0, "speed_std": 0.2},
+            "ppo": {"n_steps": 32, "batch_size": 32},
+        }
+    )
+    plain = dataclasses.replace(config, noise=None)
+    envs, quiet = make_vec_env(config), make_vec_env(plain)
+    singles = [make_env(config) for _ in range(3)]
+    for many in (envs, quiet):
+        many.seed(5)
+    observations: Any = envs.reset()
+    start: Any = quiet.reset()
+    assert np.array_equal(observations, start)
+    assert np.array_equal(observations, [env.reset(seed=5 + i)[0] for i, env in enumerate(singles)])
+    rng = np.random.default_rng(0)
+    for step in range(3):
+        actions = rng.uniform(-1, 1, (3, 2))
+        told: Any = envs.step(actions)
+        observations, rewards, dones, _ = told
+        if step == 0:
+            calm: Any = quiet.step(actions)[0]
+            assert not np.array_equal(observations, calm)
+        for i, env in enumerate(singles):
+            observation, reward, terminated, *_ = env.step(actions[i])
+            assert (float(rewards[i]), dones[i]) == (np.float32(reward), terminated)
+            if terminated:
+                observation, _ = env.reset()
+            assert np.array_equal(observations[i], observation)

@@ -11,7 +11,7 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.config import Config, load
-from agents.evaluate import evaluate, main, play, wilson_interval
+from agents.evaluate import evaluate, main, mean_interval, play, wilson_interval
 from agents.ppo import load_policy, make_env
 from agents.train import open_run, train
 
@@ -39,7 +39,13 @@ class TwoShots(gym.Env):
     def step(self, action):
         self.steps += 1
         over = self.steps == 2
-        return np.full(1, 0.5, np.float32), float(action[0]), over, False, {"success": over and self.even}
+        return (
+            np.full(1, 0.5, np.float32),
+            float(action[0]),
+            over,
+            False,
+            {"success": over and self.even, "score": 3 * self.steps + self.even},
+        )
 
 
 # The interval's ends solve (rate - p)^2 = z^2 p (1 - p) / n for p.
@@ -60,6 +66,17 @@ def test_play_sums_rewards_and_counts_the_successes_of_last_steps():
     assert result["success_rate"] == 0.6
     assert result["mean_reward"] == pytest.approx(0.25 + 0.75)
     assert result["confidence_interval_95"] == list(wilson_interval(3, 5))
+    assert result["mean_score"] == 6.6
+    assert result["score_interval_95"] == pytest.approx([6.6 - 0.48, 6.6 + 0.48], abs=1e-3)
+    assert play(TwoShots(), lambda observation: observation, [2])["score_interval_95"] is None
+
+
+def test_the_interval_of_a_mean_holds_it_nineteen_times_in_twenty():
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(2000):
+        low, high = mean_interval(rng.poisson(1.4, 100).tolist()) or (0.0, 0.0)
+        held += low <= 1.4 <= high
+    assert 0.93 < held / 2000 < 0.97
 
 
 def test_the_evaluation_is_printed_written_and_repeatable(trained, tmp_path, capsys):
@@ -71,6 +88,7 @@ def test_the_evaluation_is_printed_written_and_repeatable(trained, tmp_path, cap
     for name in ("policy", "random"):
         assert written[name]["episodes"] == 20
         assert f"{name:6}  success {written[name]['success_rate']:6.1%}" in printed
+        assert f"score {written[name]['mean_score']:.3f} (" in printed
         assert written[name]["confidence_interval_95"][0] <= written[name]["success_rate"]
     assert evaluate(run_dir) == written
     assert evaluate(run_dir, episodes=30, seed=1)["random"]["episodes"] == 30
@@ -93,6 +111,28 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
     result = evaluate(tmp_path / "run", episodes=200)
     assert result["policy"]["success_rate"] > 0.6
     assert result["random"]["success_rate"] < 0.3
+
+
+def test_a_run_in_a_frame_with_noise_is_trained_and_measured_so(tiny, tmp_path):
+    config = Config.from_dict(
+        tiny(
+            env={"task": "sum_to_three", "scene": "sum_to_three", "layout": "line", "max_shots": 10, "max_speed": 4.2},
+            frame={"name": "sum_to_three"},
+            noise={"angle_std": 1.0, "speed_std": 0.1},
+        )
+    )
+    run, resumed = tmp_path / "run", tmp_path / "resumed"
+    open_run(config, run)
+    train(config, run)
+    shutil.copytree(run, resumed)
+    (resumed / "model.zip").unlink()
+    train(config, resumed)  # from the checkpoint
+    weights = [load_policy(path / "model.zip", config, make_env(config)).state_dict() for path in (run, resumed)]
+    assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
+    result = evaluate(run, episodes=200)
+    low, high = result["random"]["score_interval_95"]
+    assert low < 1.36 < high
+    assert result["random"]["mean_score"] == result["random"]["mean_reward"]
 
 
 def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):

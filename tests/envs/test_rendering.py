@@ -17,6 +17,7 @@ from billiards_env import Scene
 from billiards_env import envs as billiards_envs
 from billiards_env.envs import RecordVideo
 from billiards_env.envs.rendering import FPS, RENDER_MODES
+from billiards_env.envs.tasks import PLACE_RADIUS
 
 make: Any = gym.make  # what `render` returns depends on the render mode
 make_vec: Any = gym.make_vec
@@ -159,6 +160,35 @@ def test_text_is_drawn_for_every_task(monkeypatch):
     assert lines[0] == ("pot", "")
     assert lines[1] == ("pot   shot 1 of 3   1.98 m/s", "reward 1   score 1")
     assert lines[2] == ("carom   shot 1 of 2   4.00 m/s", "reward 0   score 0")
+
+
+@pytest.mark.parametrize("autoreset_mode", ["SameStep", "NextStep"])
+def test_the_goal_is_marked_where_it_is(autoreset_mode, monkeypatch):
+    from billiards_env.drawing.canvas import Canvas
+
+    drawn, film = [], Canvas.film
+
+    def spy(self, *args, circles=(), **kwargs):
+        drawn.append(circles)
+        return film(self, *args, circles=circles, **kwargs)
+
+    monkeypatch.setattr(Canvas, "film", spy)
+    env = BilliardsEnv(task="place", render_mode="rgb_array")
+    envs = make_vec("Billiards-v0", 2, autoreset_mode=autoreset_mode, task="place", render_mode="rgb_array")
+    env.reset(seed=0)
+    envs.reset(seed=0)
+    goals = [[(*place[0], PLACE_RADIUS)] for place in envs.unwrapped.goals.tolist()]
+    assert [(*env.goals[0].tolist(), PLACE_RADIUS)] == goals[0]
+    empty = env.render()
+    envs.render()
+    env.step(SLOWLY)
+    envs.step([SLOWLY, SLOWLY])
+    env.render()
+    envs.render()
+    assert drawn == [goals[0], *goals] * 2
+    drawn.clear()
+    env.reset(seed=0, options={"goal": (env.goals[0] * [-1, 1]).tolist()})
+    assert not np.array_equal(env.render(), empty)
 
 
 def test_human_shows_a_shot_at_its_speed(pygame, monkeypatch):

@@ -1,18 +1,30 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
-from billiards_env.envs.tasks import CAROM, POT, TASKS, carom, judge, pot
+from billiards_env.envs.tasks import PLACE_RADIUS, TASKS, carom, judge, place, pot, sum_to_three, three_cushion
 
 NONE = np.zeros(3, bool)
 BOTH = np.array([False, True, True])
+GOAL = (0.3, -0.2)
+SAMPLE: dict[str, Any] = {
+    "before": NONE,
+    "after": NONE,
+    "cushions": (0, 0, 0),
+    "before_hit": (-1, -1, -1),
+    "cue": (9.0, 9.0),
+}
 
 
-def one(task, targets, before, after, cushions_before_hit):
+def one(task, targets=BOTH, **changes: Any):
     """What the last of three shots is worth, the others being other ones."""
-    told = np.ones((3, 3), np.bool_), ~np.ones((3, 3), np.bool_), np.full((3, 3), 7)
-    for batch, row in zip(told, (before, after, cushions_before_hit), strict=True):
-        batch[2] = row
-    return task(2, targets, *told)
+    shot = {**SAMPLE, **changes}
+    goals, before, after = np.full((3, 1, 2), 9.0), np.ones((3, 3), np.bool_), np.zeros((3, 3), np.bool_)
+    cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
+    goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
+    cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
+    return task(2, targets, goals, before, after, cushions, before_hit, positions)
 
 
 def balls(*numbers):
@@ -33,35 +45,108 @@ def balls(*numbers):
     ],
 )
 def test_pot(before, after, points, over, success):
-    outcome = one(pot, BOTH, balls(*before), balls(*after), np.full(3, -1))
-    assert outcome == (points, over, success)
+    assert one(pot, before=balls(*before), after=balls(*after)) == (points, over, success)
 
 
 def test_pot_asks_for_the_targets_only():
-    outcome = one(pot, balls(2), NONE, balls(2), np.full(3, -1))
-    assert outcome == (1, True, True)
-    assert one(pot, balls(2), NONE, balls(1), np.full(3, -1)) == (0, False, False)
+    assert one(pot, balls(2), after=balls(2)) == (1, True, True)
+    assert one(pot, balls(2), after=balls(1)) == (0, False, False)
+
+
+TOUCHES = [
+    ([-1, -1, -1], (), 0, False),
+    ([-1, 0, -1], (), 0, False),
+    ([-1, 0, 0], (), 1, False),
+    ([-1, 3, 1], (), 1, False),
+    ([-1, 0, 0], (1,), 1, True),
+    ([-1, 0, 0], (0,), 0, True),
+    ([-1, -1, 0], (2,), 0, True),
+]
+
+
+@pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
+def test_carom(before_hit, potted, points, over):
+    assert one(carom, before_hit=before_hit, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
-    ("cushions_before_hit", "potted", "points", "over"),
+    ("before_hit", "points"),
     [
-        ([-1, -1, -1], (), 0, False),
-        ([-1, 0, -1], (), 0, False),
-        ([-1, 0, 0], (), 1, False),
-        ([-1, 3, 1], (), 1, False),
-        ([-1, 0, 0], (1,), 1, True),
-        ([-1, 0, 0], (0,), 0, True),
-        ([-1, -1, 0], (2,), 0, True),
+        ([-1, 0, 2], 0),
+        ([-1, 0, 3], 1),
+        ([-1, 3, 0], 1),
+        ([-1, 2, 2], 0),
+        ([-1, 5, 4], 1),
+        ([-1, -1, 3], 0),
+        ([-1, 3, -1], 0),
+        ([9, 0, 0], 0),
     ],
 )
-def test_carom(cushions_before_hit, potted, points, over):
-    outcome = one(carom, BOTH, NONE, balls(*potted), np.array(cushions_before_hit))
-    assert outcome == (points, over, points == 1)
+def test_three_cushion_asks_for_three_contacts_before_the_last_ball(before_hit, points):
+    assert one(three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
 
 
-def test_each_task_is_judged_by_its_kernel():
-    assert (TASKS[POT], TASKS[CAROM]) == ("pot", "carom")
-    shot = 0, BOTH, NONE[None], balls(1)[None], np.zeros((1, 3), np.int32)
-    assert judge(POT, *shot) == pot(*shot) == (1, False, False)
-    assert judge(CAROM, *shot) == carom(*shot) == (1, True, True)
+@pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
+def test_three_cushion_ends_as_carom_does(before_hit, potted, points, over):
+    later = np.where(np.array(before_hit) >= 0, 3, -1)
+    assert one(three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
+
+
+@pytest.mark.parametrize(
+    ("cushions", "before_hit", "points"),
+    [
+        ((0, 3), 0, 1),
+        ((3, 0), 3, 1),
+        ((2, 1), 1, 1),
+        ((1, 1), 0, 0),
+        ((2, 2), 0, 0),
+        ((0, 0), 0, 0),
+        ((3, 0), -1, 0),
+    ],
+)
+def test_sum_to_three(cushions, before_hit, points):
+    assert one(sum_to_three, cushions=(*cushions, 7), before_hit=(-1, before_hit, 7)) == (points, False, points == 1)
+
+
+ON_THE_EDGE = (GOAL[0] + PLACE_RADIUS - 1e-12, GOAL[1])
+BEYOND = (GOAL[0], GOAL[1] - PLACE_RADIUS - 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cue", "before_hit", "before", "after", "points", "over"),
+    [
+        (GOAL, (-1, 0, -1), (), (), 1, True),
+        (ON_THE_EDGE, (-1, -1, 4), (), (), 1, True),
+        (BEYOND, (-1, 0, -1), (), (), 0, False),
+        (GOAL, (-1, -1, -1), (), (), 0, False),
+        (GOAL, (-1, 0, -1), (), (1,), 1, True),
+        (GOAL, (-1, -1, -1), (1,), (1,), 0, False),
+        (GOAL, (-1, -1, -1), (1, 2), (1, 2), 1, True),
+        (GOAL, (-1, 0, -1), (), (0,), 0, True),
+    ],
+)
+def test_place(cue, before_hit, before, after, points, over):
+    shot = {"cue": cue, "before_hit": before_hit, "before": balls(*before), "after": balls(*after)}
+    assert one(place, **shot) == (points, over, points == 1)
+
+
+def test_place_asks_for_no_touch_where_there_is_no_ball_to_touch():
+    assert one(place, NONE, cue=GOAL) == (1, True, True)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_each_task_is_judged_by_its_kernel(task):
+    kernel = {"pot": pot, "carom": carom, "three_cushion": three_cushion, "sum_to_three": sum_to_three, "place": place}
+    shots: list[dict[str, Any]] = [
+        {"after": balls(1)},
+        {"before_hit": (-1, 0, 0)},
+        {"before_hit": (-1, 3, 3)},
+        {"before_hit": (-1, 0, -1), "cushions": (1, 2, 0)},
+        {"before_hit": (-1, 0, -1), "cue": GOAL},
+    ]
+    told = set()
+    for shot in shots:
+        outcome = one(lambda *shot: judge(TASKS.index(task), *shot), **shot)
+        assert outcome == one(kernel[task], **shot)
+        told.add(outcome[0])
+    assert told == {0, 1}
