@@ -143,7 +143,7 @@ class Canvas:
         for x, y, radius in circles:
             angles = np.linspace(0.0, 2 * np.pi, 97)
             rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
-            self.draw_path(base, self.pixels_of(rim), INK, dotted=False)
+            self.draw_path(base, self.pixels_of(rim), INK)
         if arrow and recording.gone[0] > 0:
             first = int(np.flatnonzero(recording.ball == 0)[0])
             self.draw_arrow(base, 0, recording.position[first], recording.velocity[first])
