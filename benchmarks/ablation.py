@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, cases, summary
 from billiards_env.engine import MAX_EVENTS
-from billiards_env.engine.log import N_COUNTS, Shots, empty_log
+from billiards_env.engine.log import N_COUNTS, empty_log
 from billiards_env.engine.shot import check_shot, scene_arrays
 from billiards_env.files import write_json
 from billiards_env.physics import jit
@@ -81,7 +81,7 @@ def run(engine: RunShots, case: Case) -> tuple[float, tuple[Any, ...]]:
     given = check_shot(case.scene, case.positions, case.velocities, None, None, None)
     m, n = given.positions.shape[:2]
     out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
-    arrays, shots, log = scene_arrays(case.scene), Shots(*given[:4], *out), empty_log()
+    arrays, shots, log = tuple(scene_arrays(case.scene)), (*given[:4], *out), tuple(empty_log())
     begin = thread_time()
     engine(0, m, arrays, given.limit, MAX_EVENTS, shots, log)
     return thread_time() - begin, (*given[:4], *out)

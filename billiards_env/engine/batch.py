@@ -50,7 +50,11 @@ def run_batch(
         end: One past the last.
         max_events: As in `simulate`, for each shot.
     """
-    engine_of(mode, len(arrays.radius))(begin, end, arrays, limit, max_events, shots, empty_log())
+    log = _NO_EVENTS, _NO_SEGMENTS, np.empty(2, np.int64)
+    engine_of(mode, len(arrays.radius))(begin, end, tuple(arrays), limit, max_events, tuple(shots), log)
+
+
+_NO_EVENTS, _NO_SEGMENTS, _ = empty_log()
 
 
 def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:

@@ -26,6 +26,9 @@ from billiards_env.engine.log import (
     N_CONTACT_RULE,
     N_EVENTS,
     POCKETED,
+    Log,
+    SceneArrays,
+    Shots,
     load,
     log_segment,
     store,
@@ -448,7 +451,6 @@ def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, lo
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
-    n = len(scene.radius)
-    run_all(
-        begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(scene), scene, limit, max_events, shots, log
-    )
+    arrays, n = SceneArrays(*scene), len(scene[1])
+    state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(arrays)
+    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))

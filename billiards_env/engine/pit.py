@@ -37,6 +37,9 @@ from billiards_env.engine.log import (
     ROLLS,
     SPIN_STOPS,
     STOPS,
+    Log,
+    SceneArrays,
+    Shots,
     load,
     log_event,
     log_segment,
@@ -368,5 +371,6 @@ def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, lo
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `engine.pic.run_shots`, which takes the same arguments."""
-    n = len(scene.radius)
-    run_all(begin, end, np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n), scene, limit, max_events, shots, log)
+    arrays, n = SceneArrays(*scene), len(scene[1])
+    state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n)
+    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))

@@ -25,7 +25,6 @@ from billiards_env.engine.log import (
     N_EVENTS,
     STATUS,
     SceneArrays,
-    Shots,
     empty_log,
 )
 from billiards_env.engine.sensitivity import Sensitivity, sensitivity_along
@@ -573,8 +572,8 @@ def run_checked(
             balls = tuple(array.copy() for array in balls)
         places, moving, spinning, playing = balls
         log = empty_log(room, 4 * room)
-        shots = Shots(places[None], moving[None], spinning[None], playing[None], times, hits, counts)
-        engine_of(mode, n)(0, 1, arrays, given.limit, max_events, shots, log)
+        shots = places[None], moving[None], spinning[None], playing[None], times, hits, counts
+        engine_of(mode, n)(0, 1, tuple(arrays), given.limit, max_events, shots, tuple(log))
         events, segments, used = log
         if not record or (used[0] <= len(events) and used[1] <= len(segments)):
             break

@@ -27,6 +27,8 @@ from billiards_env.engine.log import (
     ROLLS,
     SPIN_STOPS,
     STOPS,
+    SceneArrays,
+    Shots,
     load,
     log_event,
     log_segment,
@@ -303,8 +305,9 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
-    state, phase = np.empty((len(scene.radius), WIDTH)), np.empty(len(scene.radius), np.int8)
+    arrays, balls = SceneArrays(*scene), Shots(*shots)
+    state, phase = np.empty((len(arrays.radius), WIDTH)), np.empty(len(arrays.radius), np.int8)
     for k in range(begin, end):
-        load(shots, k, scene, state, phase)
-        shots.times[k] = run(state, phase, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
-        store(shots, k, scene, state, phase)
+        load(balls, k, arrays, state, phase)
+        balls.times[k] = run(state, phase, arrays, limit, max_events, balls.hits[k], balls.counts[k], log)
+        store(balls, k, arrays, state, phase)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env.engine import pic
-from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH, Log, Shots
+from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH, Log
 from billiards_env.engine.shot import check_shot, scene_arrays
 from tests.engine import plain
 from tests.stress import draw, families
@@ -23,7 +23,7 @@ def run(engine, shots, record=False, max_time=None, max_events=MOST):
     rows = ROOM if record else 0
     out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
     log = Log(np.zeros((rows, EVENT_WIDTH)), np.zeros((4 * rows, SEGMENT_WIDTH)), np.zeros(2, np.int64))
-    engine.run_shots(0, m, scene_arrays(scene), given.limit, max_events, Shots(*given[:4], *out), log)
+    engine.run_shots(0, m, tuple(scene_arrays(scene)), given.limit, max_events, (*given[:4], *out), tuple(log))
     return [*given[:4], *out, *log]
 
 

@@ -18,7 +18,6 @@ from billiards_env.engine.log import (
     N_COUNTS,
     N_EVENTS,
     SEGMENT_WIDTH,
-    Shots,
     empty_log,
 )
 from billiards_env.engine.log import ENDED as STATUS_COLUMN
@@ -200,7 +199,7 @@ def _run_checked(scene, limit, max_events, shots, log, found):
         if used[0] > len(events) or used[1] > len(segments):
             found[k, FULL] = 1.0
         else:
-            acts = shots.counts[k, N_CONTACT_RULE]
+            acts = shots[-1][k, N_CONTACT_RULE]
             _check(events, used[0], segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found[k])
 
 
@@ -274,14 +273,14 @@ def run_checked(
     arrays = scene_arrays(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
     at, v, w, playing = given.positions.copy(), given.velocities.copy(), given.spins.copy(), given.in_play.copy()
-    _run_checked(arrays, given.limit, max_events, Shots(*given[:4], times, hits, counts), log, found)
+    _run_checked(tuple(arrays), given.limit, max_events, (*given[:4], times, hits, counts), tuple(log), found)
     for k in np.flatnonzero(found[:, FULL]):
         rows = int(counts[k, N_EVENTS])
         log = empty_log(rows, 2 * rows + n)
         found[k] = 0.0
         one = slice(k, k + 1)
-        again = Shots(at[one], v[one], w[one], playing[one], times[one], hits[one], counts[one])
-        _run_checked(arrays, given.limit, max_events, again, log, found[one])
+        again = at[one], v[one], w[one], playing[one], times[one], hits[one], counts[one]
+        _run_checked(tuple(arrays), given.limit, max_events, again, tuple(log), found[one])
     p = scene.physics
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(
