@@ -29,6 +29,7 @@ from billiards_env.engine.log import (
     Log,
     SceneArrays,
     Shots,
+    clear_log,
     load,
     log_segment,
     store,
@@ -325,7 +326,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     q, found, contacts, scratch, last_hit, quick, changed = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
-    used[0] = used[1] = 0
+    clear_log(events, used)
     last_hit[:] = -math.inf
     quick[:] = 0
     clear(state, params, q)

@@ -29,6 +29,7 @@ from billiards_env.engine.log import (
     Log,
     SceneArrays,
     Shots,
+    clear_log,
     load,
     log_event,
     log_segment,
@@ -95,7 +96,7 @@ def gather(hi, lo, state, phase, radius, params, queue, contacts):
     return count
 
 
-@inlined
+@kernel
 def impacts(
     count,
     hi,
@@ -147,7 +148,7 @@ def impacts(
     return 2 * count
 
 
-@inlined
+@kernel
 def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hit, quick, hits, counts, events, used):
     """Carries out and logs what happens to ball i alone at (hi, lo), see `queue.predict_ball`."""
     acts = counts[N_CONTACT_RULE]
@@ -166,7 +167,7 @@ def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hi
     log_event(events, used, hi, lo, kind, i, other, state, speed, counts[N_CONTACT_RULE] > acts)
 
 
-@inlined
+@kernel
 def wind_up(hi, state, phase, params, limit, counts):
     """Brings all balls to the shot's end, when nothing more happens before `limit`. Returns its time, s."""
     if limit < math.inf:
@@ -201,7 +202,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
-    used[0] = used[1] = 0
+    clear_log(events, used)
     last_hit[:] = -math.inf
     quick[:] = 0
     hi = lo = 0.0

@@ -40,6 +40,7 @@ from billiards_env.engine.log import (
     Log,
     SceneArrays,
     Shots,
+    clear_log,
     load,
     log_event,
     log_segment,
@@ -244,7 +245,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     changed[:] = True
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
-    used[0] = used[1] = 0
+    clear_log(events, used)
     end, step, next_change = 0.0, 0, math.inf
     any_changed = True
     while True:
