@@ -2,6 +2,7 @@ import html
 import json
 import os
 import re
+import time
 
 import numpy as np
 import pytest
@@ -153,9 +154,9 @@ def test_the_keyboard_does_everything(player, shot, pit):
         ("ArrowRight", 39, 1 / 30),
         ("ArrowLeft", 37, 0.0),
     ]
-    for key, code, time in steps:
+    for key, code, seconds in steps:
         player.press(key, code)
-        assert player.run("billiards.time") == time
+        assert player.run("billiards.time") == seconds
     player.press("+", 187)
     assert player.run("document.querySelector('#speed').value") == "2"
     player.press("-", 189)
@@ -197,6 +198,9 @@ def test_it_fits_a_telephone(player):
     player.call("Emulation.setDeviceMetricsOverride", width=360, height=740, deviceScaleFactor=3, mobile=True)
     try:
         assert player.run("document.documentElement.scrollWidth") <= 360
+        deadline = time.monotonic() + 10.0  # the page follows the size of its window a frame or two later
+        while player.run("document.querySelector('#table').width") <= 900 and time.monotonic() < deadline:
+            time.sleep(0.02)
         assert player.run("document.querySelector('#table').width") > 900  # the screen's own pixels
     finally:
         player.call("Emulation.clearDeviceMetricsOverride")
