@@ -71,7 +71,8 @@ class Noise:
 class Std:
     """A schedule of the Gaussian's standard deviations, one for each of an action's two numbers, in units of these.
 
-    They shrink geometrically from `first` to `last` over the first part of the training, and stay there.
+    They shrink geometrically from `first` to `last` over the first part of the training, and stay there. Adam's step
+    size shrinks in proportion to the first one, beside its own schedule.
 
     Attributes:
         first: Before training.
@@ -245,7 +246,7 @@ class Config:
             Traceback (most recent call last):
             ValueError: key of ppo = 'n_step': expected one of ... (did you mean 'n_steps'?)
         """
-        return _read_dataclass(cls, "", data)
+        return read_dataclass(cls, "", data)
 
 
 def load(path: Path) -> Config:
@@ -290,7 +291,21 @@ def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
     return {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
 
 
-def _read_dataclass(kind: type[T], name: str, data: Any) -> T:
+def read_dataclass(kind: type[T], name: str, data: Any) -> T:
+    """A dataclass from plain data, as read from YAML.
+
+    Args:
+        kind: The dataclass; its fields are numbers, texts, tuples of such, or dataclasses themselves.
+        name: What the data is called in messages; "" for the whole of it.
+        data: A mapping of the dataclass's fields.
+
+    Returns:
+        The instance.
+
+    Raises:
+        ValueError: If a key is unknown or missing, or a value impossible.
+        TypeError: If a value is of the wrong type.
+    """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name or 'the configuration'} = {data!r}: expected a mapping")
     hints = typing.get_type_hints(kind)
@@ -308,7 +323,7 @@ def _read_dataclass(kind: type[T], name: str, data: Any) -> T:
 def _read(hint: Any, name: str, value: Any) -> Any:
     """`value` as the type `hint`; an int may stand for a float, nothing else is converted."""
     if dataclasses.is_dataclass(hint):
-        return _read_dataclass(typing.cast(Any, hint), name, value)
+        return read_dataclass(typing.cast(Any, hint), name, value)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is types.UnionType:
         kind = type(value) if type(value) in arguments else arguments[0]

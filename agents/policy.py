@@ -92,16 +92,15 @@ class Geometry(BaseFeaturesExtractor):
         room = half - shape.radius
         walls = centres.abs() > room
         # A ball drops once its centre is within the pocket's radius, but that comes no nearer to a cushion than the
-        # ball's radius: the open mouth is a chord along a cushion or, at a corner, from one cushion to the other.
+        # ball's radius: along the cushion this leaves a chord open. One that meets a cushion beside a corner pocket is
+        # led into it, so that both chords count there.
         chords = torch.sqrt((radii**2 - shape.radius**2).clamp(min=0.0))
-        corners = walls.all(1)
-        halves = torch.where(corners, (chords - shape.radius).clamp(min=0.0) / 2, chords)
         # They follow from the configuration, so they are not saved with the weights.
         for name, value in (
             ("sides", half),
             ("room", room),
-            ("mouths", torch.minimum(centres.abs(), room - (halves * corners)[:, None]) * centres.sign()),
-            ("openings", halves[:, None] * walls),
+            ("mouths", torch.minimum(torch.maximum(centres, -room), room)),
+            ("openings", chords[:, None] * walls),
         ):
             self.register_buffer(name, value, persistent=False)
 
@@ -138,9 +137,9 @@ class Geometry(BaseFeaturesExtractor):
         cosine = (direction * line).sum(-1)
         opening = (line.abs() * self.openings).sum(-1)
         possible = (cosine > _THINNEST) & (ghost.abs() <= self.room + 1e-3).all(-1)
-        room = torch.where(possible, opening / run * cosine, 0.0).clamp(max=0.2)
+        room = torch.where(possible, opening / run * cosine, 0.0).clamp(max=1.0)
         angle = room * reach / distance.clamp(min=reach)
-        told = (offset * possible, cosine * possible, 20 * room, run, distance, (200 * angle).clamp(max=4.0))
+        told = (offset * possible, cosine * possible, 2 * room, run, distance, 10 * angle)
         features = torch.stack(told, -1)
         order = torch.where(possible, angle, -run).argsort(1, descending=True)
         return features.gather(1, order[..., None].expand_as(features)).flatten(1)

@@ -189,7 +189,15 @@ def _policy_arguments(config: Config) -> dict[str, Any]:
 
 
 def _learning_rate(config: Config) -> Schedule:
-    first, last = config.ppo.learning_rate, config.ppo.final_learning_rate
-    if last is None:
-        return lambda remaining: first
-    return lambda remaining: last + (first - last) * remaining  # the share of steps that remain falls from 1 to 0
+    """Linear from the first to the last, and in proportion to the standard deviation where there is a schedule of that.
+
+    To a narrower Gaussian the same step of the mean is a larger one: the Kullback-Leibler divergence of an update goes
+    with the square of step over standard deviation, and where it grows too large the policy collapses.
+    """
+    first, last, std = config.ppo.learning_rate, config.ppo.final_learning_rate, config.policy.std
+
+    def rate(remaining: float) -> float:  # the share of steps that remain falls from 1 to 0
+        linear = first if last is None else last + (first - last) * remaining
+        return linear if std is None else linear * std.at(1 - remaining)[0] / std.first[0]
+
+    return rate

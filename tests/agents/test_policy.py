@@ -32,29 +32,31 @@ def test_the_first_cut_told_pots_nearly_every_ball():
     extractor, _ = geometry(cast(Any, envs.unwrapped).single_env)
     cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
     *_, infos = envs.step(np.column_stack((cuts, np.full(2000, 0.2))))
-    assert infos["final_info"]["potted"][:, 1].mean() > 0.93
+    assert infos["final_info"]["potted"][:, 1].mean() > 0.94
     *_, infos = envs.step(np.column_stack((-cuts, np.full(2000, 0.2))))
     assert infos["final_info"]["potted"][:, 1].mean() < 0.2
 
 
-def test_features_agree_with_the_ghost_ball_player():
+def test_shots_are_those_of_the_ghost_ball_player():
     env = gym.make("Billiards-v0")
     extractor, game = geometry(env)
-    ratios = []
-    for seed in range(50):
+    ratios = {False: [], True: []}
+    for seed in range(200):
         observation, _ = env.reset(seed=seed)
         found = direct_pots(game.scene, game.targets, game.positions, game.potted, game.max_speed)
         shots = pots(extractor(torch.as_tensor(observation[None])))[0]
         way = game.positions[1] - game.positions[0]
         reach = 2 * game.scene.balls.radius[0]
-        cuts = (way[1] * found.direction[:, 0] - way[0] * found.direction[:, 1]) / reach
-        if len(cuts):
-            best = np.argmax(found.tolerance)
-            near = shots[np.abs(shots[:, 0] - cuts[best]) < 0.1]
-            ratios.append(near[:, 5].max() / 200 / found.tolerance[best] if len(near) else 0.0)
-    assert len(ratios) == 50
-    assert np.median(ratios) == pytest.approx(1.0, abs=0.15)
-    assert np.mean(np.array(ratios) > 0.7) > 0.8
+        for k, pocket in enumerate(found.pocket.tolist()):
+            cut = (way[1] * found.direction[k, 0] - way[0] * found.direction[k, 1]) / reach
+            near = shots[np.abs(shots[:, 0] - cut) < 0.02]
+            if found.tolerance[k] > 1e-3 and len(near) == 1:
+                side = game.scene.table.pockets[pocket].x == 0.0
+                ratios[side].append(near[0, 5] / 10 / found.tolerance[k])
+    assert min(map(len, ratios.values())) > 50
+    # At side pockets both reckon alike; at corners the player leaves out what the cushions lead into them.
+    assert np.median(ratios[True]) == pytest.approx(1.0, abs=0.1)
+    assert 3.0 < np.median(ratios[False]) < 6.0
 
 
 def test_balls_come_nearest_first_and_those_potted_last():
