@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from billiards_env.engine.log import N_CONTACT_RULE
 from billiards_env.physics.impulse import apply_impulses, exchange, reflect
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.jit import inlined, kernel, merged
 from billiards_env.physics.motion import norm, start
 from billiards_env.physics.state import (
     AX,
@@ -181,7 +181,7 @@ def part_pressed(count, state, phase, params, inv_mass, first, second, nx, ny, c
     spread(count, first, second, dv, done, state, UX)
 
 
-@inlined
+@merged
 def collide(
     count, hi, state, phase, params, inv_mass, first, second, nx, ny, closing, scratch, last_hit, quick, counts
 ):

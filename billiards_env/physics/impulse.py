@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from billiards_env.physics.complementarity import MOST, WIDTH, solve_complementarity
-from billiards_env.physics.jit import allocating, kernel
+from billiards_env.physics.jit import allocating, kernel, merged
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -121,7 +121,7 @@ def impulse_scratch(n, most):
         np.empty(most),
         np.empty(most),
         np.ones(most),
-        np.empty((most, 4)),
+        np.empty((4, most)),
         np.empty((MOST, WIDTH)),
         np.empty((n, 2)),
         np.zeros(n, np.bool_),
@@ -151,25 +151,25 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
         closing: Speeds of approach, > 0, m/s.
         inv_mass: (n,) float64, 1/kg.
         impulse: (>= n_contacts,) out, kg m/s.
-        work: (>= n_contacts, 4) float64 scratch.
+        work: (4, >= n_contacts) float64 scratch.
         direct: (MOST, WIDTH) float64 scratch of `complementarity`.
         dv: (n, 2) float64 scratch: velocity changes, m/s.
         dv_done: (n,) bool scratch.
     """
     # work: 0 the scale of a contact, 1 the extrapolated point, 2 the last iterate, 3 its last step
     for c in range(n_contacts):
-        work[c, 0] = 1.0 / math.sqrt(inv_mass[first[c]] + inv_mass[second[c]])
-        work[c, 1] = work[c, 2] = 0.0
+        work[0, c] = 1.0 / math.sqrt(inv_mass[first[c]] + inv_mass[second[c]])
+        work[1, c] = work[2, c] = 0.0
     if n_contacts == 2:
-        b0, b1 = closing[0] * work[0, 0], closing[1] * work[1, 0]
-        a = _coupling(0, 1, first, second, nx, ny, inv_mass) * work[0, 0] * work[1, 0]
+        b0, b1 = closing[0] * work[0, 0], closing[1] * work[0, 1]
+        a = _coupling(0, 1, first, second, nx, ny, inv_mass) * work[0, 0] * work[0, 1]
         if a * a < 1.0:  # else one ball lies in two fixed ones, in a row
             p0, p1 = (b0 - a * b1) / (1.0 - a * a), (b1 - a * b0) / (1.0 - a * a)
             if p0 <= 0.0:
                 p0, p1 = 0.0, b1
             elif p1 <= 0.0:
                 p0, p1 = b0, 0.0
-            impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[1, 0]
+            impulse[0], impulse[1] = p0 * work[0, 0], p1 * work[0, 1]
             return
     if (
         DIRECT
@@ -183,47 +183,47 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
         row = 1.0
         for k in range(n_contacts):
             if k != c:
-                term = abs(_coupling(c, k, first, second, nx, ny, inv_mass)) * work[c, 0] * work[k, 0]
+                term = abs(_coupling(c, k, first, second, nx, ny, inv_mass)) * work[0, c] * work[0, k]
                 row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # a sum of such is exact in any order
         bound = max(bound, row)
-        largest = max(largest, closing[c] * work[c, 0])
+        largest = max(largest, closing[c] * work[0, c])
     theta = 1.0
     for _ in range(_SWEEPS):
-        apply_impulses(n_contacts, first, second, nx, ny, work[:, 1], work[:, 0], inv_mass, dv, dv_done)
+        apply_impulses(n_contacts, first, second, nx, ny, work[1], work[0], inv_mass, dv, dv_done)
         change = 0.0
         for c in range(n_contacts):
             i, j = first[c], second[c]
             opening = nx[c] * (dv[j, 0] - dv[i, 0]) + ny[c] * (dv[j, 1] - dv[i, 1]) - closing[c]
-            new = max(0.0, work[c, 1] - opening * work[c, 0] / bound)
-            work[c, 3] = new - work[c, 2]
-            work[c, 2] = new
-            change = max(change, abs(work[c, 3]))
+            new = max(0.0, work[1, c] - opening * work[0, c] / bound)
+            work[3, c] = new - work[2, c]
+            work[2, c] = new
+            change = max(change, abs(work[3, c]))
         if change <= 2e-16 * largest:
             break
         uphill = False
         for c in range(n_contacts):
-            back = (work[c, 1] - work[c, 2]) * work[c, 3] > 0.0
-            uphill = uphill or (back and abs(work[c, 3]) > 0.5 * change)
+            back = (work[1, c] - work[2, c]) * work[3, c] > 0.0
+            uphill = uphill or (back and abs(work[3, c]) > 0.5 * change)
         theta_next = 1.0 if uphill else 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * theta * theta))
         momentum = 0.0 if uphill else (theta - 1.0) / theta_next
         theta = theta_next
         for c in range(n_contacts):
-            work[c, 1] = work[c, 2] + momentum * work[c, 3]
+            work[1, c] = work[2, c] + momentum * work[3, c]
     for c in range(n_contacts):
-        impulse[c] = work[c, 2] * work[c, 0]
+        impulse[c] = work[2, c] * work[0, c]
 
 
-@kernel
+@merged
 def _solve_directly(n_contacts, first, second, nx, ny, closing, inv_mass, work, direct, impulse):
-    """The impulses by `solve_complementarity`, scaled by work[:, 0]; returns whether it found them."""
+    """The impulses by `solve_complementarity`, scaled by work[0]; returns whether it found them."""
     for c in range(n_contacts):
-        direct[c, c], direct[c, 2 * MOST] = 1.0, closing[c] * work[c, 0]
+        direct[c, c], direct[c, 2 * MOST] = 1.0, closing[c] * work[0, c]
         for k in range(c):
-            coupling = _coupling(c, k, first, second, nx, ny, inv_mass) * (work[c, 0] * work[k, 0])
+            coupling = _coupling(c, k, first, second, nx, ny, inv_mass) * (work[0, c] * work[0, k])
             direct[c, k] = direct[k, c] = coupling
     found = solve_complementarity(n_contacts, impulse, direct)
     for c in range(n_contacts):
-        impulse[c] *= work[c, 0]
+        impulse[c] *= work[0, c]
     return found
 
 
@@ -282,7 +282,7 @@ def kick(state, i, dvx, dvy, params):
         s[UY] += dvy
 
 
-@kernel
+@merged
 def exchange(count, e, state, params, inv_mass, first, second, nx, ny, closing, scratch):
     """Changes the balls' velocities as `count` impacts at one instant do.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import sys
@@ -15,6 +16,7 @@ from typing import Any, TypeVar
 import numba
 from numba.core import config as _numba_config
 from numba.core import event as _event
+from numba.core.registry import CPUDispatcher as _CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -66,12 +68,33 @@ def cache_folder() -> Path | None:
 
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # its settings are made at run time
-_njit: Any = numba.njit  # its type hints leave out some options
+_jit: Any = numba.jit  # its type hints leave out some options
 # The savings, for benchmarks.ablation to compile the engine without one of them.
 BORROW = True  # references to arrays are not counted
 INLINE = True  # what each event needs is compiled into one function
 
-_OPTIONS = {"error_model": "numpy", "nogil": True}
+_OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+
+
+class _Kernel(_CPUDispatcher):
+    """A function that other compiled functions call; what converts Python's arguments is compiled if Python calls it.
+
+    Numba's own dispatcher compiles that along with every function: a quarter of the time until the first shot.
+    """
+
+    @functools.cached_property
+    def _for_python(self) -> Callable[..., Any]:
+        return _jit(**{**self.targetoptions, "no_cpython_wrapper": False})(self.py_func)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self._for_python(*args, **kwargs)
+
+
+def _make_kernel(function: F, **options: Any) -> F:
+    if _config.DISABLE_JIT:
+        return function
+    made: Any = _Kernel(function, targetoptions={**_OPTIONS, "no_cpython_wrapper": True, **options})
+    return made
 
 
 def kernel(function: F) -> F:
@@ -82,7 +105,7 @@ def kernel(function: F) -> F:
     (`_nrt`) arrays are borrowed from the caller and none can be made: counting references to them took most of the time
     of an event.
     """
-    return _njit(**_OPTIONS, _nrt=not BORROW)(function)
+    return _make_kernel(function, _nrt=not BORROW)
 
 
 def inlined(function: F) -> F:
@@ -90,12 +113,21 @@ def inlined(function: F) -> F:
 
     A call passes every array as seven words, which can take longer than what is done with it.
     """
-    return _njit(**_OPTIONS, _nrt=not BORROW, forceinline=INLINE)(function)
+    return _make_kernel(function, _nrt=not BORROW, forceinline=INLINE)
+
+
+def merged(function: F) -> F:
+    """A `kernel` that becomes part of its caller before that is compiled, and is not compiled by itself.
+
+    Numba compiles all that a kernel calls along with it, so each link in a chain of calls has the rest of the chain
+    compiled once more; this is for the big ones that an engine calls in one place.
+    """
+    return _make_kernel(function, _nrt=not BORROW, inline="always" if INLINE else "never")
 
 
 def allocating(function: F) -> F:
     """A kernel that makes arrays."""
-    return _njit(**_OPTIONS)(function)
+    return _make_kernel(function)
 
 
 LONG = 1.0
@@ -139,11 +171,11 @@ def entry_point(function: F) -> F:
             RuntimeWarning,
             stacklevel=2,
         )
-        return allocating(function)
+        return _jit(**_OPTIONS)(function)
     # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
     before = _config.CACHE_DIR
     _config.CACHE_DIR = str(_FOLDER)
     try:
-        return _njit(**_OPTIONS, cache=True)(function)
+        return _jit(**_OPTIONS, cache=True)(function)
     finally:
         _config.CACHE_DIR = before

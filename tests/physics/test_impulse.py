@@ -130,7 +130,7 @@ def solve(n_balls, contacts, inverse):
         closing.astype(float),
         np.array(inverse, float),
         impulse,
-        np.empty((count, 4)),
+        np.empty((4, count)),
         np.empty((MOST, WIDTH)),
         np.empty((n_balls, 2)),
         np.zeros(n_balls, np.bool_),

@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -145,6 +146,33 @@ def test_processes_that_compile_at_once_share_one_cache(tmp_path):
     kept = {path.name for path in index.parent.iterdir()}
     subprocess.run(start, env=env, check=True)
     assert {path.name for path in index.parent.iterdir()} == kept
+
+
+def calling(inner):
+    return jit.entry_point(lambda x: inner(x) + 1)
+
+
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.allocating])
+def test_kernels_are_compiled_for_python_only_if_it_calls_them(decorate):
+    double = decorate(lambda x: 2 * x)
+    assert calling(double)(3) == 7
+    (compiled,) = double.overloads.values()
+    assert not [f.name for f in compiled.library.get_defined_functions() if "cpython" in f.name or "cfunc" in f.name]
+    assert double(3) == 6
+
+
+def test_merged_kernels_are_compiled_by_themselves_only_if_python_calls_them():
+    double: Any = jit.merged(lambda x: 2 * x)
+    assert calling(double)(3) == 7
+    assert not double.overloads
+    assert double(3) == 6
+
+
+def test_kernels_are_plain_functions_where_numba_is_turned_off():
+    root = Path(jit.__file__).parents[2]
+    code = "from billiards_env.physics import motion as m; assert m.norm(3, 4) == 5 and not hasattr(m.norm, 'py_func')"
+    env = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
+    subprocess.run([sys.executable, "-c", code], env=env, check=True)
 
 
 def test_kernels_make_no_arrays_unless_they_are_marked():
