@@ -25,6 +25,7 @@ from billiards_env.envs.frames import FRAMES
 from billiards_env.scene import choose
 
 ENV_ID = "Billiards-v0"
+FEATURES = ("raw", "geometry")
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 
 T = TypeVar("T")
@@ -67,20 +68,64 @@ class Noise:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Std:
+    """A schedule of the Gaussian's standard deviations, one for each of an action's two numbers, in units of these.
+
+    They shrink geometrically from `first` to `last` over the first part of the training, and stay there.
+
+    Attributes:
+        first: Before training.
+        last: At the end of that part.
+        until: How long the part is, as a share of all steps.
+    """
+
+    first: tuple[float, ...]
+    last: tuple[float, ...]
+    until: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("first", "last"):
+            values = getattr(self, name)
+            if len(values) != 2 or min(values) <= 0:
+                raise ValueError(f"policy.std.{name} = {list(values)!r}: expected two numbers > 0")
+        if not 0 < self.until <= 1:
+            raise ValueError(f"policy.std.until = {self.until!r}: expected a number > 0, at most 1")
+
+    def at(self, share: float) -> list[float]:
+        """The standard deviations after a share of all steps.
+
+        Example:
+            >>> Std(first=(0.4, 1.0), last=(0.1, 1.0), until=0.5).at(0.25)
+            [0.2, 1.0]
+        """
+        part = min(share / self.until, 1.0)
+        return [first * (last / first) ** part for first, last in zip(self.first, self.last, strict=True)]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """The policy and value networks: two separate multilayer perceptrons of the same shape.
 
     Attributes:
+        features: What they see: the "raw" observation or, of a table with pockets, the "geometry" of the nearest ball's
+            shots (`agents.policy.Geometry`).
         hidden: Units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
-        log_std_init: Logarithm of the Gaussian's standard deviation before training, in units of the action.
+        shortcut: Whether the last layer of the policy is fed by the features, too (`agents.policy.ShortcutPolicy`).
+        log_std_init: Logarithm of the Gaussian's standard deviation before training, in units of the action, where it
+            is learnt.
+        std: Its schedule; None for it to be learnt.
     """
 
+    features: str = "raw"
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
+    shortcut: bool = False
     log_std_init: float = 0.0
+    std: Std | None = None
 
     def __post_init__(self) -> None:
+        choose("policy.features", self.features, FEATURES)
         choose("policy.activation", self.activation, ACTIVATIONS)
         for i, units in enumerate(self.hidden):
             _at_least(f"policy.hidden[{i}]", units, 1)
@@ -145,8 +190,8 @@ class Config:
         noise: The execution noise; None for none.
         n_envs: Environments stepped together.
         seed: Seed of everything that is drawn; the same seed gives the same run.
-        checkpoint_every: Steps between two checkpoints.
-        evaluation_episodes: Episodes on fresh layouts by which `agents.evaluate` measures the policy.
+        checkpoint_every: Steps between two checkpoints, and between two points of the learning curve.
+        evaluation_episodes: Episodes on fresh layouts by which the policy is measured, then and by `agents.evaluate`.
         policy: The networks.
         ppo: The learning algorithm.
     """
@@ -281,7 +326,7 @@ def _read(hint: Any, name: str, value: Any) -> Any:
             raise ValueError(f"{name} = {value!r}: expected a finite number")
         return float(value)
     if type(value) is not hint:
-        wanted = {int: "a whole number", float: "a number", str: "text"}[hint]
+        wanted = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[hint]
         note = " (YAML reads 1e-3 as text: write 1.0e-3)" if hint is float and isinstance(value, str) else ""
         raise TypeError(f"{name} = {value!r}: expected {wanted}, not {type(value).__name__}{note}")
     return value

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import copy
 import math
 import pickle
 import sys
@@ -13,10 +12,11 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
+from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import load
-from agents.ppo import evaluation_seeds, load_policy, make_env
+from agents.ppo import evaluation_seeds, load_policy, make_vector
 from billiards_env.files import write_json
 
 _Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
@@ -90,6 +90,40 @@ def play(
         successes.append(bool(info["success"]))
         scores.append(float(info["score"]))
         rewards.append(total)
+    return summary(successes, scores, rewards)
+
+
+def play_together(
+    envs: VectorEnv[Any, Any, Any],
+    act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]],
+    seeds: Sequence[int],
+) -> dict[str, Any]:
+    """Plays one episode a seed, all at once: the episodes that `play` plays one after the other.
+
+    Args:
+        envs: As many environments as there are seeds, with same-step autoreset.
+        act: The actions for observations.
+        seeds: Seeds of the environments.
+
+    Returns:
+        As `play`.
+    """
+    observations, _ = envs.reset(seed=[int(seed) for seed in seeds])  # pyright: ignore[reportArgumentType]
+    over = np.zeros(len(seeds), np.bool_)
+    successes, scores, rewards = over.copy(), np.zeros(len(seeds)), np.zeros(len(seeds))
+    while not over.all():
+        observations, gained, terminated, truncated, infos = envs.step(act(observations))
+        rewards[~over] += gained[~over]
+        ended = (terminated | truncated) & ~over
+        if ended.any():
+            successes[ended] = infos["final_info"]["success"][ended]
+            scores[ended] = infos["final_info"]["score"][ended]
+        over |= ended
+    return summary(successes.tolist(), scores.tolist(), rewards.tolist())
+
+
+def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
+    """What `play` returns, from the outcome of each episode."""
     return {
         "episodes": len(successes),
         "successes": sum(successes),
@@ -99,6 +133,11 @@ def play(
         "score_interval_95": None if (interval := mean_interval(scores)) is None else list(interval),
         "mean_reward": sum(rewards) / len(rewards),
     }
+
+
+def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
+    """A policy's actions without its exploration noise, for `play` and `play_together`."""
+    return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
 def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
@@ -116,28 +155,22 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         FileNotFoundError: If the folder holds no finished run.
         ValueError: If `episodes` or `seed` is impossible, or the model does not fit the configuration.
     """
-    if not (run_dir / "config.yaml").exists():
-        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of one made by agents.train")
-    if not (run_dir / "model.zip").exists():
-        raise FileNotFoundError(f"{run_dir} holds no model.zip: its training has not ended, resume it first")
-    config = load(run_dir / "config.yaml")
+    config, policy = load_policy(run_dir)
     episodes = config.evaluation_episodes if episodes is None else episodes
     seed = config.seed if seed is None else seed
     if episodes < 1:
         raise ValueError(f"episodes = {episodes}: expected a whole number >= 1")
     if seed < 0:
         raise ValueError(f"seed = {seed}: expected a whole number >= 0")
-    seeds = evaluation_seeds(seed, episodes)
-    env = make_env(config)
-    policy = load_policy(run_dir / "model.zip", config, env)
-    space = copy.deepcopy(env.action_space)
-    space.seed(seed)
+    seeds = evaluation_seeds(seed, episodes).tolist()
+    envs = make_vector(config, episodes)
+    envs.action_space.seed(seed)
     result = {
         "seed": seed,
-        "policy": play(env, lambda observation: policy.predict(observation, deterministic=True)[0], seeds.tolist()),
-        "random": play(env, lambda observation: space.sample(), seeds.tolist()),
+        "policy": play_together(envs, deterministic(policy), seeds),
+        "random": play_together(envs, lambda observations: envs.action_space.sample(), seeds),
     }
-    env.close()
+    envs.close()
     write_json(run_dir / "evaluation.json", result)
     return result
 

@@ -102,13 +102,12 @@ def policy(setup: Setup, argument: str) -> Player:
         ValueError: If the agent is trained for another table or another number of balls.
     """
     # PyTorch is needed by a trained agent alone.
-    from agents.config import load
     from agents.ppo import load_policy, make_env
 
     folder = Path(argument)
-    if not argument or not (folder / "model.zip").is_file():
-        raise FileNotFoundError(f"player 'policy:{argument}': expected the folder of a finished run, with a model.zip")
-    config = load(folder / "config.yaml")
+    if not argument or not (folder / "policy.pt").is_file():
+        raise FileNotFoundError(f"player 'policy:{argument}': expected the folder of a finished run, with a policy.pt")
+    config, model = load_policy(folder)
     env = make_env(config)
     game: Any = env.unwrapped
     wanted = 1 if setup.game.pockets else 2
@@ -122,7 +121,6 @@ def policy(setup: Setup, argument: str) -> Player:
             f"player 'policy:{argument}' with rules {setup.rules!r}: expected an agent trained on the same table "
             f"with {wanted} object ball{'s' if wanted > 1 else ''}, not {scene.n_balls - 1}"
         )
-    model = load_policy(folder / "model.zip", config, env)
 
     def stroke(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> Stroke:
         table, place, _ = _put(setup, table, max_speed, rng)

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from pathlib import Path
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import torch
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
-from agents.config import ENV_ID, Config
+from agents.config import ENV_ID, Config, load
+from agents.policy import Geometry, ShortcutPolicy, shape
 from agents.vec_env import SameStepVecEnv
+from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
@@ -61,24 +65,29 @@ def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]
     return env
 
 
-def make_vec_env(config: Config) -> VecEnv:
-    """`config.n_envs` environments as `make_env` makes them, stepped together.
-
-    They add each episode's return and length to its last `info`.
-    """
-    envs = gym.make_vec(ENV_ID, num_envs=config.n_envs, autoreset_mode="SameStep", **config.env)
+def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
+    """`num_envs` environments as `make_env` makes them, stepped together, with same-step autoreset."""
+    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", **config.env)
     if config.noise is not None:
         envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
     if config.frame is not None:
         envs = VectorActionFrame(envs, *dataclasses.astuple(config.frame))
-    return VecMonitor(SameStepVecEnv(envs))
+    return envs
+
+
+def make_vec_env(config: Config) -> VecEnv:
+    """`config.n_envs` environments for Stable-Baselines3.
+
+    They add each episode's return and length to its last `info`.
+    """
+    return VecMonitor(SameStepVecEnv(make_vector(config, config.n_envs)))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
     """An untrained PPO model on `envs`."""
     s = config.ppo
     return PPO(
-        ActorCriticPolicy,
+        _policy_class(config),
         envs,
         n_steps=s.n_steps,
         batch_size=s.batch_size,
@@ -98,42 +107,85 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
     )
 
 
-def load_policy(path: Path, config: Config, env: gym.Env[Any, Any]) -> ActorCriticPolicy:
-    """The trained policy in a `model.zip`.
+def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
+    """Gives the policy the standard deviations that are due after `timesteps` steps, if there is a schedule."""
+    if config.policy.std is not None:
+        std = config.policy.std.at(timesteps / config.timesteps)
+        policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
 
-    The policy is rebuilt from the configuration and only its weights are read from the file: unlike `PPO.load`, which
-    unpickles what it finds, this runs no code from it.
+
+def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
+    """Writes what it takes to play, the weights of the policy without those of the value function."""
+    weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
+    buffer = io.BytesIO()
+    torch.save(weights, buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
+    """The trained policy of a run.
+
+    It is rebuilt from the run's configuration and only weights are read: unlike `PPO.load`, which unpickles what it
+    finds, this runs no code from the file.
 
     Args:
-        path: The file.
-        config: The configuration it was trained with.
-        env: An environment made from that.
+        run_dir: The run's folder, with its `config.yaml` and `policy.pt`.
 
     Returns:
-        The policy.
+        The configuration, and the policy; its value function is untrained.
 
     Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it is not a model, or one of another shape.
-        pickle.UnpicklingError: If it holds anything but weights.
+        FileNotFoundError: If the folder holds no finished run.
+        OSError: If a file cannot be read.
+        ValueError: If the configuration is impossible, or the policy is not one of it.
+        TypeError: If a value of the configuration is of the wrong type.
+        pickle.UnpicklingError: If the file holds anything but weights.
     """
-    _, parameters, _ = load_from_zip_file(path, load_data=False, device="cpu")
-    policy = ActorCriticPolicy(
-        env.observation_space, env.action_space, _learning_rate(config), **_policy_arguments(config)
+    path = run_dir / "policy.pt"
+    if not (run_dir / "config.yaml").exists():
+        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of one made by agents.train")
+    if not path.exists():
+        raise FileNotFoundError(f"{run_dir} holds no policy.pt: its training has not ended, resume it first")
+    config = load(run_dir / "config.yaml")
+    env = make_env(config)
+    policy = _policy_class(config)(
+        env.observation_space,
+        env.action_space,
+        _learning_rate(config),
+        **_policy_arguments(config),
     )
+    env.close()
+    weights = torch.load(path, map_location="cpu", weights_only=True)
     try:
-        policy.load_state_dict(cast(dict[str, Any], parameters["policy"]))
-    except (KeyError, RuntimeError) as error:
+        missing, unknown = policy.load_state_dict(weights, strict=False)
+        missing = [name for name in missing if not _is_value(name)]
+        if missing or unknown:
+            raise RuntimeError(f"missing {missing}, unknown {unknown}")
+    except (AttributeError, RuntimeError, TypeError) as error:
         raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
-    return policy
+    policy.set_training_mode(False)
+    return config, policy
+
+
+def _is_value(name: str) -> bool:
+    """Whether weights of that name belong to the value function."""
+    return "value_net" in name
+
+
+def _policy_class(config: Config) -> type[ActorCriticPolicy]:
+    return ShortcutPolicy if config.policy.shortcut else ActorCriticPolicy
 
 
 def _policy_arguments(config: Config) -> dict[str, Any]:
-    return {
+    arguments: dict[str, Any] = {
         "net_arch": list(config.policy.hidden),
         "activation_fn": _ACTIVATIONS[config.policy.activation],
         "log_std_init": config.policy.log_std_init,
     }
+    if config.policy.features == "geometry":
+        env = cast(BilliardsEnv, gym.make(ENV_ID, **config.env).unwrapped)
+        arguments |= {"features_extractor_class": Geometry, "features_extractor_kwargs": {"shape": shape(env)}}
+    return arguments
 
 
 def _learning_rate(config: Config) -> Schedule:

@@ -1,22 +1,26 @@
 """Trains PPO on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
 
-A run's folder holds `config.yaml` (every setting, the seed among them), `versions.json`, `tensorboard/`, `checkpoints/`
-and, once training has ended, `model.zip`. The same command resumes an interrupted run from its newest checkpoint. At
-each checkpoint everything random is seeded anew from the seed and the number of steps done, so a resumed run ends with
-the very weights of one that was never interrupted.
+A run's folder holds `config.yaml` (every setting, the seed among them), `versions.json`, `training.csv` (the learning
+curve, see `Point`), `tensorboard/`, `checkpoints/` and, once training has ended, `model.zip`, which Stable-Baselines3
+loads, and `policy.pt`, the weights that it takes to play, read without running code from it. The same command resumes
+an interrupted run from its newest checkpoint. At each checkpoint everything random is seeded anew from the seed and the
+number of steps done, so a resumed run ends with the very weights of one that was never interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import dataclasses
 import importlib.metadata
 import io
 import platform
 import shutil
 import sys
+import time
 from collections import deque
 from pathlib import Path
+from typing import NamedTuple, cast
 
 import numpy as np
 import torch
@@ -24,16 +28,27 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
 from agents.config import Config, load
-from agents.ppo import make_env, make_model, make_vec_env, training_seed
+from agents.evaluate import deterministic, play_together
+from agents.ppo import (
+    evaluation_seeds,
+    make_env,
+    make_model,
+    make_vec_env,
+    make_vector,
+    save_policy,
+    set_std,
+    training_seed,
+)
 from billiards_env.files import write_json, write_whole
 
 # What a run puts into its folder beside config.yaml, which marks the folder as a run's.
-_FILES = ("versions.json", "model.zip", "evaluation.json")
+_FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
@@ -68,7 +83,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
     elif run_dir.exists() and any(run_dir.iterdir()):
         raise ValueError(f"{run_dir} is not empty and holds no run: expected a new folder or a run's")
     write_whole(saved, config.to_yaml().encode())
-    if not (run_dir / "model.zip").exists():  # what made that model stays on record
+    if not (run_dir / "policy.pt").exists():  # what made that policy stays on record
         write_json(run_dir / "versions.json", versions())
 
 
@@ -79,7 +94,7 @@ def train(config: Config, run_dir: Path) -> None:
         config: The configuration.
         run_dir: The run's folder, prepared by `open_run`.
     """
-    if (run_dir / "model.zip").exists():
+    if (run_dir / "policy.pt").exists():
         print(f"{run_dir} is trained already ({config.timesteps} steps); --fresh trains it anew")
         return
     # Sums over several threads would round differently on another machine, and networks this small gain little by them.
@@ -90,18 +105,54 @@ def train(config: Config, run_dir: Path) -> None:
     model.set_logger(logger)
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
-        model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
+        try:
+            model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
+        except (KeyError, RuntimeError, ValueError) as error:
+            envs.close()
+            raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts over: {error}") from error
         model.num_timesteps = int(checkpoint.stem)
         print(f"{run_dir}: resuming after {model.num_timesteps} of {config.timesteps} steps")
     try:
         with tqdm(total=config.timesteps, initial=model.num_timesteps, unit="shot", desc=run_dir.name) as bar:
             callback = _Callback(config, run_dir, bar)
+            callback.begin(model.num_timesteps)
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
+            callback.measure()
     finally:
         logger.close()
         envs.close()
     _save(model, run_dir / "model.zip")
+    save_policy(model.policy, run_dir / "policy.pt")
+
+
+class Point(NamedTuple):
+    """A line of `training.csv`.
+
+    Attributes:
+        steps: Environment steps done.
+        seconds: Spent on them, without these measurements.
+        training_success: Share of the last 1000 episodes of training, played with exploration, that were a success.
+        success: Share of `config.evaluation_episodes` episodes without it, on layouts never trained on.
+        score: Their mean score.
+    """
+
+    steps: int
+    seconds: float
+    training_success: float
+    success: float
+    score: float
+
+
+def learning_curve(run_dir: Path) -> list[Point]:
+    """The learning curve of a run, from before the first step to the last; empty if nothing was measured yet."""
+    path = run_dir / "training.csv"
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            Point(int(row["steps"]), *(float(row[name]) for name in Point._fields[1:])) for row in csv.DictReader(file)
+        ]
 
 
 def newest_checkpoint(run_dir: Path) -> Path | None:
@@ -127,10 +178,36 @@ class _Callback(BaseCallback):
         self.config, self.run_dir, self.bar = config, run_dir, bar
         self.successes: deque[bool] = deque(maxlen=1000)
         self.next_checkpoint = 0
+        self.curve: list[Point] = []
+        self.clock = 0.0
+
+    def begin(self, timesteps: int) -> None:
+        """Takes up the learning curve as it was after `timesteps` steps."""
+        self.curve = [point for point in learning_curve(self.run_dir) if point.steps <= timesteps]
+        self.clock = time.perf_counter()
+
+    def measure(self) -> None:
+        """Adds a point to the learning curve; draws nothing that the training would draw."""
+        seconds = time.perf_counter() - self.clock + (self.curve[-1].seconds if self.curve else 0.0)
+        if not self.curve or self.curve[-1].steps < self.num_timesteps:
+            envs = make_vector(self.config, self.config.evaluation_episodes)
+            seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
+            told = play_together(envs, deterministic(cast(ActorCriticPolicy, self.model.policy)), seeds)
+            envs.close()
+            trained = sum(self.successes) / max(len(self.successes), 1)
+            self.curve.append(
+                Point(self.num_timesteps, round(seconds, 2), trained, told["success_rate"], told["mean_score"])
+            )
+            text = io.StringIO()
+            csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.curve])
+            write_whole(self.run_dir / "training.csv", text.getvalue().encode())
+        self.clock = time.perf_counter()
 
     def _on_rollout_start(self) -> None:
+        set_std(cast(ActorCriticPolicy, self.model.policy), self.config, self.num_timesteps)
         if self.num_timesteps < self.next_checkpoint:
             return
+        self.measure()
         if self.next_checkpoint:
             _save(self.model, self.run_dir / "checkpoints" / f"{self.num_timesteps:09d}.zip")
         every = self.config.checkpoint_every
@@ -199,6 +276,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(f"error: {error}")
     try:
         train(config, run_dir)
+    except ValueError as error:
+        sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         checkpoint = newest_checkpoint(run_dir)
         done = int(checkpoint.stem) if checkpoint else 0

@@ -58,6 +58,19 @@ def test_arguments_of_the_environment_left_out_are_filled_in():
         ({"timesteps": 1, "ppo": {"gamma": 1.5}}, r"ppo.gamma = 1.5: expected a number from 0 to 1"),
         ({"timesteps": 1, "ppo": {"ent_coef": -1.0}}, r"ppo.ent_coef = -1.0: expected a number >= 0"),
         ({"timesteps": 1, "policy": {"activation": "thanh"}}, r"policy.activation = 'thanh'.*did you mean 'tanh'"),
+        ({"timesteps": 1, "policy": {"features": "rav"}}, "policy.features = 'rav'.*did you mean 'raw'"),
+        (
+            {"timesteps": 1, "policy": {"std": {"first": [0.1, 0.1], "last": [0.1, 0.0]}}},
+            r"policy.std.last = \[0.1, 0.0\]: expected two numbers > 0",
+        ),
+        (
+            {"timesteps": 1, "policy": {"std": {"first": [0.1], "last": [0.1, 0.1]}}},
+            r"policy.std.first = \[0.1\]: expected two numbers > 0",
+        ),
+        (
+            {"timesteps": 1, "policy": {"std": {"first": [0.1, 0.1], "last": [0.1, 0.1], "until": 0}}},
+            "policy.std.until = 0.0: expected a number > 0, at most 1",
+        ),
         ({"timesteps": 1, "policy": {"hidden": [8, 0]}}, r"policy.hidden\[1\] = 0: expected a number >= 1"),
     ],
 )
@@ -84,6 +97,7 @@ def test_unknown_keys_and_impossible_values_are_refused_by_name(data, message):
         ({"timesteps": 1, "env": ["pool"]}, r"env = \['pool'\]: expected a mapping, not list"),
         ({"timesteps": 1, "policy": {"hidden": 64}}, "policy.hidden = 64: expected a list, not int"),
         ({"timesteps": 1, "policy": {"hidden": [64, "x"]}}, r"policy.hidden\[1\] = 'x': expected a whole number"),
+        ({"timesteps": 1, "policy": {"shortcut": 1}}, "policy.shortcut = 1: expected true or false, not int"),
         ({"timesteps": 1, "policy": {"activation": 1}}, "policy.activation = 1: expected text, not int"),
     ],
 )
@@ -100,7 +114,12 @@ def test_yaml_is_read_back_as_it_was_written(tmp_path):
             "env": {"n_object_balls": 2},
             "frame": {"name": "cut", "ball": 2},
             "noise": {"angle_std": 1},
-            "policy": {"hidden": [32, 16], "activation": "relu"},
+            "policy": {
+                "hidden": [32, 16],
+                "activation": "relu",
+                "shortcut": True,
+                "std": {"first": [0.5, 0.4], "last": [0.1, 0.1]},
+            },
             "ppo": {"final_learning_rate": 1e-5, "n_steps": 8},
         }
     )

@@ -1,8 +1,6 @@
-import io
 import json
 import pickle
 import shutil
-import zipfile
 
 import gymnasium as gym
 import numpy as np
@@ -10,9 +8,9 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from agents.config import Config, load
-from agents.evaluate import evaluate, main, mean_interval, play, wilson_interval
-from agents.ppo import load_policy, make_env
+from agents.config import Config
+from agents.evaluate import deterministic, evaluate, main, mean_interval, play, play_together, wilson_interval
+from agents.ppo import load_policy, make_env, make_vector
 from agents.train import open_run, train
 
 
@@ -125,9 +123,10 @@ def test_a_run_in_a_frame_with_noise_is_trained_and_measured_so(tiny, tmp_path):
     open_run(config, run)
     train(config, run)
     shutil.copytree(run, resumed)
-    (resumed / "model.zip").unlink()
+    (resumed / "policy.pt").unlink()
     train(config, resumed)  # from the checkpoint
-    weights = [load_policy(path / "model.zip", config, make_env(config)).state_dict() for path in (run, resumed)]
+    weights = [torch.load(path / "policy.pt") for path in (run, resumed)]
+    assert weights[0].keys() == weights[1].keys()
     assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
     result = evaluate(run, episodes=200)
     low, high = result["random"]["score_interval_95"]
@@ -139,48 +138,70 @@ def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):
     shutil.copytree(trained, tmp_path / "run")
     met = []
 
-    def spy(env, act, seeds):
-        met.append([env.reset(seed=int(seed))[0].tolist() for seed in seeds])
-        return play(env, act, seeds)
+    def spy(envs, act, seeds):
+        met.append(envs.reset(seed=seeds)[0].tolist())
+        return play_together(envs, act, seeds)
 
-    monkeypatch.setattr("agents.evaluate.play", spy)
+    monkeypatch.setattr("agents.evaluate.play_together", spy)
     evaluate(tmp_path / "run", episodes=5)
     assert met[0] == met[1]
     assert len({tuple(layout) for layout in met[0]}) == 5
 
 
-def test_the_policy_is_the_trained_one(trained):
-    config = load(trained / "config.yaml")
-    env = make_env(config)
-    policy = load_policy(trained / "model.zip", config, env)
-    model = PPO.load(trained / "model.zip", device="cpu")
-    observation, _ = env.reset(seed=0)
-    expected, _ = model.predict(observation, deterministic=True)
-    np.testing.assert_array_equal(policy.predict(observation, deterministic=True)[0], expected)
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"env": {"n_object_balls": 3, "max_shots": 4}, "frame": {"name": "cut"}},
+        {"env": {"n_object_balls": 5, "max_shots": 2}, "noise": {"angle_std": 5.0}},
+    ],
+)
+def test_episodes_played_together_are_those_played_one_by_one(tiny, changes):
+    config = Config.from_dict(tiny(**changes))
+    seeds = [3, 1, 4, 15, 9, 2, 6]
+    act = np.array([0.02, 0.9], np.float32)
+    one_by_one = play(make_env(config), lambda observation: act, seeds)
+    assert one_by_one["mean_reward"] != 0
+    together = play_together(make_vector(config, 7), lambda observations: np.tile(act, (7, 1)), seeds)
+    assert together == one_by_one
+
+
+@pytest.mark.parametrize("policy", [{"hidden": [8]}, {"hidden": [8, 8], "features": "geometry", "shortcut": True}])
+def test_the_policy_is_the_trained_one(tiny, tmp_path, policy):
+    config = Config.from_dict(tiny(timesteps=128, policy=policy, frame={"name": "cut"}))
+    open_run(config, tmp_path / "run")
+    train(config, tmp_path / "run")
+    loaded, policy = load_policy(tmp_path / "run")
+    assert loaded == config
+    model = PPO.load(tmp_path / "run" / "model.zip", device="cpu")
+    observations, _ = make_vector(config, 50).reset(seed=0)
+    expected, _ = model.predict(observations, deterministic=True)
+    np.testing.assert_array_equal(policy.predict(observations, deterministic=True)[0], expected)
+    np.testing.assert_array_equal(deterministic(policy)(observations), expected)
 
 
 def test_loading_runs_no_code_from_the_file(trained, tmp_path):
-    config = load(trained / "config.yaml")
-    env = make_env(config)
-    harmless, harmful = tmp_path / "harmless.zip", tmp_path / "harmful.zip"
-    buffer = io.BytesIO()
-    torch.save({"log_std": Pickled(tmp_path / "ran")}, buffer)
-    with zipfile.ZipFile(trained / "model.zip") as model:
-        with zipfile.ZipFile(harmless, "w") as archive:  # the rest of the file is not even looked at
-            archive.writestr("policy.pth", model.read("policy.pth"))
-            archive.writestr("data", pickle.dumps(Pickled(tmp_path / "ran")))
-        with zipfile.ZipFile(harmful, "w") as archive:
-            archive.writestr("policy.pth", buffer.getvalue())
-    load_policy(harmless, config, env)
+    shutil.copytree(trained, tmp_path / "run")
+    weights = torch.load(trained / "policy.pt")
+    torch.save({**weights, "log_std": Pickled(tmp_path / "ran")}, tmp_path / "run" / "policy.pt")
     with pytest.raises(pickle.UnpicklingError):
-        load_policy(harmful, config, env)
+        load_policy(tmp_path / "run")
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_model_of_another_shape_is_refused(trained, tiny):
-    config = Config.from_dict(tiny(policy={"hidden": [8]}))
-    with pytest.raises(ValueError, match="does not hold the policy of its configuration"):
-        load_policy(trained / "model.zip", config, make_env(config))
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda weights: {name: tensor[:1] for name, tensor in weights.items()},
+        lambda weights: {name: tensor for name, tensor in weights.items() if name != "log_std"},
+        lambda weights: {**weights, "another": torch.zeros(1)},
+        lambda weights: list(weights),
+    ],
+)
+def test_a_policy_of_another_shape_is_refused(trained, tmp_path, change):
+    shutil.copytree(trained, tmp_path / "run")
+    torch.save(change(torch.load(trained / "policy.pt")), tmp_path / "run" / "policy.pt")
+    with pytest.raises(ValueError, match=r"policy.pt does not hold the policy of its configuration"):
+        load_policy(tmp_path / "run")
 
 
 def test_bad_arguments_end_with_their_message(trained, tmp_path):
@@ -191,6 +212,6 @@ def test_bad_arguments_end_with_their_message(trained, tmp_path):
     with pytest.raises(SystemExit, match="error: seed = -1: expected a whole number >= 0"):
         main([str(trained), "--seed", "-1"])
     shutil.copytree(trained, tmp_path / "run")
-    (tmp_path / "run" / "model.zip").unlink()
-    with pytest.raises(SystemExit, match=r"error: .* holds no model.zip: its training has not ended"):
+    (tmp_path / "run" / "policy.pt").unlink()
+    with pytest.raises(SystemExit, match=r"error: .* holds no policy.pt: its training has not ended"):
         main([str(tmp_path / "run")])

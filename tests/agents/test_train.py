@@ -1,4 +1,5 @@
 import json
+import shutil
 import sys
 from pathlib import Path
 from typing import cast
@@ -12,6 +13,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from agents import train as module
 from agents.config import Config, load
+from agents.evaluate import evaluate
 from agents.ppo import evaluation_seeds, training_seed
 
 
@@ -53,6 +55,15 @@ def test_the_folder_holds_settings_versions_logs_checkpoints_and_the_model(train
     versions = json.loads((trained / "versions.json").read_text())
     assert versions["python"] == ".".join(map(str, sys.version_info[:3]))
     assert {"numpy", "gymnasium", "numba", "stable_baselines3", "torch", "billiards_env"} <= versions.keys()
+    assert [path.name for path in sorted(trained.iterdir())] == [
+        "checkpoints",
+        "config.yaml",
+        "model.zip",
+        "policy.pt",
+        "tensorboard",
+        "training.csv",
+        "versions.json",
+    ]
     assert [path.name for path in sorted((trained / "checkpoints").iterdir())] == ["000000256.zip"]
     events = EventAccumulator(str(trained / "tensorboard"))
     events.Reload()
@@ -64,6 +75,39 @@ def test_stable_baselines_loads_the_model(trained):
     model = PPO.load(trained / "model.zip", device="cpu")
     assert model.num_timesteps == 512
     assert equal(model.policy.state_dict(), weights(trained / "model.zip"))
+
+
+def test_the_learning_curve_says_what_the_policies_reached(trained):
+    curve = module.learning_curve(trained)
+    assert [point.steps for point in curve] == [0, 256, 512]
+    assert 0 == curve[0].training_success < curve[1].seconds < curve[2].seconds
+    measured = evaluate(trained)["policy"]
+    assert (curve[-1].success, curve[-1].score) == (measured["success_rate"], measured["mean_score"])
+    assert module.learning_curve(trained / "elsewhere") == []
+
+
+def test_measuring_the_learning_curve_changes_nothing(trained, command, tmp_path, monkeypatch):
+    monkeypatch.setattr(module._Callback, "measure", lambda self: None)
+    command()
+    assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
+
+
+def test_the_standard_deviations_follow_their_schedule(command, tmp_path):
+    std = {"first": [0.4, 1.0], "last": [0.1, 0.5], "until": 1.0}
+    command(policy={"hidden": [8], "std": std})
+    begun, ended = (weights(tmp_path / "run" / name) for name in ("checkpoints/000000256.zip", "model.zip"))
+    assert begun["log_std"].exp().tolist() == pytest.approx([0.2, 2**-0.5])  # set as the third rollout begins
+    assert ended["log_std"].exp().tolist() == pytest.approx([0.4 * 0.25**0.75, 0.5**0.75])  # as the fourth does
+
+
+def test_a_checkpoint_that_does_not_fit_is_refused(command, trained, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        interrupt_after(320, patch)
+        with pytest.raises(SystemExit):
+            command(policy={"hidden": [8]})
+    shutil.copy(trained / "checkpoints" / "000000256.zip", tmp_path / "run" / "checkpoints")
+    with pytest.raises(SystemExit, match=r"error: .*000000256.zip does not fit the configuration; --fresh starts over"):
+        command(policy={"hidden": [8]})
 
 
 def test_training_changes_the_weights(trained):
@@ -80,8 +124,12 @@ def test_an_interrupted_run_resumes_to_the_weights_of_one_never_interrupted(
     assert stopped.value.code == 130
     assert "the same command resumes after 256 of 512 steps" in capsys.readouterr().err
     assert not (tmp_path / "run" / "model.zip").exists()
+    assert [point.steps for point in module.learning_curve(tmp_path / "run")] == [0, 256]
     command()
     assert "resuming after 256 of 512 steps" in capsys.readouterr().out
+    curves = [module.learning_curve(folder) for folder in (tmp_path / "run", trained)]
+    assert [point[3:] for point in curves[0]] == [point[3:] for point in curves[1]]
+    assert 0 < curves[0][1].seconds < curves[0][2].seconds
     assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
 
 
