@@ -122,11 +122,12 @@ def cause(exact: ShotResult, stepped: ShotResult, dt: float, ball: int) -> str:
     ahead = {i: deque(c for c in truth if i in c.balls) for i in range(scene.n_balls)}
     for found in told:
         due = [ahead[i][0] if ahead[i] else None for i in found.balls]
-        other = [c for c in due if c is not None and c[:3] != found[:3]]
-        if other or None in due:
+        true = due[0]
+        if true is None or any(c is not true for c in due) or true[:3] != found[:3]:
+            other = [c for c in due if c is not None and c[:3] != found[:3]]
             return _departure(truth, min(other, key=lambda c: c.time, default=None), found, stepped, scene, dt)
         for i in found.balls:
-            true = ahead[i].popleft()
+            ahead[i].popleft()
         if found.kind == "ball_ball" and _degrees_off(exact, true, stepped, found) > WRONG_LINE:
             if any(c.kind == "ball_ball" and c.time <= found.time for i in found.balls for c in ahead[i]):
                 return "multiple_collisions"
