@@ -104,6 +104,8 @@ def policies_figure(result: Mapping[str, Any]) -> Figure:
         for axes, name in ((speeds, "speed"), (turns, "turn"), (cuts, "cut")):
             shares = np.mean([p[name]["histogram"] for p in result["policies"] if p["world"] == world], axis=0)
             edges = np.array(result["bins"][name])
+            if not shares.any():  # no other policy of the exact world to compare with, or no shot at the ball
+                continue
             if name == "turn":
                 axes.plot(edges[1:], 100 * np.cumsum(shares), color=colour, label=world)
             else:

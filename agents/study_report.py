@@ -185,6 +185,39 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
     }
 
 
+def findings(result: Mapping[str, Any]) -> list[str]:
+    """What the study found, in sentences: which timesteps will do, what the others teach, and what each costs.
+
+    Args:
+        result: What the study wrote to its `study.json`.
+
+    Returns:
+        Three sentences; none if there is no world with a timestep.
+    """
+    told, dts = summary(result), {world: m["dt"] for world, m in result["worlds_measured"].items()}
+    exact, stepped = told["exact"], {world: t for world, t in told.items() if world != "exact"}
+    if not stepped:
+        return []
+    worse = [w for w, t in stepped.items() if t["behind"]["interval"] is not None and t["behind"]["interval"][1] < 0]
+    last = min(stepped, key=lambda world: stepped[world]["behind"]["mean"])
+    falsest = max(stepped, key=lambda world: stepped[world]["false"]["mean"])
+    causes = stepped[falsest]["causes"]
+    cause = max(causes, key=lambda name: causes[name]["mean"])
+    finest = min(stepped, key=lambda world: dts[world])
+    minutes = {world: told[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
+    rates = {world: told[world]["shots_per_second"] for world in ("exact", finest)}
+    return [
+        f"Policies trained in the exact world succeed there on {_percent(exact['exact'])} of the layouts. Those trained "
+        f"at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the interval; the "
+        f"difference is largest at {_name(last)}, {_points(stepped[last]['behind'])} points.",
+        f"Of the successes of the policies trained at {_name(falsest)}, in their own world, "
+        f"{_percent(stepped[falsest]['false'])} fail in the exact one; most of these by {cause.replace('_', ' ')}, "
+        f"{_percent(causes[cause])} of the successes. At no other timestep are there more.",
+        f"A run takes {minutes['exact']:.1f} min in the exact world and {minutes[finest]:.1f} min at {_name(finest)}; one "
+        f"core plays {rates['exact']:,.0f} and {rates[finest]:,.0f} shots/s.",
+    ]
+
+
 def _name(world: str) -> str:
     return world if world == "exact" else f"{world} s"
 

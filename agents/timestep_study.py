@@ -208,6 +208,7 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from the newest checkpoints", file=sys.stderr)
         sys.exit(130)
+    print("\n".join(study_report.findings(result)))
     for head, rows in study_report.tables(result).values():
         print(f"\n| {' | '.join(head)} |\n|{' --: |' * len(head)}")
         print("\n".join(f"| {' | '.join(row)} |" for row in rows))

@@ -1,3 +1,4 @@
+import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -237,6 +238,22 @@ def test_the_summary_is_over_seeds(blocked):
     assert told["exact"]["behind"]["mean"] == 0.0
     assert told["1/30"]["false"]["mean"] == pytest.approx(sum(told["1/30"]["causes"][name]["mean"] for name in CAUSES))
     assert told["1/30"]["training_seconds"] == {"mean": 60.0, "interval": [60.0, 60.0]}
+
+
+def test_the_findings_name_the_worlds_they_are_about(blocked):
+    result = copy.deepcopy(blocked[0])
+    told = study_report.summary(result)
+    worth, false, cost = study_report.findings(result)
+    assert f"succeed there on {100 * told['exact']['exact']['mean']:.1f}%" in worth
+    assert "Those trained at no timestep are worse" in worth
+    assert "at 1/30 s, in their own world" in false
+    assert "most of these by missed collision" in false
+    assert cost.startswith("A run takes 1.0 min in the exact world and 1.0 min at 1/30 s")
+    for policy in result["policies"]:
+        policy["success"]["exact"]["rate"] = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
+    worth, *_ = study_report.findings(result)
+    assert "Those trained at 1/30 s are worse there by more than the interval" in worth
+    assert "largest at 1/30 s, -40.0 (-43.0 to -37.0) points" in worth
 
 
 @given(
