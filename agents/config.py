@@ -47,7 +47,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         choose("frame.name", self.name, FRAMES)
-        _at_least("frame.least_speed", self.least_speed, 0)
+        at_least("frame.least_speed", self.least_speed, 0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name in ("angle_std", "speed_std"):
-            _at_least(f"noise.{name}", getattr(self, name), 0)
+            at_least(f"noise.{name}", getattr(self, name), 0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +129,7 @@ class Policy:
         choose("policy.features", self.features, FEATURES)
         choose("policy.activation", self.activation, ACTIVATIONS)
         for i, units in enumerate(self.hidden):
-            _at_least(f"policy.hidden[{i}]", units, 1)
+            at_least(f"policy.hidden[{i}]", units, 1)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,8 +166,8 @@ class PPO:
 
     def __post_init__(self) -> None:
         for name in ("n_steps", "n_epochs"):
-            _at_least(f"ppo.{name}", getattr(self, name), 1)
-        _at_least("ppo.batch_size", self.batch_size, 2)  # advantages are normalised within a minibatch
+            at_least(f"ppo.{name}", getattr(self, name), 1)
+        at_least("ppo.batch_size", self.batch_size, 2)  # advantages are normalised within a minibatch
         for name in ("learning_rate", "final_learning_rate", "clip_range", "max_grad_norm", "target_kl"):
             value = getattr(self, name)
             if value is not None and value <= 0:
@@ -177,7 +177,7 @@ class PPO:
             if not 0 <= value <= 1:
                 raise ValueError(f"ppo.{name} = {value!r}: expected a number from 0 to 1")
         for name in ("ent_coef", "vf_coef"):
-            _at_least(f"ppo.{name}", getattr(self, name), 0)
+            at_least(f"ppo.{name}", getattr(self, name), 0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,8 +210,8 @@ class Config:
 
     def __post_init__(self) -> None:
         for name in ("timesteps", "n_envs", "checkpoint_every", "evaluation_episodes"):
-            _at_least(name, getattr(self, name), 1)
-        _at_least("seed", self.seed, 0)
+            at_least(name, getattr(self, name), 1)
+        at_least("seed", self.seed, 0)
         object.__setattr__(self, "env", _resolved_env(self.env))
         rollout = self.n_envs * self.ppo.n_steps
         if rollout % self.ppo.batch_size:
@@ -263,14 +263,33 @@ def load(path: Path) -> Config:
         TypeError: If a value is of the wrong type.
         OSError: If the file cannot be read.
     """
+    return read(Config, path)
+
+
+def read(kind: type[T], path: Path) -> T:
+    """A dataclass from a YAML file, read as strictly as `Config` is.
+
+    Args:
+        kind: The dataclass.
+        path: The file.
+
+    Returns:
+        What the file says.
+
+    Raises:
+        ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
+        TypeError: If a value is of the wrong type.
+        OSError: If the file cannot be read.
+    """
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except yaml.YAMLError as error:
         raise ValueError(f"{path} is not valid YAML: {error}") from error
-    return Config.from_dict(data)
+    return read_dataclass(kind, "", data)
 
 
-def _at_least(name: str, value: float, least: float) -> None:
+def at_least(name: str, value: float, least: float) -> None:
+    """Raises a ValueError that names the field if its value is less than `least`."""
     if value < least:
         raise ValueError(f"{name} = {value!r}: expected a number >= {least}")
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agents import players
+from agents import players, study_report
 from benchmarks import (
     RESULTS,
     ablation,
@@ -40,6 +40,27 @@ def players_blocks(result: dict[str, Any]) -> dict[str, str]:
     return {"table": table(players.HEAD, [players.row(r) for r in result["results"]], left=2)}
 
 
+def study_blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What a study of `agents.timestep_study` has found; pictures as the README and the pages in `docs` see them."""
+    pictures = {
+        name: f"![{text}](FOLDER/study_{result['study']}_{name}.png)"
+        for name, text in (
+            ("success", "Success in the exact world and in the world of the training, against the timestep"),
+            ("transfer", "Success of the policies of each world in each world"),
+            ("policies", "Speeds, directions, cuts and false successes of the policies of each world"),
+        )
+    }
+    return {
+        "findings": "\n".join(f"- {said}" for said in study_report.findings(result)),
+        **{name: table(head, rows) for name, (head, rows) in study_report.tables(result).items()},
+        "picture": pictures["success"].replace("FOLDER", "docs/images"),
+        "pictures": "\n\n".join(pictures[name].replace("FOLDER", "images") for name in ("transfer", "policies")),
+    }
+
+
+# Results that lie elsewhere than in the folder of all others, by their name.
+ELSEWHERE = {f"study_{name}": ROOT / "results" / "study" / name / "study.json" for name in ("pot", "blocked")}
+
 # By the name of the results: the command, and what makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "ablation": ("benchmarks.ablation", ablation.blocks),
@@ -51,6 +72,8 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
+    "study_blocked": ("agents.timestep_study configs/study/blocked.yaml", study_blocks),
+    "study_pot": ("agents.timestep_study configs/study/pot.yaml", study_blocks),
     "vector": ("benchmarks.vector", vector.blocks),
 }
 
@@ -66,7 +89,7 @@ def block(results: Path, source: str, name: str) -> str:
     if source not in SOURCES:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES)}")
     command, blocks = SOURCES[source]
-    path = results / f"{source}.json"
+    path = ELSEWHERE.get(source, results / f"{source}.json")
     if not path.exists():
         return f"*Not measured yet: `python -m {command}`.*"
     found = blocks(json.loads(path.read_text(encoding="utf-8")))

@@ -37,7 +37,7 @@ _TRIES = 10_000
 # on a table 1.42 m wide; on other tables they scale with the width.
 _STARTING_SPOT = 0.1825 / 1.42
 
-LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line")
+LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line", "snookered")
 
 
 def random(scene: Scene, rng: np.random.Generator) -> Floats:
@@ -140,6 +140,32 @@ def line(scene: Scene, rng: np.random.Generator) -> Floats:
     return draw("line", scene, rng)
 
 
+def snookered(scene: Scene, rng: np.random.Generator) -> Floats:
+    """Cue ball and ball 1 anywhere, as in `random`, ball 2 midway between them; drawn anew until ball 2 has room.
+
+    Ball 2 hides ball 1 wholly: a straight path of the cue ball that passes the centre of ball 1 at a distance b passes
+    that of ball 2, half as far away, at b / 2; one that would touch ball 1, b <= r0 + r1, has b / 2 < r0 + r2 as
+    r1 <= r2, so it meets ball 2, and does so first.
+
+    Args:
+        scene: A scene with two object balls, the second at least as large as the first.
+        rng: Where the draws come from.
+
+    Returns:
+        (3, 2) positions, m.
+
+    Raises:
+        ValueError: If there are not exactly two object balls, ball 2 is too small to hide ball 1, or a ball finds no
+            room in 10,000 tries.
+
+    Example:
+        >>> cue, target, blocker = snookered(Scene.named("blocked_pool"), np.random.default_rng(0))
+        >>> bool((blocker == (cue + target) / 2).all())
+        True
+    """
+    return draw("snookered", scene, rng)
+
+
 def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
     """Draws the layout called `name`.
 
@@ -170,6 +196,7 @@ class Plan(NamedTuple):
         displacement: m; a ball that has a spot is displaced by up to so much along x and along y.
         order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
         n_spots: How many have a spot.
+        midway: Whether the last ball of the order lies midway between the other two, which have no spots.
         room: (n, 3) float64, m: a drawn ball's least x, largest x and largest abs(y).
         radius: (n,) float64, m.
         pockets: (k, 3) float64: x, y, radius, m.
@@ -180,6 +207,7 @@ class Plan(NamedTuple):
     displacement: float
     order: NDArray[np.int64]
     n_spots: int
+    midway: bool
     room: Floats
     radius: Floats
     pockets: Floats
@@ -206,6 +234,8 @@ def plan(name: str, scene: Scene) -> Plan:
         return _plan(name, scene, np.zeros((n, 2)), 0.0, largest_first, 0, scene.table.length / 2)
     if name in ("rack", "tight_rack"):
         return _rack_plan(name, scene)
+    if name == "snookered":
+        return _snookered_plan(name, scene)
     _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
     spot = scene.table.length / 4
     if name == "line":
@@ -263,6 +293,21 @@ _ONE = np.ones(1, np.bool_)
 
 
 @kernel
+def is_clear(i, x, y, placed, order, radius, pockets, positions):
+    """Whether ball i at (x, y) is clear of the pockets and of the first `placed` balls of `order`."""
+    for k in range(placed):
+        j = order[k]
+        dx, dy, reach = x - positions[j, 0], y - positions[j, 1], radius[j] + radius[i] + MARGIN
+        if dx * dx + dy * dy < reach * reach:
+            return False
+    for k in range(len(pockets)):
+        dx, dy, reach = x - pockets[k, 0], y - pockets[k, 1], pockets[k, 2] + MARGIN
+        if dx * dx + dy * dy < reach * reach:
+            return False
+    return True
+
+
+@kernel
 def place(i, placed, stream, order, room, radius, pockets, positions):
     """Draws a place for ball i, clear of the pockets and of the first `placed` balls of `order`; whether it found one.
 
@@ -272,31 +317,40 @@ def place(i, placed, stream, order, room, radius, pockets, positions):
     for _ in range(_TRIES):
         x = x_low + (x_high - x_low) * streams.next_double(stream)
         y = y_high * (2 * streams.next_double(stream) - 1)
-        clear = True
-        for k in range(placed):
-            j = order[k]
-            dx, dy, reach = x - positions[j, 0], y - positions[j, 1], radius[j] + radius[i] + MARGIN
-            if dx * dx + dy * dy < reach * reach:
-                clear = False
-                break
-        for k in range(len(pockets)):
-            dx, dy, reach = x - pockets[k, 0], y - pockets[k, 1], pockets[k, 2] + MARGIN
-            if dx * dx + dy * dy < reach * reach:
-                clear = False
-                break
-        if clear:
+        if is_clear(i, x, y, placed, order, radius, pockets, positions):
             positions[i, 0], positions[i, 1] = x, y
             return True
     return False
 
 
+@kernel
+def place_midway(stream, order, room, radius, pockets, positions):
+    """Draws places for the first two balls of `order` until the third has room midway; a ball without room, or -1."""
+    a, b, i = order[0], order[1], order[2]
+    for _ in range(_TRIES):
+        for k in range(2):
+            if not place(order[k], k, stream, order, room, radius, pockets, positions):
+                return order[k]
+        x, y = 0.5 * (positions[a, 0] + positions[b, 0]), 0.5 * (positions[a, 1] + positions[b, 1])
+        fits = room[i, 0] <= x <= room[i, 1] and abs(y) <= room[i, 2]
+        if fits and is_clear(i, x, y, 2, order, radius, pockets, positions):
+            positions[i, 0], positions[i, 1] = x, y
+            return -1
+    return i
+
+
 @entry_point
-def lay_out(begin, end, wanted, rows, spots, displacement, order, n_spots, room, radius, pockets, positions):
+def lay_out(begin, end, wanted, rows, spots, displacement, order, n_spots, midway, room, radius, pockets, positions):
     """The loop of `draw_tables`; its arguments are those of a `Plan`. Returns a ball that found no room, else -1."""
     for table in range(begin, end):
         if not wanted[table]:
             continue
         stream, places = rows[table], positions[table]
+        if midway:
+            failed = place_midway(stream, order, room, radius, pockets, places)
+            if failed >= 0:
+                return failed
+            continue
         for k in range(n_spots):
             i = order[k]
             places[i, 0], places[i, 1] = spots[i, 0], spots[i, 1]
@@ -317,6 +371,7 @@ def _plan(
     order: Iterable[int],
     n_spots: int,
     x_most: float,
+    midway: bool = False,
 ) -> Plan:
     """The plan with the room of the scene; drawn balls stay at x <= `x_most`. Refuses what cannot be drawn."""
     order = np.array(order, np.int64)
@@ -328,7 +383,7 @@ def _plan(
             raise _no_room(name, i, float(radius[i]))
     pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
-    return Plan(name, spots, displacement, order, n_spots, room, radius, pockets)
+    return Plan(name, spots, displacement, order, n_spots, midway, room, radius, pockets)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, which: NDArray[np.int64]) -> None:
@@ -363,6 +418,19 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
     for i, (row, place) in enumerate(lattice, start=1):
         spots[i] = foot + pitch * (math.sqrt(3) / 2) * row, pitch * place
     return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, -foot)
+
+
+def _snookered_plan(name: str, scene: Scene) -> Plan:
+    """Cue ball and ball 1 drawn, the larger first, and ball 2 midway between them."""
+    _expect_object_balls(scene, name, 2, 2)
+    radius = scene.balls.radius
+    if radius[1] > radius[2]:
+        raise ValueError(
+            f"layout = {name!r} with balls 1 and 2 of radii {radius[1]} and {radius[2]} m: expected ball 2, "
+            "which hides ball 1, to be at least as large"
+        )
+    order = (0, 1, 2) if radius[0] >= radius[1] else (1, 0, 2)
+    return _plan(name, scene, np.zeros((3, 2)), 0.0, order, 0, scene.table.length / 2, midway=True)
 
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:

@@ -299,11 +299,12 @@ class Scene:
         """A scene by its name.
 
         Args:
-            name: "pool" (9-foot table with six pockets), "carom" (no pockets), "ideal" (the frictionless, elastic
-                world without pockets; a shot ends after 10 s), "pooltool_carom" (carom with elastic balls, the
-                setting of the reference shots made with pooltool) or "sum_to_three" (the small table of pooltool's
-                game of that name).
-            n_object_balls: Number of object balls; None for the usual one (2 on carom tables, 1 elsewhere).
+            name: "pool" (9-foot table with six pockets), "blocked_pool" (the same with ball 2 a fixed post), "carom"
+                (no pockets), "ideal" (the frictionless, elastic world without pockets; a shot ends after 10 s),
+                "pooltool_carom" (carom with elastic balls, the setting of the reference shots made with pooltool) or
+                "sum_to_three" (the small table of pooltool's game of that name).
+            n_object_balls: Number of object balls; None for the usual one (2 on carom tables and in "blocked_pool", 1
+                elsewhere).
 
         Returns:
             The scene.
@@ -379,6 +380,12 @@ def _pool(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls), Table(pockets=six_pockets()))
 
 
+def _blocked_pool(n_balls: int) -> Scene:
+    scene = _pool(n_balls)
+    mass = tuple(math.inf if i == 2 else m for i, m in enumerate(scene.balls.mass))
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius, mass))
+
+
 def _carom(n_balls: int) -> Scene:
     return Scene(
         Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS),
@@ -408,6 +415,7 @@ def _sum_to_three(n_balls: int) -> Scene:
 # name: (builder, usual number of object balls, largest)
 _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "pool": (_pool, 1, 15),
+    "blocked_pool": (_blocked_pool, 2, 15),
     "carom": (_carom, 2, 15),
     "ideal": (_ideal, 1, 500),
     "pooltool_carom": (_pooltool_carom, 2, 15),

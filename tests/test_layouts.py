@@ -5,8 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from billiards_env import layouts
+from billiards_env import layouts, simulate
 from billiards_env.scene import SCENES, Balls, Scene, check_positions
 
 LARGE_AND_SMALL = dataclasses.replace(
@@ -157,9 +159,70 @@ def test_line_puts_both_balls_on_the_long_axis(scene):
     assert draws("line", scene, 1)[0].tolist() == [[-length / 4, 0.0], [length / 4, 0.0]]
 
 
+def three_balls(cue, target, blocker):
+    """The blocked pool table with balls of other radii, m."""
+    scene = Scene.named("blocked_pool")
+    return dataclasses.replace(scene, balls=Balls((cue, target, blocker), scene.balls.mass))
+
+
+RADII = st.floats(0.02, 0.05)
+SNOOKERED = st.tuples(RADII, RADII, RADII).map(lambda r: three_balls(r[0], *sorted(r[1:])))
+
+
+@given(scene=SNOOKERED, seed=st.integers(0, 2**32))
+def test_snookered_balls_lie_in_a_line_clear_of_everything(scene, seed):
+    places = layouts.snookered(scene, np.random.default_rng(seed))
+    check_positions(scene, places)
+    assert places[2].tolist() == (0.5 * (places[0] + places[1])).tolist()
+    radius = np.array(scene.balls.radius)
+    half = np.array([scene.table.length, scene.table.width]) / 2
+    assert (np.abs(places) <= half - radius[:, None] - layouts.MARGIN).all()
+    for i, j in itertools.combinations(range(3), 2):
+        assert np.linalg.norm(places[i] - places[j]) >= radius[i] + radius[j] + layouts.MARGIN - 1e-15
+    for pocket in scene.table.pockets:
+        gaps = np.linalg.norm(places - (pocket.x, pocket.y), axis=-1) - pocket.radius
+        assert gaps.min() >= layouts.MARGIN - 1e-15
+
+
+@given(scene=SNOOKERED, seed=st.integers(0, 2**32), cut=st.floats(-1, 1), speed=st.floats(2.0, 8.0))
+def test_no_straight_path_of_a_snookered_cue_ball_meets_ball_1_first(scene, seed, cut, speed):
+    places = layouts.snookered(scene, np.random.default_rng(seed))
+    # The line along which the cue ball sets out passes the centre of ball 1 at `cut` times the sum of the radii.
+    way, reach = places[1] - places[0], scene.balls.radius[0] + scene.balls.radius[1]
+    angle = math.atan2(way[1], way[0]) + math.asin(cut * reach / math.hypot(*way))
+    velocity = speed * math.cos(angle), speed * math.sin(angle)
+    shot = simulate(scene, places, velocity, record=True)
+    assert shot.events is not None
+    touched = shot.events[shot.events["kind"] != "roll"][0]
+    assert (touched["kind"], touched["ball"], touched["other"]) == ("ball_ball", 0, 2)
+
+
+def test_snookered_is_spread_over_the_whole_table():
+    scene = Scene.named("blocked_pool")
+    positions = draws("snookered", scene, 3000)
+    reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
+    assert (np.abs(positions[:, :2] / reach).max(axis=(0, 1)) > 0.99).all()
+    assert np.abs((positions / reach).mean(axis=0)).max() < 0.05
+    # Either ball is as likely to be on the left: neither is drawn around the other.
+    assert abs((positions[:, 0, 0] < positions[:, 1, 0]).mean() - 0.5) < 0.03
+
+
+def test_snookered_needs_a_ball_that_hides_ball_1():
+    with pytest.raises(ValueError, match=r"layout = 'snookered' with balls 1 and 2 of radii 0.03 and 0.02 m: expected"):
+        layouts.snookered(three_balls(0.03, 0.03, 0.02), np.random.default_rng(0))
+
+
+def test_snookered_gives_up_on_a_table_without_room_between_the_balls():
+    scene = dataclasses.replace(Scene.named("ideal"), balls=Balls.uniform(3, radius=0.45))
+    with pytest.raises(ValueError, match=r"layout = 'snookered': found no room for ball \d .*10000 tries"):
+        layouts.snookered(scene, np.random.default_rng(0))
+
+
 @pytest.mark.parametrize(
     ("name", "n_object_balls", "message"),
     [
+        ("snookered", 1, "layout = 'snookered' with 1 object balls: expected 2"),
+        ("snookered", 3, "layout = 'snookered' with 3 object balls: expected 2"),
         ("line", 2, "layout = 'line' with 2 object balls: expected 1"),
         ("line", 0, "layout = 'line' with 0 object balls: expected 1"),
         ("carom_opening", 3, "layout = 'carom_opening' with 3 object balls: expected 1 to 2"),

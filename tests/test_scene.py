@@ -51,12 +51,19 @@ def test_the_defaults_are_a_nine_foot_table_and_the_measured_constants():
 
 
 @pytest.mark.parametrize(
-    ("name", "usual"), [("pool", 1), ("carom", 2), ("ideal", 1), ("pooltool_carom", 2), ("sum_to_three", 1)]
+    ("name", "usual"),
+    [("pool", 1), ("blocked_pool", 2), ("carom", 2), ("ideal", 1), ("pooltool_carom", 2), ("sum_to_three", 1)],
 )
 def test_named_scenes_have_their_usual_number_of_balls(name, usual):
     assert Scene.named(name).n_balls == len(Scene.named(name).balls) == usual + 1
     assert Scene.named(name, 0).n_balls == 1
     assert Scene.named(name, n_object_balls=15).n_balls == 16
+
+
+def test_blocked_pool_is_pool_with_a_post_for_ball_2():
+    blocked, pool = Scene.named("blocked_pool", 3), Scene.named("pool", 3)
+    assert (blocked.table, blocked.physics, blocked.balls.radius) == (pool.table, pool.physics, pool.balls.radius)
+    assert blocked.balls.mass == (0.170097, 0.170097, math.inf, 0.170097)
 
 
 def test_pool_has_six_pockets_on_the_cushion_line():
@@ -98,7 +105,7 @@ def test_the_ideal_scene_loses_no_energy_and_has_a_horizon():
 @pytest.mark.parametrize(
     ("name", "count", "message"),
     [
-        ("pol", None, "scene = 'pol': expected one of 'pool', 'carom', 'ideal', 'pooltool_carom', "),
+        ("pol", None, "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'pooltool_carom', "),
         ("pol", None, "'sum_to_three' (did you mean 'pool'?)"),
         ("snooker", None, "scene = 'snooker': expected one of"),
         ("pool", 16, "n_object_balls = 16: expected a whole number from 0 to 15 for scene 'pool'"),

@@ -90,6 +90,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"tight_rack"`: the same with the object balls frozen together.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis.
+    - `"snookered"`: the cue ball and ball 1 anywhere, ball 2 midway between them, so that no straight path of the cue
+      ball meets ball 1 first.
 
     Then, for `task="place"`, the goal is drawn: any place where the cue ball, alone on the table, can lie, uniformly.
     It stays for the episode.
@@ -164,9 +166,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scratch_penalty` | float | `0.1` | what a scratch costs |
     | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
 
-    The named scenes are `"pool"` (1 object ball if not told otherwise), `"carom"` (2), `"ideal"` (1),
-    `"pooltool_carom"` (2) and `"sum_to_three"` (1). The game's own layout is `"rack"` for `pot`, `"carom_opening"` for
-    `carom` and `three_cushion`, `"line"` for `sum_to_three` and `"random"` for `place`.
+    The named scenes are `"pool"` (1 object ball if not told otherwise), `"blocked_pool"` (2, the second one a fixed
+    post), `"carom"` (2), `"ideal"` (1), `"pooltool_carom"` (2) and `"sum_to_three"` (1). The game's own layout is
+    `"rack"` for `pot`, `"carom_opening"` for `carom` and `three_cushion`, `"line"` for `sum_to_three` and `"random"`
+    for `place`.
 
     ## Rendering
 

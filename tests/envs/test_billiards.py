@@ -30,7 +30,8 @@ FITTING = [
 VARIANTS = [
     *({"scene": scene, "task": task} for scene, task in FITTING),
     *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
-    *({"layout": layout} for layout in (*LAYOUTS, None)),
+    *({"layout": layout} for layout in (*LAYOUTS, None) if layout != "snookered"),
+    {"layout": "snookered", "scene": "blocked_pool"},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
     {

@@ -9,6 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.wrappers import VectorActionFrame
 from billiards_env.failures import FAILURES
 from billiards_env.physics.state import FIXES
 from tests.envs.test_billiards import VARIANTS
@@ -105,6 +106,24 @@ def test_the_same_seed_gives_the_same_episodes_bit_for_bit(kwargs, fix):
         (first, info), (second, again) = (episode(make(**kwargs, fix=fix), seed) for _ in range(2))
         assert all(np.array_equal(a, b) and r == s for (a, r), (b, s) in zip(first, second, strict=True))
         assert (info["shot_time"], info["n_events"]) == (again["shot_time"], again["n_events"])
+
+
+@pytest.mark.parametrize(
+    ("world", "through"),
+    [({}, False), *(({"mode": "pit", "dt": 1 / n}, n <= 60) for n in (15, 30, 60, 240))],
+    ids=lambda world: str(world),
+)
+def test_a_coarse_timestep_lets_fast_shots_through_the_ball_that_hides_the_target(world, through):
+    # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls lie in each other for 11 cm of the way.
+    envs = gym.make_vec("Billiards-v0", num_envs=2000, scene="blocked_pool", layout="snookered", max_speed=8.0, **world)
+    envs = VectorActionFrame(envs, "cut")
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform((-1, 0), 1, (2000, 2))
+    *_, infos = envs.step(actions)
+    share = (infos["first_hit"] == 1).mean()
+    assert share > 0.05 if through else share == 0
+    # The post is no ball to pot.
+    assert (infos["success"] == (infos["potted"][:, 1] & ~infos["scratch"])).all()
 
 
 def test_an_episode_starts_alike_and_ends_as_the_timestep_has_it():

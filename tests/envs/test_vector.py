@@ -40,7 +40,8 @@ VARIANTS = [
         for s, t in FITTING
     ),
     {"task": "place", "n_object_balls": 0, "max_shots": 2},
-    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None)),
+    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None) if layout != "snookered"),
+    {"layout": "snookered", "scene": "blocked_pool", "max_shots": 2},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"mode": "pit", "dt": 1 / 60, "max_shots": 2, "n_object_balls": 2},
     {"mode": "pit", "dt": 0.01, "fix": "move_back", "scene": "carom", "task": "carom"},

@@ -1,0 +1,293 @@
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agents import study_measure, study_report
+from agents import timestep_study as module
+from agents import train as training
+from agents.causes import CAUSES
+from agents.config import Config
+from agents.ppo import evaluation_seeds
+from billiards_env import Scene, layouts
+from billiards_env.envs.frames import Frame
+
+pytest.importorskip("matplotlib")
+
+RECIPE = {
+    "timesteps": 64,
+    "n_envs": 4,
+    "checkpoint_every": 32,
+    "evaluation_episodes": 4,
+    "frame": {"name": "cut"},
+    "policy": {"hidden": [8]},
+    "ppo": {"n_steps": 16, "n_epochs": 1},
+}
+
+
+@pytest.fixture
+def command(tmp_path):
+    """A function that runs the command with tiny settings, changed as told; the study's folder is `tmp_path/study`."""
+
+    def run(*arguments: str, recipe_changes=None, **changes) -> None:
+        (tmp_path / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
+        settings = {
+            "recipe": str(tmp_path / "recipe.yaml"),
+            "worlds": ["exact", "1/15"],
+            "seeds": [3],
+            "layouts": 30,
+            "output": str(tmp_path / "study"),
+            **changes,
+        }
+        (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
+        module.main([str(tmp_path / "tiny.yaml"), "--images", str(tmp_path / "images"), *arguments])
+
+    return run
+
+
+def weights(run_dir: Path) -> list[torch.Tensor]:
+    return list(torch.load(run_dir / "policy.pt").values())
+
+
+def test_a_study_trains_measures_draws_and_tells(command, tmp_path, capsys):
+    command()
+    runs = sorted(path.name for path in (tmp_path / "study" / "runs").iterdir())
+    assert runs == ["1-15-seed3", "exact-seed3"]
+    env = yaml.safe_load((tmp_path / "study" / "runs" / "1-15-seed3" / "config.yaml").read_text())["env"]
+    assert (env["mode"], env["dt"], env["fix"]) == ("pit", 1 / 15, None)
+    result = json.loads((tmp_path / "study" / "study.json").read_text())
+    assert [(p["world"], p["seed"]) for p in result["policies"]] == [("exact", 3), ("1/15", 3)]
+    assert all(p["success"].keys() == {"exact", "1/15"} for p in result["policies"])
+    assert all(p["training_seconds"] > 0 for p in result["policies"])
+    assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
+    for name in ("transfer", "success", "policies"):
+        assert (tmp_path / "images" / f"study_tiny_{name}.png").read_bytes().startswith(b"\x89PNG")
+    printed = capsys.readouterr().out
+    for head, rows in study_report.tables(result).values():
+        assert f"| {' | '.join(head)} |" in printed
+        assert all(len(row) == len(head) and f"| {' | '.join(row)} |" in printed for row in rows)
+
+
+def test_an_interrupted_study_goes_on_where_it_was_and_leaves_finished_runs_alone(
+    command, tmp_path, monkeypatch, capsys
+):
+    command()
+    expected = {run.name: weights(run) for run in (tmp_path / "study" / "runs").iterdir()}
+    again = tmp_path / "again"
+    on_step, calls = training._Callback._on_step, []
+
+    def stop(self):
+        calls.append(self.run_dir.name)
+        if calls.count("1-15-seed3") > 12:  # in its second rollout, after its checkpoint
+            raise KeyboardInterrupt
+        return on_step(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training._Callback, "_on_step", stop)
+        with pytest.raises(SystemExit) as stopped:
+            command(output=str(again))
+    assert stopped.value.code == 130
+    assert "the same command goes on" in capsys.readouterr().err
+    finished = again / "runs" / "exact-seed3" / "policy.pt"
+    assert not (again / "study.json").exists()
+    first = finished.stat().st_mtime_ns
+    command(output=str(again))
+    assert "1 of 2 runs are trained" in capsys.readouterr().out
+    assert finished.stat().st_mtime_ns == first
+    for name, tensors in expected.items():
+        assert all(torch.equal(a, b) for a, b in zip(weights(again / "runs" / name), tensors, strict=True))
+
+
+def test_runs_side_by_side_are_those_one_after_the_other(command, tmp_path):
+    command()
+    command("--jobs", "2", output=str(tmp_path / "both"))
+    for run in (tmp_path / "study" / "runs").iterdir():
+        other = weights(tmp_path / "both" / "runs" / run.name)
+        assert all(torch.equal(a, b) for a, b in zip(weights(run), other, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"world": ["exact"]}, r"key of the configuration = 'world'.*did you mean 'worlds'"),
+        ({"recipe": None}, r"recipe is missing"),
+        ({"worlds": ["exact", 0.05]}, r"worlds\[1\] = 0.05: expected text, not float"),
+        ({"worlds": ["exact", "1/0"]}, r"worlds\[1\] = '1/0': expected 'exact' or a timestep .* such as '1/60'"),
+        ({"worlds": ["1/15"]}, r"worlds = \['1/15'\]: expected 'exact' among them"),
+        ({"worlds": ["exact", "1/9", "1/9"]}, r"worlds = .*: expected at least one, and none twice"),
+        ({"seeds": []}, r"seeds = \[\]: expected at least one"),
+        ({"seeds": [0, -1]}, r"seeds\[1\] = -1: expected a number >= 0"),
+        ({"layouts": 0}, r"layouts = 0: expected a number >= 1"),
+        ({"fix": "pushapart"}, r"fix = 'pushapart': expected one of .*did you mean 'push_apart'"),
+        ({"recipe": "nowhere.yaml"}, r"No such file .*nowhere.yaml"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(command, tmp_path, changes, message):
+    with pytest.raises(SystemExit, match=f"(?s)error: .*{message}"):
+        command(**changes)
+    assert not (tmp_path / "study").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"env": {"max_shots": 2}}, "env.max_shots = 2 in the recipe .*: expected 1"),
+        ({"env": {"task": "place"}}, "env.task = 'place' in the recipe .*: expected 'pot'"),
+        ({"env": {"mode": "pit", "dt": 0.01}}, "env.mode = 'pit' in the recipe .*: expected 'pic'"),
+        ({"noise": {}}, "noise in the recipe .*: expected none"),
+        ({"timestep": 1}, "key of the configuration = 'timestep'"),
+    ],
+)
+def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes, message):
+    with pytest.raises(SystemExit, match=f"error: {message}"):
+        command(recipe_changes=changes)
+    assert not (tmp_path / "study").exists()
+
+
+def test_another_studys_runs_are_refused_and_left_alone(command, tmp_path):
+    command()
+    with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 there, 128 asked for"):
+        command(recipe_changes={"timesteps": 128})
+
+
+BLOCKED = {"scene": "blocked_pool", "layout": "snookered", "max_speed": 8.0}
+COUNT = 1500
+WORLDS = {world: module.world_arguments(world, None) for world in ("exact", "1/30")}
+
+
+@pytest.fixture(scope="module")
+def blocked():
+    """What is measured of two "policies" of each world that shoot at the hidden ball, fast; the layouts; the shots."""
+    config = Config.from_dict({"timesteps": 1, "env": BLOCKED})
+    envs: Any = gym.make_vec("Billiards-v0", num_envs=COUNT, **BLOCKED)
+    envs.reset(seed=evaluation_seeds(study_measure.LAYOUT_SEED, COUNT).tolist())
+    positions = envs.positions
+    frame = Frame("cut", Scene.named("blocked_pool"), np.array([False, True, False]), 8.0)
+    rng, shots = np.random.default_rng(0), []
+    for _ in range(4):
+        actions = rng.uniform((-0.5, 0.2), (0.5, 1.0), (COUNT, 2))
+        shots.append(frame.velocities(actions, positions, np.zeros((COUNT, 3), bool)) / 8.0)
+    policies = [(world, seed, Path(f"{2 * (world != 'exact') + seed}")) for world in WORLDS for seed in (0, 1)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_measure, "_shots", lambda folder, *_: shots[int(folder.name)])
+        patch.setattr(study_measure, "learning_curve", lambda folder: [training.Point(1, 60.0, 0.0, 0.0, 0.0)])
+        result = study_measure.measure(config, WORLDS, policies, COUNT)
+    return result, positions, shots
+
+
+def test_successes_are_those_of_the_environment(blocked):
+    result, positions, shots = blocked
+    for world, arguments in WORLDS.items():
+        env = gym.make("Billiards-v0", **BLOCKED, **arguments)
+        for policy, actions in zip(result["policies"], shots, strict=True):
+            achieved = []
+            for places, action in zip(positions[:200], actions[:200], strict=True):
+                env.reset(options={"positions": places})
+                achieved.append(env.step(action)[-1]["success"])
+            low, high = policy["success"][world]["interval"]
+            assert low <= policy["success"][world]["rate"] <= high
+            assert policy["success"][world]["rate"] == pytest.approx(np.mean(achieved), abs=0.05)
+
+
+def test_successes_through_the_post_are_told_as_missed_collisions(blocked):
+    result, _, _ = blocked
+    exact, stepped = ([p["rests_on"] for p in result["policies"] if p["world"] == world] for world in ("exact", "1/30"))
+    for rests in exact:
+        assert rests["fail_in_exact"] == 0
+        assert set(rests["causes"].values()) == {0}
+    for policy, rests in zip(result["policies"][2:], stepped, strict=True):
+        assert rests["successes"] == round(COUNT * policy["success"]["1/30"]["rate"]) > 30
+        assert sum(rests["causes"].values()) == rests["fail_in_exact"] > 0.9 * rests["successes"]
+        assert rests["causes"]["missed_collision"] > 0.7 * rests["fail_in_exact"]
+
+
+def test_distributions_are_those_of_the_shots(blocked):
+    result, _, shots = blocked
+    for policy, actions in zip(result["policies"], shots, strict=True):
+        speeds = 8.0 * np.hypot(*actions.T)
+        assert policy["speed"]["quantiles"][2] == pytest.approx(np.median(speeds))
+        assert policy["aimed_at_ball"] == 1.0
+        assert policy["cut_angle"]["quantiles"][-1] < 30.0 < 1.1 * policy["cut_angle"]["quantiles"][-1]
+        for name in ("speed", "cut", "cut_angle", "turn"):
+            assert len(policy[name]["histogram"]) == len(result["bins"][name]) - 1
+            assert sum(policy[name]["histogram"]) == pytest.approx(1.0)
+    angles = np.degrees([np.arctan2(s[:, 1], s[:, 0]) for s in shots])
+    off = np.abs((angles[2] - angles[:2] + 180.0) % 360.0 - 180.0)
+    assert result["policies"][2]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
+    # A policy of the exact world is compared with the other ones alone.
+    off = np.abs((angles[0] - angles[1] + 180.0) % 360.0 - 180.0)
+    assert result["policies"][0]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
+
+
+def test_the_summary_is_over_seeds(blocked):
+    result, _, _ = blocked
+    told, matrix = study_report.summary(result), study_report.transfer(result)
+    stepped = [p for p in result["policies"] if p["world"] == "1/30"]
+    own, exact = ([p["success"][world]["rate"] for p in stepped] for world in ("1/30", "exact"))
+    assert told["1/30"]["own"] == study_report.over_seeds(own) == matrix["1/30"]["1/30"]
+    assert told["1/30"]["exact"] == study_report.over_seeds(exact) == matrix["1/30"]["exact"]
+    assert told["1/30"]["gap"]["mean"] == pytest.approx(np.mean(own) - np.mean(exact))
+    assert told["exact"]["behind"]["mean"] == 0.0
+    assert told["1/30"]["false"]["mean"] == pytest.approx(sum(told["1/30"]["causes"][name]["mean"] for name in CAUSES))
+    assert told["1/30"]["training_seconds"] == {"mean": 60.0, "interval": [60.0, 60.0]}
+
+
+def test_the_findings_name_the_worlds_they_are_about(blocked):
+    result = copy.deepcopy(blocked[0])
+    told = study_report.summary(result)
+    worth, false, cost = study_report.findings(result)
+    assert f"succeed there on {100 * told['exact']['exact']['mean']:.1f}%" in worth
+    assert "Those trained at no timestep are worse" in worth
+    assert "at 1/30 s, in their own world" in false
+    assert "most of these by missed collision" in false
+    assert cost.startswith("A run takes 1.0 min in the exact world and 1.0 min at 1/30 s")
+    for policy in result["policies"]:
+        policy["success"]["exact"]["rate"] = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
+    worth, *_ = study_report.findings(result)
+    assert "Those trained at 1/30 s are worse there by more than the interval" in worth
+    assert "largest at 1/30 s, -40.0 (-43.0 to -37.0) points" in worth
+
+
+@given(
+    seed=st.integers(0, 1000), a0=st.floats(-1, 1), a1=st.floats(-1, 1), name=st.sampled_from(["pool", "blocked_pool"])
+)
+def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
+    scene = Scene.named(name, 3)
+    places = layouts.random(scene, np.random.default_rng(seed))[None]
+    targets = np.array([False, True, name == "pool", True])
+    frame = Frame("cut", scene, targets, 4.0)
+    velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))
+    found = study_measure.cuts(velocity, places, targets, np.array(scene.balls.radius))
+    assert found[0] == pytest.approx(a0, abs=1e-9)
+    assert np.isinf(study_measure.cuts(-velocity, places, targets, np.array(scene.balls.radius))[0])
+
+
+def test_students_intervals_hold_the_truth_nineteen_times_in_twenty():
+    rng, mean, both = np.random.default_rng(0), 0, 0
+    for _ in range(4000):
+        a, b = rng.normal(0.5, 0.1, 3).tolist(), rng.normal(0.4, 0.1, 3).tolist()
+        low, high = study_report.over_seeds(a)["interval"]
+        mean += low <= 0.5 <= high
+        low, high = study_report.difference(a, b)["interval"]
+        both += low <= 0.1 <= high
+    assert 0.94 < mean / 4000 < 0.96
+    assert 0.94 < both / 4000 < 0.96
+    assert study_report.over_seeds([0.5]) == {"mean": 0.5, "interval": None}
+    assert study_report.difference([0.5], [0.25, 0.25]) == {"mean": 0.25, "interval": None}
+
+
+@pytest.mark.parametrize("name", ["pot", "blocked"])
+def test_the_studies_that_come_with_the_project_are_ready_to_run(name):
+    study, recipe = module.load_study(Path("configs/study") / f"{name}.yaml")
+    assert study.worlds == ("exact", "1/15", "1/30", "1/60", "1/120", "1/240", "1/960")
+    assert len(study.seeds) >= 3
+    assert study.layouts >= 1000
+    assert len(list(module.runs(study, recipe))) == len(study.worlds) * len(study.seeds)
