@@ -3,7 +3,7 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 ARGS ?= --players human,search:20
 
-.PHONY: help train play test stress lint bench study figures format clean
+.PHONY: help train play test stress lint bench results study figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -41,9 +41,13 @@ bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and writ
 	$(BIN)/python -m agents.players
 	$(BIN)/python -m benchmarks.readme
 
-study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (hours; resumes, if interrupted)
-	$(BIN)/python -m agents.timestep_study configs/study/pot.yaml --jobs 2
-	$(BIN)/python -m agents.timestep_study configs/study/blocked.yaml --jobs 2
+results: $(INSTALLED)  ## train every recipe with several seeds (an hour; goes on where it was, finished runs are kept)
+	$(BIN)/python -m agents.results
+	$(BIN)/python -m benchmarks.readme
+
+study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (an hour; goes on likewise)
+	$(BIN)/python -m agents.timestep_study configs/study/pot.yaml
+	$(BIN)/python -m agents.timestep_study configs/study/blocked.yaml
 	$(BIN)/python -m benchmarks.readme
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images

@@ -26,6 +26,7 @@ from billiards_env.scene import choose
 
 ENV_ID = "Billiards-v0"
 FEATURES = ("raw", "geometry")
+_CUT = ("cut", "nearest")
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 
 T = TypeVar("T")
@@ -71,8 +72,7 @@ class Noise:
 class Std:
     """A schedule of the Gaussian's standard deviations, one for each of an action's two numbers, in units of these.
 
-    They shrink geometrically from `first` to `last` over the first part of the training, and stay there. Adam's step
-    size shrinks in proportion to the first one, beside its own schedule.
+    They shrink geometrically from `first` to `last` over the first part of the training, and stay there.
 
     Attributes:
         first: Before training.
@@ -108,11 +108,10 @@ class Policy:
     """The policy and value networks: two separate multilayer perceptrons of the same shape.
 
     Attributes:
-        features: What they see: the "raw" observation or, of a table with pockets, the "geometry" of the nearest ball's
-            shots (`agents.policy.Geometry`).
+        features: What they see: the "raw" observation or, in the task "pot" and the action frame "cut", the "geometry"
+            of the nearest ball's shots (`agents.policy.Geometry` and `GeometryPolicy`).
         hidden: Units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
-        shortcut: Whether the last layer of the policy is fed by the features, too (`agents.policy.ShortcutPolicy`).
         log_std_init: Logarithm of the Gaussian's standard deviation before training, in units of the action, where it
             is learnt.
         std: Its schedule; None for it to be learnt.
@@ -121,7 +120,6 @@ class Policy:
     features: str = "raw"
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
-    shortcut: bool = False
     log_std_init: float = 0.0
     std: Std | None = None
 
@@ -213,6 +211,8 @@ class Config:
             at_least(name, getattr(self, name), 1)
         at_least("seed", self.seed, 0)
         object.__setattr__(self, "env", _resolved_env(self.env))
+        if self.policy.features == "geometry" and (self.frame is None or (self.frame.name, self.frame.ball) != _CUT):
+            raise ValueError(f"frame = {self.frame!r} with policy.features = 'geometry': expected {{name: cut}}")
         rollout = self.n_envs * self.ppo.n_steps
         if rollout % self.ppo.batch_size:
             raise ValueError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import pickle
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -16,52 +15,9 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
+from agents.intervals import mean_interval, wilson_interval
 from agents.ppo import evaluation_seeds, load_policy, make_vector
 from billiards_env.files import write_json
-
-_Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
-
-
-def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
-    """The 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
-
-    Args:
-        successes: Number of successes, 0 to `episodes`.
-        episodes: Number of independent episodes, at least 1.
-
-    Returns:
-        The interval's lower and upper end.
-
-    Example:
-        >>> [round(end, 4) for end in wilson_interval(15, 100)]
-        [0.0931, 0.2328]
-    """
-    rate, z2 = successes / episodes, _Z * _Z
-    centre = (rate + z2 / (2 * episodes)) / (1 + z2 / episodes)
-    half = _Z / (1 + z2 / episodes) * math.sqrt(rate * (1 - rate) / episodes + z2 / (4 * episodes**2))
-    return max(centre - half, 0.0), min(centre + half, 1.0)
-
-
-def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """The 95 % confidence interval of a mean, by the central limit theorem.
-
-    It takes some dozens of values, not nearly all of them equal, to be worth its name.
-
-    Args:
-        values: Independent values of one distribution, at least one.
-
-    Returns:
-        The interval's lower and upper end; None for a single value, whose spread nobody knows.
-
-    Example:
-        >>> [round(end, 2) for end in mean_interval([0.0, 2.0] * 50)]
-        [0.8, 1.2]
-    """
-    if len(values) < 2:
-        return None
-    half = _Z * float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    mean = float(np.mean(values))
-    return mean - half, mean + half
 
 
 def play(

@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 import gymnasium as gym
 import numpy as np
 import torch
+from stable_baselines3.common.distributions import DiagGaussianDistribution, Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
 from torch import Tensor, nn
@@ -15,6 +16,10 @@ from billiards_env.envs import BilliardsEnv
 
 _THINNEST = 0.05  # cosine of the thinnest cut that counts as a shot
 _PER_POCKET = 6  # features
+# Adam moves all weights alike, whatever they are multiplied by: the larger the inputs of a layer, the more an update
+# changes what it gives. What is linear in the features is learnt first; what the hidden layers add to it jitters less
+# (Yang et al. 2022, "Tensor programs V", on such factors).
+_DIRECT, _HIDDEN = 2.0, 0.3
 
 
 class Shape(NamedTuple):
@@ -45,11 +50,15 @@ def shape(env: BilliardsEnv) -> Shape:
         Its shape.
 
     Raises:
-        ValueError: If the table has no pockets, or the balls are not of one size.
+        ValueError: If the task is not to pot, the pockets are not those of a table that is its own mirror image, or the
+            balls are not of one size.
     """
     scene = env.scene
-    if not scene.table.pockets:
-        raise ValueError("policy.features = 'geometry' on a table without pockets: expected 'raw'")
+    if env.task != "pot":
+        raise ValueError(f"policy.features = 'geometry' in the task {env.task!r}: expected 'raw'")
+    pockets = {(p.x, p.y, p.radius) for p in scene.table.pockets}
+    if pockets != {(-x, y, r) for x, y, r in pockets} or pockets != {(x, -y, r) for x, y, r in pockets}:
+        raise ValueError("policy.features = 'geometry' with pockets that are no mirror images: expected 'raw'")
     if len(set(scene.balls.radius)) > 1:
         raise ValueError(f"policy.features = 'geometry' with balls of radii {scene.balls.radius}: expected one radius")
     return Shape(
@@ -72,6 +81,10 @@ class Geometry(BaseFeaturesExtractor):
     where the cue ball would have to be, only the ways are told; these come last, the nearest pocket first. What stands
     in the way, how fast a shot has to be and where the cue ball goes is not told: that is left to be learnt.
 
+    A table is its own mirror image. Each layout is shown in the one of its four images in which the cut into the first
+    pocket is not negative and the cue ball is in the half x >= 0, so that what is learnt of one is known of all. The
+    first column of the features is -1 where the image is a mirrored one, in which a cut has the other sign, else 1.
+
     Args:
         space: The space of observations, `(size,)`.
         shape: The table.
@@ -84,7 +97,7 @@ class Geometry(BaseFeaturesExtractor):
 
     def __init__(self, space: gym.spaces.Box, shape: Shape) -> None:
         size = int(np.prod(space.shape))
-        super().__init__(space, size + len(shape.targets) + _PER_POCKET * len(shape.pockets))
+        super().__init__(space, 1 + size + len(shape.targets) + _PER_POCKET * len(shape.pockets))
         self.n_balls, self.radius, self.targets = shape.n_balls, shape.radius, list(shape.targets)
         self.others = [i for i in range(1, shape.n_balls) if i not in shape.targets]
         pockets, half = torch.tensor(shape.pockets), torch.tensor(shape.half)
@@ -112,18 +125,24 @@ class Geometry(BaseFeaturesExtractor):
         ways = (targets - balls[:, :1]) * self.sides
         order = (ways.norm(dim=-1) + 100.0 * gone).argsort(1)
         targets, gone = targets.gather(1, order[..., None].expand_as(targets)), gone.gather(1, order)
+        pots = self._pots(balls[:, 0] * self.sides, targets[:, 0] * self.sides)
+        one = torch.ones(len(observations))
+        sign = torch.where(pots[:, 0, 0] < 0, -one, one)
+        turn = torch.where(balls[:, 0, 0] < 0, -one, one)
+        image = torch.stack((turn, turn * sign), 1)[:, None]
+        cuts = sign[:, None, None]
         parts = (
+            sign[:, None],
             observations[:, 2 * self.n_balls :],
-            balls[:, 0],
-            balls[:, self.others].flatten(1),
-            (targets * ~gone[..., None]).flatten(1),
+            (balls[:, [0, *self.others]] * image).flatten(1),
+            (targets * ~gone[..., None] * image).flatten(1),
             (~gone).float(),
-            self._pots(balls[:, 0] * self.sides, targets[:, 0] * self.sides),
+            torch.cat((pots[..., :1] * cuts, pots[..., 1:]), -1).flatten(1),
         )
         return torch.cat(parts, 1)
 
     def _pots(self, cue: Tensor, ball: Tensor) -> Tensor:
-        """(m, 6 k) features of the shots at a ball (m, 2) into k pockets."""
+        """(m, k, 6) features of the shots at a ball (m, 2) into k pockets."""
         way = self.mouths - ball[:, None]
         run = way.norm(dim=-1) + 1e-6
         line = way / run[..., None]
@@ -142,22 +161,28 @@ class Geometry(BaseFeaturesExtractor):
         told = (offset * possible, cosine * possible, 2 * room, run, distance, 10 * angle)
         features = torch.stack(told, -1)
         order = torch.where(possible, angle, -run).argsort(1, descending=True)
-        return features.gather(1, order[..., None].expand_as(features)).flatten(1)
+        return features.gather(1, order[..., None].expand_as(features))
 
 
-class ShortcutPolicy(ActorCriticPolicy):
-    """A policy whose action is fed by the features, too ("wide and deep learning", Cheng et al. 2016).
+class GeometryPolicy(ActorCriticPolicy):
+    """A policy in the action frame "cut" that sees the features of `Geometry`.
 
-    What is linear in the features, such as "aim at the easiest pocket", need not be learnt through the layers.
+    They feed its last layer, too ("wide and deep learning", Cheng et al. 2016): what is linear in them, such as "aim at
+    the easiest pocket", need not be learnt through the layers. The cut is that of the image that they show.
     """
 
     def _build_mlp_extractor(self) -> None:
-        super()._build_mlp_extractor()
-        layers = cast(MlpExtractor, self.mlp_extractor)
-        self.mlp_extractor = _Shortcut(layers, self.features_dim)  # pyright: ignore[reportAttributeAccessIssue]
+        layers = MlpExtractor(self.features_dim - 1, self.net_arch, self.activation_fn, self.device)
+        self.mlp_extractor = _Latent(layers, self.features_dim - 1)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _get_action_dist_from_latent(self, latent_pi: Tensor) -> Distribution:
+        sign, latent = latent_pi[:, :1], latent_pi[:, 1:]
+        cut, speed = self.action_net(latent).split(1, 1)
+        distribution = cast(DiagGaussianDistribution, self.action_dist)
+        return distribution.proba_distribution(torch.cat((sign * cut, speed), 1), self.log_std)
 
 
-class _Shortcut(nn.Module):
+class _Latent(nn.Module):
     def __init__(self, layers: MlpExtractor, features_dim: int) -> None:
         super().__init__()
         self.layers = layers
@@ -168,7 +193,8 @@ class _Shortcut(nn.Module):
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: Tensor) -> Tensor:
-        return torch.cat((features, self.layers.forward_actor(features)), 1)
+        sign, seen = features[:, :1], features[:, 1:]
+        return torch.cat((sign, _DIRECT * seen, _HIDDEN * self.layers.forward_actor(seen)), 1)
 
     def forward_critic(self, features: Tensor) -> Tensor:
-        return self.layers.forward_critic(features)
+        return self.layers.forward_critic(features[:, 1:])

@@ -18,7 +18,7 @@ from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from agents.config import ENV_ID, Config, load
-from agents.policy import Geometry, ShortcutPolicy, shape
+from agents.policy import Geometry, GeometryPolicy, shape
 from agents.vec_env import SameStepVecEnv
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
@@ -173,7 +173,7 @@ def _is_value(name: str) -> bool:
 
 
 def _policy_class(config: Config) -> type[ActorCriticPolicy]:
-    return ShortcutPolicy if config.policy.shortcut else ActorCriticPolicy
+    return GeometryPolicy if config.policy.features == "geometry" else ActorCriticPolicy
 
 
 def _policy_arguments(config: Config) -> dict[str, Any]:
@@ -189,15 +189,8 @@ def _policy_arguments(config: Config) -> dict[str, Any]:
 
 
 def _learning_rate(config: Config) -> Schedule:
-    """Linear from the first to the last, and in proportion to the standard deviation where there is a schedule of that.
-
-    To a narrower Gaussian the same step of the mean is a larger one: the Kullback-Leibler divergence of an update goes
-    with the square of step over standard deviation, and where it grows too large the policy collapses.
-    """
-    first, last, std = config.ppo.learning_rate, config.ppo.final_learning_rate, config.policy.std
-
-    def rate(remaining: float) -> float:  # the share of steps that remain falls from 1 to 0
-        linear = first if last is None else last + (first - last) * remaining
-        return linear if std is None else linear * std.at(1 - remaining)[0] / std.first[0]
-
-    return rate
+    first, last = config.ppo.learning_rate, config.ppo.final_learning_rate
+    if last is None:
+        return lambda remaining: first
+    # The share of steps that remain falls from 1 to 0, and below 0 where the last update goes beyond them.
+    return lambda remaining: last + (first - last) * max(remaining, 0.0)

@@ -12,17 +12,16 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from agents.config import load, read_dataclass
+from agents.config import load, read
 from agents.evaluate import evaluate
+from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
 from agents.train import learning_curve
 from billiards_env.files import replacing, write_json
@@ -32,9 +31,6 @@ CONFIG = ROOT / "configs" / "results.yaml"
 RUNS = ROOT / "benchmarks" / "results" / "agents"
 SUMMARY = ROOT / "benchmarks" / "results" / "agents.json"
 FIGURE = ROOT / "docs" / "images" / "learning_curves.png"
-
-# Two-sided 95 % quantiles of Student's t distribution with 1, 2, ... degrees of freedom.
-_T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,26 +60,6 @@ class Results:
                 raise ValueError(f"figure = {list(self.figure)!r}: {name!r} is not one of the recipes")
 
 
-def mean_over_seeds(values: Sequence[float]) -> tuple[float, float, float]:
-    """The mean over seeds and its 95 % interval, by Student's t distribution.
-
-    Args:
-        values: One a seed, 2 to 10 of them; for a single one the interval is as wide as can be.
-
-    Returns:
-        The mean and the interval's ends.
-
-    Example:
-        >>> [round(end, 3) for end in mean_over_seeds([0.9, 0.92, 0.94])]
-        [0.92, 0.87, 0.97]
-    """
-    mean = float(np.mean(values))
-    if len(values) < 2:
-        return mean, -math.inf, math.inf
-    half = _T[min(len(values), len(_T) + 1) - 2] * float(np.std(values, ddof=1)) / math.sqrt(len(values))
-    return mean, mean - half, mean + half
-
-
 def summary(name: str, folders: Mapping[int, Path]) -> dict[str, Any]:
     """What the finished runs of a recipe reached.
 
@@ -92,8 +68,8 @@ def summary(name: str, folders: Mapping[int, Path]) -> dict[str, Any]:
         folders: The folder of each seed's run.
 
     Returns:
-        Plain data: `recipe`, `timesteps`, `n_params` of a policy and, under `runs`, each run's seed, seconds of
-        training, learning curve, and evaluation beside that of random actions.
+        Plain data: `recipe`, `timesteps`, `env` and, under `runs`, each run's seed, seconds of training, learning
+        curve, and evaluation beside that of random actions.
     """
     config = load(next(iter(folders.values())) / "config.yaml")
     runs = []
@@ -118,27 +94,26 @@ HEAD = (
     "million shots",
     "minutes",
     "success by seed",
-    "mean",
-    "95 % interval",
-    "mean score",
-    "random actions",
+    "mean over seeds",
+    "score by seed",
+    "random: success",
+    "score",
 )
 
 
 def row(result: Mapping[str, Any]) -> tuple[str, ...]:
     """The cells of a recipe's row in a table with that head."""
     runs = result["runs"]
-    rates = [run["policy"]["success_rate"] for run in runs]
-    mean, low, high = mean_over_seeds(rates)
+    rates, scores = ([run["policy"][name] for run in runs] for name in ("success_rate", "mean_score"))
     return (
         result["recipe"],
         f"{result['timesteps'] / 1e6:.1f}",
         f"{np.mean([run['seconds'] for run in runs]) / 60:.1f}",
         ", ".join(f"{rate:.1%}" for rate in rates),
-        f"{mean:.1%}",
-        f"{max(low, 0.0):.1%} - {min(high, 1.0):.1%}",
-        f"{np.mean([run['policy']['mean_score'] for run in runs]):.2f}",
+        as_percent(over_seeds(rates)),
+        ", ".join(f"{score:.2f}" for score in scores),
         f"{np.mean([run['random']['success_rate'] for run in runs]):.1%}",
+        f"{np.mean([run['random']['mean_score'] for run in runs]):.2f}",
     )
 
 
@@ -154,15 +129,19 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
         results: What `summary` gives.
         path: The PNG to write.
     """
-    import matplotlib.pyplot as plt  # takes a second; only this needs it
+    from matplotlib.figure import Figure  # takes a second; only this needs it
 
-    figure, axes = plt.subplots(figsize=(8, 4.6), layout="constrained")
+    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    axes = figure.add_subplot()
     for result in results:
         curves = np.array([[point[3] for point in run["curve"]] for run in result["runs"]])
         steps = np.array([point[0] for point in result["runs"][0]["curve"]]) / 1e6
-        mean, low, high = np.array([mean_over_seeds(column.tolist()) for column in curves.T]).T
-        (line,) = axes.plot(steps, mean, linewidth=2, label=f"{result['recipe']} ({mean[-1]:.1%})")
-        axes.fill_between(steps, low.clip(0, 1), high.clip(0, 1), color=line.get_color(), alpha=0.15, linewidth=0)
+        means = [over_seeds(column.tolist()) for column in curves.T]
+        label = f"{result['recipe']}: {as_percent(means[-1])}"
+        (line,) = axes.plot(steps, [m["mean"] for m in means], linewidth=2, label=label)
+        if len(curves) > 1:
+            low, high = np.array([m["interval"] for m in means]).T.clip(0, 1)
+            axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
         for curve in curves:
             axes.plot(steps, curve, color=line.get_color(), linewidth=0.6, alpha=0.7)
     axes.set(xlabel="million shots", ylabel="success without exploration, unseen layouts", ylim=(0, 1))
@@ -171,7 +150,6 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=110, metadata={"Software": None})
-    plt.close(figure)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -186,7 +164,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--figure", type=Path, default=FIGURE, help="PNG file (default: %(default)s)")
     args = parser.parse_args(arguments)
     try:
-        asked = read_dataclass(Results, "", yaml.safe_load(args.config.read_text(encoding="utf-8")))
+        asked = read(Results, args.config)
         recipes = {Path(recipe).stem: load(args.config.parent / recipe) for recipe in asked.recipes}
         folders = {name: {seed: args.runs / name / f"seed{seed}" for seed in asked.seeds} for name in recipes}
         train_all(
@@ -201,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         write_json(args.summary, {"results": results})
         drawn = asked.figure or tuple(recipes)
         draw([result for result in results if result["recipe"] in drawn], args.figure)
-    except (OSError, RuntimeError, TypeError, ValueError, yaml.YAMLError) as error:
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on", file=sys.stderr)

@@ -25,7 +25,8 @@ from tqdm import tqdm
 
 from agents.causes import CAUSES, cause
 from agents.config import Config
-from agents.evaluate import deterministic, wilson_interval
+from agents.evaluate import deterministic
+from agents.intervals import wilson_interval
 from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.engine import simulate

@@ -6,68 +6,12 @@ what another run of the training would give. The layouts are the same for all.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from agents.causes import CAUSES
+from agents.intervals import as_percent, difference, over_seeds
 from agents.study_measure import QUANTILES
-
-# The quantile 0.975 of Student's t distribution for 1, 2, ... degrees of freedom.
-_T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131)
-_T += (2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042)
-
-
-def t_quantile(freedom: int) -> float:
-    """The quantile 0.975 of Student's t distribution; from 31 degrees of freedom on by Fisher's expansion.
-
-    Example:
-        >>> t_quantile(2), round(t_quantile(60), 3)
-        (4.303, 2.0)
-    """
-    if freedom <= len(_T):
-        return _T[freedom - 1]
-    z = 1.959963984540054
-    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
-
-
-def over_seeds(values: Sequence[float]) -> dict[str, Any]:
-    """The mean over seeds and Student's 95 % interval of it, None for a single seed.
-
-    Example:
-        >>> over_seeds([0.5, 0.6, 0.7])["interval"]
-        [0.351..., 0.848...]
-    """
-    mean, interval = float(np.mean(values)), None
-    if len(values) > 1:
-        half = t_quantile(len(values) - 1) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
-        interval = [mean - half, mean + half]
-    return {"mean": mean, "interval": interval}
-
-
-def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
-    """The mean of a less that of b, and Student's 95 % interval of it for two samples of one variance.
-
-    Args:
-        a: Values, one a seed.
-        b: Others, of other runs.
-
-    Returns:
-        `mean` and `interval`, None unless there are at least two values of each.
-
-    Example:
-        >>> difference([0.5, 0.6, 0.7], [0.4, 0.5, 0.6])["interval"]
-        [-0.126..., 0.326...]
-    """
-    mean, interval = float(np.mean(a) - np.mean(b)), None
-    if min(len(a), len(b)) > 1:
-        freedom = len(a) + len(b) - 2
-        variance = (np.var(a) * len(a) + np.var(b) * len(b)) / freedom
-        half = t_quantile(freedom) * math.sqrt(variance * (1 / len(a) + 1 / len(b)))
-        interval = [mean - half, mean + half]
-    return {"mean": mean, "interval": interval}
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -143,10 +87,10 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
             [
                 (
                     _name(world),
-                    _percent(t["own"]),
-                    _percent(t["exact"]),
+                    as_percent(t["own"]),
+                    as_percent(t["exact"]),
                     "" if world == "exact" else _points(t["behind"]),
-                    "" if world == "exact" else _percent(t["false"]),
+                    "" if world == "exact" else as_percent(t["false"]),
                     f"{t['training_seconds']['mean'] / 60:.1f} min",
                     f"{t['shots_per_second']:,.0f}",
                 )
@@ -156,7 +100,7 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
         "causes": (
             ("trained in", "false successes", *(name.replace("_", " ") for name in CAUSES)),
             [
-                (_name(world), *(_percent(share) for share in (t["false"], *t["causes"].values())))
+                (_name(world), *(as_percent(share) for share in (t["false"], *t["causes"].values())))
                 for world, t in told.items()
                 if world != "exact"
             ],
@@ -173,7 +117,7 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
                 (
                     _name(world),
                     *(_number(t[name]) for name in ("speed", "turn", "cut_angle")),
-                    _percent(t["aimed_at_ball"]),
+                    as_percent(t["aimed_at_ball"]),
                 )
                 for world, t in told.items()
             ],
@@ -207,27 +151,19 @@ def findings(result: Mapping[str, Any]) -> list[str]:
     minutes = {world: told[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
     rates = {world: told[world]["shots_per_second"] for world in ("exact", finest)}
     return [
-        f"Policies trained in the exact world succeed there on {_percent(exact['exact'])} of the layouts. Those trained "
-        f"at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the interval; the "
-        f"difference is largest at {_name(last)}, {_points(stepped[last]['behind'])} points.",
+        f"Policies trained in the exact world succeed there on {as_percent(exact['exact'])} of the layouts. "
+        f"Those trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the "
+        f"interval; the difference is largest at {_name(last)}, {_points(stepped[last]['behind'])} points.",
         f"Of the successes of the policies trained at {_name(falsest)}, in their own world, "
-        f"{_percent(stepped[falsest]['false'])} fail in the exact one; most of these by {cause.replace('_', ' ')}, "
-        f"{_percent(causes[cause])} of the successes. At no other timestep are there more.",
-        f"A run takes {minutes['exact']:.1f} min in the exact world and {minutes[finest]:.1f} min at {_name(finest)}; one "
-        f"core plays {rates['exact']:,.0f} and {rates[finest]:,.0f} shots/s.",
+        f"{as_percent(stepped[falsest]['false'])} fail in the exact one; most of these by {cause.replace('_', ' ')}, "
+        f"{as_percent(causes[cause])} of the successes. At no other timestep are there more.",
+        f"A run takes {minutes['exact']:.1f} min in the exact world and {minutes[finest]:.1f} min at {_name(finest)}; "
+        f"one core plays {rates['exact']:,.0f} and {rates[finest]:,.0f} shots/s.",
     ]
 
 
 def _name(world: str) -> str:
     return world if world == "exact" else f"{world} s"
-
-
-def _percent(value: Mapping[str, Any]) -> str:
-    """A share and its interval, of which only what is possible is shown."""
-    if value["interval"] is None:
-        return f"{value['mean']:.1%}"
-    low, high = (100 * min(max(end, 0.0), 1.0) for end in value["interval"])
-    return f"{value['mean']:.1%} ({low:.1f} to {high:.1f})"
 
 
 def _points(value: Mapping[str, Any]) -> str:

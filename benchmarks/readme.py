@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from agents import players, study_report
+from agents import results as recipes
 from benchmarks import (
     RESULTS,
     ablation,
@@ -40,6 +41,11 @@ def players_blocks(result: dict[str, Any]) -> dict[str, str]:
     return {"table": table(players.HEAD, [players.row(r) for r in result["results"]], left=2)}
 
 
+def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
+    """What each recipe of `agents.results` reaches."""
+    return {"table": table(recipes.HEAD, [recipes.row(r) for r in result["results"]])}
+
+
 def study_blocks(result: dict[str, Any]) -> dict[str, str]:
     """What a study of `agents.timestep_study` has found; pictures as the README and the pages in `docs` see them."""
     pictures = {
@@ -58,11 +64,9 @@ def study_blocks(result: dict[str, Any]) -> dict[str, str]:
     }
 
 
-# Results that lie elsewhere than in the folder of all others, by their name.
-ELSEWHERE = {f"study_{name}": ROOT / "results" / "study" / name / "study.json" for name in ("pot", "blocked")}
-
 # By the name of the results: the command, and what makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
+    "agents": ("agents.results", agents_blocks),
     "ablation": ("benchmarks.ablation", ablation.blocks),
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
@@ -89,7 +93,7 @@ def block(results: Path, source: str, name: str) -> str:
     if source not in SOURCES:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES)}")
     command, blocks = SOURCES[source]
-    path = ELSEWHERE.get(source, results / f"{source}.json")
+    path = results / f"{source}.json"
     if not path.exists():
         return f"*Not measured yet: `python -m {command}`.*"
     found = blocks(json.loads(path.read_text(encoding="utf-8")))

@@ -59,6 +59,7 @@ def test_arguments_of_the_environment_left_out_are_filled_in():
         ({"timesteps": 1, "ppo": {"ent_coef": -1.0}}, r"ppo.ent_coef = -1.0: expected a number >= 0"),
         ({"timesteps": 1, "policy": {"activation": "thanh"}}, r"policy.activation = 'thanh'.*did you mean 'tanh'"),
         ({"timesteps": 1, "policy": {"features": "rav"}}, "policy.features = 'rav'.*did you mean 'raw'"),
+        ({"timesteps": 1, "policy": {"features": "geometry"}}, r"frame = None with policy.features = 'geometry'"),
         (
             {"timesteps": 1, "policy": {"std": {"first": [0.1, 0.1], "last": [0.1, 0.0]}}},
             r"policy.std.last = \[0.1, 0.0\]: expected two numbers > 0",
@@ -97,7 +98,6 @@ def test_unknown_keys_and_impossible_values_are_refused_by_name(data, message):
         ({"timesteps": 1, "env": ["pool"]}, r"env = \['pool'\]: expected a mapping, not list"),
         ({"timesteps": 1, "policy": {"hidden": 64}}, "policy.hidden = 64: expected a list, not int"),
         ({"timesteps": 1, "policy": {"hidden": [64, "x"]}}, r"policy.hidden\[1\] = 'x': expected a whole number"),
-        ({"timesteps": 1, "policy": {"shortcut": 1}}, "policy.shortcut = 1: expected true or false, not int"),
         ({"timesteps": 1, "policy": {"activation": 1}}, "policy.activation = 1: expected text, not int"),
     ],
 )
@@ -117,7 +117,6 @@ def test_yaml_is_read_back_as_it_was_written(tmp_path):
             "policy": {
                 "hidden": [32, 16],
                 "activation": "relu",
-                "shortcut": True,
                 "std": {"first": [0.5, 0.4], "last": [0.1, 0.1]},
             },
             "ppo": {"final_learning_rate": 1e-5, "n_steps": 8},
@@ -205,3 +204,13 @@ def test_both_ways_of_making_environments_give_the_same_shots():
             if terminated:
                 observation, _ = env.reset()
             assert np.array_equal(observations[i], observation)
+
+
+@pytest.mark.parametrize(("last", "rates"), [(None, [4e-3] * 4), (1e-3, [4e-3, 2.5e-3, 1e-3, 1e-3])])
+def test_the_learning_rate_falls_linearly_to_its_last_value_and_no_further(last, rates):
+    config = Config.from_dict(
+        {"timesteps": 1, "n_envs": 64, "ppo": {"n_steps": 2, "learning_rate": 4e-3, "final_learning_rate": last}}
+    )
+    model = make_model(config, make_vec_env(config))
+    # An update of more steps than were left ends with less than none of them.
+    assert [model.lr_schedule(remaining) for remaining in (1.0, 0.5, 0.0, -1.0)] == pytest.approx(rates)

@@ -5,10 +5,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from stable_baselines3.common.torch_layers import MlpExtractor
 
 from agents.config import Config
-from agents.policy import Geometry, ShortcutPolicy, shape
+from agents.policy import _DIRECT, Geometry, GeometryPolicy, shape
 from agents.pots import direct_pots
 from agents.ppo import make_model, make_vec_env, make_vector
 from billiards_env.envs import BilliardsEnv
@@ -22,8 +21,10 @@ def geometry(env: Any) -> tuple[Geometry, BilliardsEnv]:
 
 
 def pots(features: torch.Tensor) -> np.ndarray:
-    """(m, pockets, 6) the shots that features describe."""
-    return features[:, -6 * POCKETS :].reshape(len(features), POCKETS, 6).numpy()
+    """(m, pockets, 6) the shots that features describe, the cuts as the action frame takes them."""
+    shots = features[:, -6 * POCKETS :].reshape(len(features), POCKETS, 6).numpy().copy()
+    shots[..., 0] *= features[:, :1].numpy()
+    return shots
 
 
 def test_the_first_cut_told_pots_nearly_every_ball():
@@ -68,52 +69,80 @@ def test_balls_come_nearest_first_and_those_potted_last():
     other = extractor(torch.as_tensor(env.reset(options={"positions": places[[0, 2, 3, 1]]})[0][None]))
     assert torch.equal(one, other)
     half = torch.tensor([1.27, 0.635])
-    told = torch.cat((torch.ones(1), torch.tensor(places[[0, 2, 1, 3]]).float().div(half).flatten(), torch.ones(3)))
-    torch.testing.assert_close(one[0, : len(told)], told, rtol=0, atol=1e-6)
-    assert extractor.features_dim == one.shape[1] == len(told) + 6 * POCKETS
+    sign = one[0, 0]
+    image = torch.tensor([1.0, float(sign)]) / half
+    told = torch.cat((torch.ones(1), (torch.tensor(places[[0, 2, 1, 3]]).float() * image).flatten(), torch.ones(3)))
+    torch.testing.assert_close(one[0, 1 : 1 + len(told)], told, rtol=0, atol=1e-6)
+    assert extractor.features_dim == one.shape[1] == 1 + len(told) + 6 * POCKETS
 
     observation[4:6] = 1.0  # ball 2 lies in a corner pocket
     gone = extractor(torch.as_tensor(observation[None]))[0]
-    told = torch.cat((told[:3], told[5:9], torch.tensor([0.0, 0.0, 1.0, 1.0, 0.0])))
-    torch.testing.assert_close(gone[: len(told)], told, rtol=0, atol=1e-6)
+    left = torch.tensor(places[[0, 1, 3]]).float() * torch.tensor([1.0, float(gone[0])]) / half
+    told = torch.cat((torch.ones(1), left.flatten(), torch.tensor([0.0, 0.0, 1.0, 1.0, 0.0])))
+    torch.testing.assert_close(gone[1 : 1 + len(told)], told, rtol=0, atol=1e-6)
     assert not np.array_equal(pots(gone[None]), pots(one))  # these are of another ball now
 
 
-def test_a_mirrored_table_has_opposite_cuts():
-    env = gym.make("Billiards-v0")
+@pytest.mark.parametrize("mirror", [(1, -1), (-1, 1), (-1, -1)])
+def test_the_four_images_of_a_layout_look_alike(mirror):
+    env = gym.make("Billiards-v0", n_object_balls=2, max_shots=3)
     extractor, _ = geometry(env)
     observations = np.stack([env.reset(seed=seed)[0] for seed in range(100)])
-    mirrored = observations * np.array([1, -1] * 2, np.float32)
-    one, other = (pots(extractor(torch.as_tensor(o))) for o in (observations, mirrored))
-    np.testing.assert_allclose(one * np.array([-1, 1, 1, 1, 1, 1]), other, atol=1e-6)
+    mirrored = observations * np.array(mirror * 3, np.float32)
+    one, other = (extractor(torch.as_tensor(o)).numpy() for o in (observations, mirrored))
+    turned = mirror[0] * mirror[1]
+    aimed = pots(torch.as_tensor(one))[:, 0, 0] != 0  # a pot is possible
+    assert aimed.sum() > 80
+    np.testing.assert_array_equal(one[aimed, 0], turned * other[aimed, 0])
+    np.testing.assert_allclose(one[aimed, 1:], other[aimed, 1:], atol=1e-6)
 
 
 def test_geometry_is_refused_where_it_does_not_apply():
-    config = {"timesteps": 1, "n_envs": 4, "policy": {"features": "geometry"}, "ppo": {"n_steps": 16}}
+    config = {
+        "timesteps": 1,
+        "n_envs": 4,
+        "frame": {"name": "cut"},
+        "policy": {"features": "geometry"},
+        "ppo": {"n_steps": 16},
+    }
     carom = Config.from_dict({**config, "env": {"scene": "carom", "task": "carom"}})
-    with pytest.raises(ValueError, match=r"policy.features = 'geometry' on a table without pockets: expected 'raw'"):
+    with pytest.raises(ValueError, match=r"policy.features = 'geometry' in the task 'carom': expected 'raw'"):
         make_model(carom, make_vec_env(carom))
     env = BilliardsEnv()
-    balls = dataclasses.replace(env.scene.balls, radius=(0.03, 0.025))
-    env.scene = dataclasses.replace(env.scene, balls=balls)
+    table, balls = env.scene.table, env.scene.balls
+    env.scene = dataclasses.replace(env.scene, balls=dataclasses.replace(balls, radius=(0.03, 0.025)))
     with pytest.raises(ValueError, match=r"balls of radii \(0.03, 0.025\): expected one radius"):
+        shape(env)
+    table = dataclasses.replace(table, pockets=table.pockets[:1])
+    env.scene = dataclasses.replace(env.scene, balls=balls, table=table)
+    with pytest.raises(ValueError, match=r"pockets that are no mirror images"):
         shape(env)
 
 
-def test_the_shortcut_feeds_the_features_to_the_last_layer():
+def test_a_geometry_policy_plays_mirror_images_alike_and_its_last_layer_is_fed_by_the_features():
     config = Config.from_dict(
-        {"timesteps": 1, "n_envs": 4, "policy": {"hidden": [8], "shortcut": True}, "ppo": {"n_steps": 16}}
+        {
+            "timesteps": 1,
+            "n_envs": 4,
+            "frame": {"name": "cut"},
+            "policy": {"features": "geometry", "hidden": [8]},
+            "ppo": {"n_steps": 16},
+        }
     )
     policy = make_model(config, make_vec_env(config)).policy
-    assert isinstance(policy, ShortcutPolicy)
-    weights = torch.zeros(2, 8 + 4)
-    weights[0, 8 + 2] = 1.0
+    assert isinstance(policy, GeometryPolicy)
+    last = cast(torch.nn.Linear, policy.action_net)
+    torch.nn.init.normal_(last.weight)
+    env = gym.make("Billiards-v0")
+    observations = np.stack([env.reset(seed=seed)[0] for seed in range(100)])
+    extractor, _ = geometry(env)
+    cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
+    mirrored = observations * np.array([1, -1] * 2, np.float32)
+    one, other = (policy.predict(o, deterministic=True)[0] for o in (observations, mirrored))
+    np.testing.assert_allclose((one * [-1, 1])[cuts != 0], other[cuts != 0], atol=1e-5)
     with torch.no_grad():
-        # The features come first.
-        last = cast(torch.nn.Linear, policy.action_net)
-        last.weight.copy_(weights.roll(-8, 1))
+        last.weight.zero_()
         last.bias.zero_()
-    observations = np.random.default_rng(0).uniform(-1, 1, (5, 4)).astype(np.float32)
+        last.weight[0, extractor.features_dim - 1 - 6 * POCKETS] = 0.5 / _DIRECT
     actions, _ = policy.predict(observations, deterministic=True)
-    np.testing.assert_allclose(actions, np.column_stack((observations[:, 2], np.zeros(5))), atol=1e-7)
-    assert not isinstance(policy.mlp_extractor, MlpExtractor)
+    np.testing.assert_allclose(actions, np.column_stack((0.5 * cuts, np.zeros(100))), atol=1e-6)

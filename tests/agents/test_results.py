@@ -8,7 +8,7 @@ import yaml
 
 from agents import results, runs
 from agents.config import Config
-from agents.results import Results, at_steps, main, mean_over_seeds, row
+from agents.results import Results, at_steps, main, row
 from agents.train import open_run
 
 
@@ -94,13 +94,6 @@ def test_a_bad_list_is_refused_by_name(tmp_path, data, message):
 def test_at_least_one_job_is_needed(command):
     with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
         command("--jobs", "0")
-
-
-def test_the_interval_over_seeds_is_students():
-    mean, low, high = mean_over_seeds([1.0, 2.0, 4.0])  # standard deviation sqrt(7 / 3), t(2) = 4.303
-    assert mean == pytest.approx(7 / 3)
-    assert (high - mean, mean - low) == pytest.approx([4.303 * (7 / 9) ** 0.5] * 2, rel=1e-3)
-    assert mean_over_seeds([1.0])[1:] == (-float("inf"), float("inf"))
 
 
 def test_the_list_that_comes_along_names_recipes_there_are():

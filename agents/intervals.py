@@ -1,0 +1,119 @@
+"""95 % confidence intervals, each for what it is asked of: a share, a mean of many, a mean of few."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+_Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
+# The quantile 0.975 of Student's t distribution for 1, 2, ... degrees of freedom.
+_T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131)
+_T += (2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042)
+
+
+def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
+    """The 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
+
+    Args:
+        successes: Number of successes, 0 to `episodes`.
+        episodes: Number of independent episodes, at least 1.
+
+    Returns:
+        The interval's lower and upper end.
+
+    Example:
+        >>> [round(end, 4) for end in wilson_interval(15, 100)]
+        [0.0931, 0.2328]
+    """
+    rate, z2 = successes / episodes, _Z * _Z
+    centre = (rate + z2 / (2 * episodes)) / (1 + z2 / episodes)
+    half = _Z / (1 + z2 / episodes) * math.sqrt(rate * (1 - rate) / episodes + z2 / (4 * episodes**2))
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """The 95 % confidence interval of a mean, by the central limit theorem.
+
+    It takes some dozens of values, not nearly all of them equal, to be worth its name.
+
+    Args:
+        values: Independent values of one distribution, at least one.
+
+    Returns:
+        The interval's lower and upper end; None for a single value, whose spread nobody knows.
+
+    Example:
+        >>> [round(end, 2) for end in mean_interval([0.0, 2.0] * 50)]
+        [0.8, 1.2]
+    """
+    if len(values) < 2:
+        return None
+    half = _Z * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    mean = float(np.mean(values))
+    return mean - half, mean + half
+
+
+def t_quantile(freedom: int) -> float:
+    """The quantile 0.975 of Student's t distribution; from 31 degrees of freedom on by Fisher's expansion.
+
+    Example:
+        >>> t_quantile(2), round(t_quantile(60), 3)
+        (4.303, 2.0)
+    """
+    if freedom <= len(_T):
+        return _T[freedom - 1]
+    z = _Z
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
+
+
+def over_seeds(values: Sequence[float]) -> dict[str, Any]:
+    """The mean over seeds and Student's 95 % interval of it, None for a single seed.
+
+    Example:
+        >>> over_seeds([0.5, 0.6, 0.7])["interval"]
+        [0.351..., 0.848...]
+    """
+    mean, interval = float(np.mean(values)), None
+    if len(values) > 1:
+        half = t_quantile(len(values) - 1) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+        interval = [mean - half, mean + half]
+    return {"mean": mean, "interval": interval}
+
+
+def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
+    """The mean of a less that of b, and Student's 95 % interval of it for two samples of one variance.
+
+    Args:
+        a: Values, one a seed.
+        b: Others, of other runs.
+
+    Returns:
+        `mean` and `interval`, None unless there are at least two values of each.
+
+    Example:
+        >>> difference([0.5, 0.6, 0.7], [0.4, 0.5, 0.6])["interval"]
+        [-0.126..., 0.326...]
+    """
+    mean, interval = float(np.mean(a) - np.mean(b)), None
+    if min(len(a), len(b)) > 1:
+        freedom = len(a) + len(b) - 2
+        variance = (np.var(a) * len(a) + np.var(b) * len(b)) / freedom
+        half = t_quantile(freedom) * math.sqrt(variance * (1 / len(a) + 1 / len(b)))
+        interval = [mean - half, mean + half]
+    return {"mean": mean, "interval": interval}
+
+
+def as_percent(value: Mapping[str, Any]) -> str:
+    """A share and its interval as `over_seeds` gives them; of the interval only what is possible is told.
+
+    Example:
+        >>> as_percent({"mean": 0.93, "interval": [0.85, 1.01]})
+        '93.0% (85.0 to 100.0)'
+    """
+    if value["interval"] is None:
+        return f"{value['mean']:.1%}"
+    low, high = (100 * min(max(end, 0.0), 1.0) for end in value["interval"])
+    return f"{value['mean']:.1%} ({low:.1f} to {high:.1f})"

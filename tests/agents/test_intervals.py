@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from agents.intervals import difference, mean_interval, over_seeds, wilson_interval
+
+
+# The interval's ends solve (rate - p)^2 = z^2 p (1 - p) / n for p.
+@pytest.mark.parametrize(("successes", "episodes"), [(0, 10), (1, 7), (15, 100), (500, 1000), (10, 10)])
+def test_the_interval_solves_wilsons_equation(successes, episodes):
+    low, high = wilson_interval(successes, episodes)
+    rate = successes / episodes
+    assert 0 <= low <= rate + 1e-15
+    assert rate - 1e-15 <= high <= 1
+    for p in (low, high):
+        assert (rate - p) ** 2 == pytest.approx(1.959963984540054**2 * p * (1 - p) / episodes, abs=1e-12)
+
+
+def test_the_interval_of_a_mean_holds_it_nineteen_times_in_twenty():
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(2000):
+        low, high = mean_interval(rng.poisson(1.4, 100).tolist()) or (0.0, 0.0)
+        held += low <= 1.4 <= high
+    assert 0.93 < held / 2000 < 0.97
+
+
+def test_students_intervals_hold_the_truth_nineteen_times_in_twenty():
+    rng, mean, both = np.random.default_rng(0), 0, 0
+    for _ in range(4000):
+        a, b = rng.normal(0.5, 0.1, 3).tolist(), rng.normal(0.4, 0.1, 3).tolist()
+        low, high = over_seeds(a)["interval"]
+        mean += low <= 0.5 <= high
+        low, high = difference(a, b)["interval"]
+        both += low <= 0.1 <= high
+    assert 0.94 < mean / 4000 < 0.96
+    assert 0.94 < both / 4000 < 0.96
+    assert over_seeds([0.5]) == {"mean": 0.5, "interval": None}
+    assert difference([0.5], [0.25, 0.25]) == {"mean": 0.25, "interval": None}
+
+
+def test_the_interval_over_seeds_is_students():
+    told = over_seeds([1.0, 2.0, 4.0])  # standard deviation sqrt(7 / 3), t(2) = 4.303
+    low, high = told["interval"]
+    assert told["mean"] == pytest.approx(7 / 3)
+    assert (high - told["mean"], told["mean"] - low) == pytest.approx([4.303 * (7 / 9) ** 0.5] * 2, rel=1e-3)
