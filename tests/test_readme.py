@@ -138,22 +138,10 @@ def test_what_is_not_measured_is_no_figure(page, tmp_path):
     assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
 
 
-def test_a_study_is_shown_from_its_own_folder(page, tmp_path, monkeypatch):
-    page.write_text("<!-- study_pot: findings -->\n<!-- end -->\n")
-    file = tmp_path / "study.json"
-    monkeypatch.setitem(readme.ELSEWHERE, "study_pot", file)
-    assert "*Not measured yet: `python -m agents.timestep_study configs/study/pot.yaml`.*" in readme.fill(
-        page.read_text()
-    )
-    file.write_text('{"study": "pot"}')
-    monkeypatch.setitem(readme.SOURCES, "study_pot", ("", lambda result: {"findings": f"- of {result['study']}"}))
-    assert "\n- of pot\n" in readme.fill(page.read_text())
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy"),
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of agents, ablation, accuracy"),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),
