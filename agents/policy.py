@@ -179,7 +179,8 @@ class GeometryPolicy(ActorCriticPolicy):
         sign, latent = latent_pi[:, :1], latent_pi[:, 1:]
         cut, speed = self.action_net(latent).split(1, 1)
         distribution = cast(DiagGaussianDistribution, self.action_dist)
-        return distribution.proba_distribution(torch.cat((sign * cut, speed), 1), self.log_std)
+        # Beyond the fastest shot all are the same: a mean that got there would learn nothing more.
+        return distribution.proba_distribution(torch.cat((sign * cut, speed.tanh()), 1), self.log_std)
 
 
 class _Latent(nn.Module):

@@ -146,3 +146,21 @@ def test_a_geometry_policy_plays_mirror_images_alike_and_its_last_layer_is_fed_b
         last.weight[0, extractor.features_dim - 1 - 6 * POCKETS] = 0.5 / _DIRECT
     actions, _ = policy.predict(observations, deterministic=True)
     np.testing.assert_allclose(actions, np.column_stack((0.5 * cuts, np.zeros(100))), atol=1e-6)
+
+
+def test_a_geometry_policy_aims_at_no_more_than_the_fastest_shot():
+    config = Config.from_dict(
+        {
+            "timesteps": 1,
+            "n_envs": 64,
+            "frame": {"name": "cut"},
+            "policy": {"features": "geometry"},
+            "ppo": {"n_steps": 2},
+        }
+    )
+    policy = make_model(config, make_vec_env(config)).policy
+    with torch.no_grad():
+        cast(torch.nn.Linear, policy.action_net).bias.copy_(torch.tensor([0.0, 50.0]))
+    observation, _ = gym.make("Billiards-v0").reset(seed=0)
+    mean = policy.get_distribution(torch.as_tensor(observation[None])).distribution.mean
+    assert mean[0, 1] == 1.0
