@@ -114,6 +114,7 @@ def policies_figure(result: Mapping[str, Any]) -> Figure:
     _label(turns, "Direction, against the policies of the exact world", "turn (degrees), at most", "share (%)")
     turns.set_xscale("log")
     _label(cuts, "Cut at the nearest ball to pot", "cut: 0 full, 1 and -1 grazed", "share of the shots at it (%)")
+    cuts.set_xticks(np.linspace(-1.0, 1.0, 5))
     _causes(causes, {world: t for world, t in told.items() if world != "exact"})
     speeds.legend(fontsize=8, title="trained in", title_fontsize=8)
     return figure
