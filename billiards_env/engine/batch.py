@@ -69,8 +69,8 @@ def spread(work: Callable[[int, int], None], m: int, threads: int | None = None)
     if workers == 1:
         work(0, m)
         return
-    # More pieces than threads: shots differ in length.
-    edges = np.linspace(0, m, min(4 * workers, m // _LEAST) + 1).astype(int).tolist()
+    # Many more pieces than threads: shots differ in length, and the last piece is waited for.
+    edges = np.linspace(0, m, min(32 * workers, m // _LEAST) + 1).astype(int).tolist()
     pieces = deque(itertools.pairwise(edges))
 
     def take() -> None:
@@ -203,10 +203,10 @@ def simulate_batch(
         spins=given.spins,
         potted=~given.in_play,
         time=shots.times,
-        n_events=counts[:, N_EVENTS].copy(),
-        status=counts[:, ENDED].copy(),
-        first_hit=counts[:, FIRST_HIT].copy(),
-        cushions=hits[:, :, CUSHIONS].copy(),
-        cushions_before_hit=hits[:, :, CUSHIONS_BEFORE_HIT].copy(),
-        n_contact_rule=counts[:, N_CONTACT_RULE].copy(),
+        n_events=counts[:, N_EVENTS],
+        status=counts[:, ENDED],
+        first_hit=counts[:, FIRST_HIT],
+        cushions=hits[:, :, CUSHIONS],
+        cushions_before_hit=hits[:, :, CUSHIONS_BEFORE_HIT],
+        n_contact_rule=counts[:, N_CONTACT_RULE],
     )
