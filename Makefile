@@ -41,11 +41,11 @@ bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and writ
 	$(BIN)/python -m agents.players
 	$(BIN)/python -m benchmarks.readme
 
-results: $(INSTALLED)  ## train every recipe with several seeds (an hour; goes on where it was, finished runs are kept)
+results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; finished runs are kept)
 	$(BIN)/python -m agents.results
 	$(BIN)/python -m benchmarks.readme
 
-study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (an hour; goes on likewise)
+study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (half an hour; likewise)
 	$(BIN)/python -m agents.timestep_study configs/study/pot.yaml
 	$(BIN)/python -m agents.timestep_study configs/study/blocked.yaml
 	$(BIN)/python -m benchmarks.readme

@@ -2,7 +2,7 @@
 
 `configs/results.yaml` names them.
 A run is trained once: its folder, `benchmarks/results/agents/RECIPE/seedN`, holds its configuration, learning curve,
-policy and evaluation, and what is finished there is not trained again. The whole takes an hour or two on two cores; it
+policy and evaluation, and what is finished there is not trained again. The whole takes half an hour on two cores; it
 can be interrupted at any time, and the same command goes on. The summary is in `benchmarks/results/agents.json`, the
 learning curves in `docs/images/learning_curves.png`.
 """

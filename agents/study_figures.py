@@ -30,7 +30,7 @@ def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draws the figures.
 
     Args:
-        result: What the study wrote to its `study.json`.
+        result: What `agents.timestep_study` wrote.
         folder: Where they go.
 
     Returns:

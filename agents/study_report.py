@@ -133,7 +133,7 @@ def findings(result: Mapping[str, Any]) -> list[str]:
     """What the study found, in sentences: which timesteps will do, what the others teach, and what each costs.
 
     Args:
-        result: What the study wrote to its `study.json`.
+        result: What `agents.timestep_study` wrote.
 
     Returns:
         Three sentences; none if there is no world with a timestep.
