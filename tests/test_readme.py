@@ -10,7 +10,10 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
+from agents.config import Config
+from agents.ppo import make_model, make_vec_env
 from benchmarks import readme, speed
 from billiards_env.envs import BilliardsEnv
 from billiards_env.layouts import LAYOUTS
@@ -36,6 +39,18 @@ def test_examples_run_and_print_what_they_say(number, capsys):
     code = BLOCKS[number]
     exec(compile(code, f"README.md, python block {number}", "exec"), {"__name__": "readme"})
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
+
+
+def test_the_configuration_shown_trains():
+    (text,) = re.findall(r"^```yaml\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+    assert len(text.splitlines()) <= 10
+    config = Config.from_dict(yaml.safe_load(text))
+    envs = make_vec_env(config)
+    model = make_model(config, envs)
+    before = [weights.clone() for weights in model.policy.parameters()]
+    model.learn(1)  # one update
+    envs.close()
+    assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
 
 
 def test_there_are_examples():
