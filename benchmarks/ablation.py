@@ -87,7 +87,7 @@ def run(engine: RunShots, case: Case) -> tuple[float, tuple[Any, ...]]:
     return thread_time() - begin, (*given[:4], *out)
 
 
-def measure(repeats: int, scale: float = 0.1) -> dict[str, Any]:
+def measure(repeats: int, scale: float = 0.02) -> dict[str, Any]:
     """Compiles the variants and runs all cases `repeats` times with each.
 
     Args:
@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m benchmarks.ablation", description="Measure what each saving saves."
     )
     parser.add_argument("--repeats", type=int, default=31, help="passes over the cases (default: 31)")
-    parser.add_argument("--scale", type=float, default=0.1, help="factor on the shots of a pass (default: 0.1)")
+    parser.add_argument("--scale", type=float, default=0.02, help="factor on the shots of a pass (default: 0.02)")
     parser.add_argument("--output", type=Path, default=RESULTS / "ablation.json", help="where the JSON goes")
     args = parser.parse_args(arguments)
     if args.repeats < 1:

@@ -3,14 +3,18 @@
 The cases are measured in turn, over and over, in one process, so that whatever else the machine does falls on all of
 them alike; medians are reported, with the quartiles beside them in the JSON. Every case is drawn from a fixed seed.
 Shots per second are those of `simulate_batch(..., threads=1)`: its checks are part of the time, the drawing of the
-layouts is not.
+layouts is not. What two threads make of it is compared with two processes that run the same shots side by side, each on
+one thread: more than those get out of two cores the machine does not give at that moment.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
-from collections.abc import Callable
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -59,12 +63,12 @@ def cases(scale: float = 1.0) -> list[Case]:
         return max(1, round(shots * scale))
 
     return [
-        random_shots("pool, 1 object ball", Scene.named("pool", 1), count(16_000)),
-        random_shots("pool, 5 object balls", Scene.named("pool", 5), count(4000)),
-        random_shots("carom, 2 object balls", Scene.named("carom", 2), count(10_000)),
-        breaks("15-ball break, loose rack", "rack", count(120)),
-        breaks("15-ball break, tight rack", "tight_rack", count(60)),
-        gas("ideal gas, 16 disks, 10 s", 16, count(100)),
+        random_shots("pool, 1 object ball", Scene.named("pool", 1), count(64_000)),
+        random_shots("pool, 5 object balls", Scene.named("pool", 5), count(30_000)),
+        random_shots("carom, 2 object balls", Scene.named("carom", 2), count(50_000)),
+        breaks("15-ball break, loose rack", "rack", count(1000)),
+        breaks("15-ball break, tight rack", "tight_rack", count(800)),
+        gas("ideal gas, 16 disks, 10 s", 16, count(800)),
     ]
 
 
@@ -107,6 +111,36 @@ def summary(values: list[float]) -> dict[str, float]:
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}
 
 
+def run(case: Case, threads: int) -> None:
+    """Runs a case's shots."""
+    simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
+
+
+_own_cases: list[Case] = []
+
+
+def _draw_own_cases(scale: float) -> None:
+    _own_cases[:] = cases(scale)
+
+
+def _run_own_case(k: int) -> None:
+    run(_own_cases[k], 1)
+
+
+@contextlib.contextmanager
+def side_by_side(scale: float, count: int = 2) -> Iterator[Callable[[int], None]]:
+    """Gives a function of k that runs case k in each of `count` processes at the same time."""
+    context = multiprocessing.get_context("spawn")
+    with contextlib.ExitStack() as stack:
+        others = [stack.enter_context(ProcessPoolExecutor(1, context, _draw_own_cases, (scale,))) for _ in range(count)]
+
+        def run_all(k: int) -> None:
+            for future in [other.submit(_run_own_case, k) for other in others]:
+                future.result()
+
+        yield run_all
+
+
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     """Runs everything `repeats` times.
 
@@ -115,64 +149,54 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         scale: Factor on the number of shots in a pass.
 
     Returns:
-        `batch`: a list, an entry a case; `microseconds_per_call`: for the first case's shots one at a time;
-        `two_threads_over_one`: ratios of shots per second.
+        `batch`: a list, an entry a case; `microseconds_per_call`: for the first case's shots one at a time.
     """
     on = machine()
     every = cases(scale)
-    first = every[0]
-    # More shots than a pass of one thread needs: starting threads must not be what is measured.
-    many = first._replace(positions=np.tile(first.positions, (4, 1, 1)), velocities=np.tile(first.velocities, (4, 1)))
-    few = first._replace(positions=first.positions[:N_SINGLES], velocities=first.velocities[:N_SINGLES])
-    actions = (few.velocities / MAX_SPEED).astype(np.float32)
-    n = len(actions)
-    env = gym.make("Billiards-v0", max_speed=MAX_SPEED)
-    env.reset(seed=0)
-    env.step(actions[0])
-
     outcomes = [simulate_batch(c.scene, c.positions, c.velocities, threads=1) for c in every]  # compiles, warms up
     for case, outcome in zip(every, outcomes, strict=True):
         if (outcome.status == STATUS.index("event_limit")).any():
             raise RuntimeError(f"{case.name}: a shot was given up, its time says nothing")
 
-    batch: list[list[float]] = [[] for _ in every]
-    calls: dict[str, list[float]] = {"simulate_batch": [], "simulate": [], "env_step": [], "env_reset": []}
-    threads: list[tuple[float, float]] = []
-    for _ in range(repeats):
-        for times, c in zip(batch, every, strict=True):
-            times.append(seconds(lambda c=c: simulate_batch(c.scene, c.positions, c.velocities, threads=1)))
-        calls["simulate_batch"].append(
-            seconds(lambda: simulate_batch(few.scene, few.positions, few.velocities, threads=1)) / n
-        )
-        calls["simulate"].append(
-            seconds(lambda: [simulate(few.scene, p, v) for p, v in zip(few.positions, few.velocities, strict=True)]) / n
-        )
-        stepping = 0.0
-        for positions, action in zip(few.positions, actions, strict=True):
-            env.reset(options={"positions": positions})
-            begin = perf_counter()
-            env.step(action)
-            stepping += perf_counter() - begin
-        calls["env_step"].append(stepping / n)
-        calls["env_reset"].append(seconds(lambda: [env.reset() for _ in range(n)]) / n)
-        one, two = (
-            seconds(lambda t=t: simulate_batch(many.scene, many.positions, many.velocities, threads=t)) for t in (1, 2)
-        )
-        threads.append((one, two))
+    # For each case and pass, s: one thread, two threads, two processes.
+    batch: list[list[tuple[float, float, float]]] = [[] for _ in every]
+    calls: list[dict[str, float]] = []
+    with side_by_side(scale) as run_both:
+        for k in range(len(every)):
+            run_both(k)
+        for _ in range(repeats):
+            for k, case in enumerate(every):
+                batch[k].append(
+                    (
+                        seconds(lambda case=case: run(case, 1)),
+                        seconds(lambda case=case: run(case, 2)),
+                        seconds(lambda k=k: run_both(k)),
+                    )
+                )
+            calls.append(time_calls(every[0]))
 
     rows = []
-    for case, times, outcome in zip(every, batch, outcomes, strict=True):
+    for case, passes, outcome in zip(every, batch, outcomes, strict=True):
         m, events = len(case.positions), int(outcome.n_events.sum())
+        fastest = [min(times) for times in zip(*passes, strict=True)]
         rows.append(
             {
                 "case": case.name,
                 "shots": m,
-                "shots_per_second": summary([m / t for t in times]),
+                "shots_per_second": summary([m / one for one, _, _ in passes]),
                 "events_per_shot": events / m,
                 "most_events": int(outcome.n_events.max()),
                 "contact_rule_share": float((outcome.n_contact_rule > 0).mean()),
-                "microseconds_per_event": summary([1e6 * t / events for t in times]),
+                "microseconds_per_event": summary([1e6 * one / events for one, _, _ in passes]),
                 "seconds_simulated_per_shot": float(outcome.time.mean()),
+                "two_threads_over_one": {
+                    **summary([one / two for one, two, _ in passes]),
+                    "fastest": fastest[0] / fastest[1],
+                },
+                "two_processes_over_one": {
+                    **summary([2 * one / both for one, _, both in passes]),
+                    "fastest": 2 * fastest[0] / fastest[2],
+                },
             }
         )
     return {
@@ -181,11 +205,29 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         "max_speed": MAX_SPEED,
         "break_speed": BREAK_SPEED,
         "batch": rows,
-        "microseconds_per_call": {name: summary([1e6 * t for t in times]) for name, times in calls.items()},
-        "two_threads_over_one": {
-            **summary([one / two for one, two in threads]),
-            "fastest": min(one for one, _ in threads) / min(two for _, two in threads),
-        },
+        "microseconds_per_call": {name: summary([1e6 * times[name] for times in calls]) for name in calls[0]},
+    }
+
+
+def time_calls(case: Case) -> dict[str, float]:
+    """Seconds a shot takes in a batch and in one call each of `simulate`, `env.step` and, none, of `env.reset`."""
+    few = case._replace(positions=case.positions[:N_SINGLES], velocities=case.velocities[:N_SINGLES])
+    n, actions = len(few.positions), (few.velocities / MAX_SPEED).astype(np.float32)
+    env = gym.make("Billiards-v0", max_speed=MAX_SPEED)
+    env.reset(seed=0)
+    env.step(actions[0])
+    stepping = 0.0
+    for positions, action in zip(few.positions, actions, strict=True):
+        env.reset(options={"positions": positions})
+        stepping += seconds(lambda action=action: env.step(action))
+    return {
+        "simulate_batch": seconds(lambda: run(few, 1)) / n,
+        "simulate": seconds(
+            lambda: [simulate(few.scene, p, v) for p, v in zip(few.positions, few.velocities, strict=True)]
+        )
+        / n,
+        "env_step": stepping / n,
+        "env_reset": seconds(lambda: [env.reset() for _ in range(n)]) / n,
     }
 
 
@@ -211,7 +253,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for key, name in names.items()
     ]
     calls.append(("env.reset", f"{per_call['env_reset']:.1f}", "", ""))
-    ratio = result["two_threads_over_one"]
+    ratios = [(row["two_threads_over_one"], row["two_processes_over_one"]) for row in result["batch"]]
+    two = [
+        (row["case"], *(f"{ratio[key]:.2f}" for ratio in pair for key in ("median", "fastest")))
+        for row, pair in zip(result["batch"], ratios, strict=True)
+    ]
     return {
         "machine": machine_line(result["machine"]),
         "how": f"One core; medians of {result['repeats']} interleaved passes.",
@@ -220,8 +266,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         ),
         "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} shots):",
         "calls": table(("call", "us/call", "us above the batch's", "times the batch's"), calls),
-        "threads": f"Two threads over one: {ratio['median']:.2f} times the shots per second, {ratio['fastest']:.2f} if "
-        "the fastest pass of each is compared (a busy machine spoils the median).",
+        "threads_of": "Shots per second on two cores over those on one: of two threads, and of two processes side by "
+        "side; medians of the passes' ratios, and the fastest passes compared, which other work on the machine spoils "
+        "less:",
+        "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
     }
 
 

@@ -1,6 +1,6 @@
 """Engines that run shots: `simulate` one, `simulate_batch` many, and what they give back."""
 
-from billiards_env.engine.batch import BatchResult, run_batch, simulate_batch, spread
+from billiards_env.engine.batch import BatchResult, run_batch, simulate_batch
 from billiards_env.engine.log import KINDS, STATUS, Shots, empty_shots
 from billiards_env.engine.shot import (
     MAX_EVENTS,
@@ -11,6 +11,7 @@ from billiards_env.engine.shot import (
     scene_arrays,
     simulate,
 )
+from billiards_env.engine.threads import spread
 
 __all__ = [
     "KINDS",

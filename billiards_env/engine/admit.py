@@ -11,25 +11,23 @@ _CLOSE = 1.0 + 1e-12  # closer calls are left to the slow check, which rounds ot
 
 
 @entry_point
-def plainly_right(params, radius, inv_mass, pockets, positions, velocities, spins, in_play):
-    """Whether all shots are certainly as `simulate` wants them; if not, they may be or not.
+def plainly_right(begin, end, scene, shots):
+    """Whether the shots `begin` to `end` are certainly as `simulate` wants them; if not, they may be or not.
 
     Args:
-        params: (N_PARAMS,) float64.
-        radius: (n,) float64, m.
-        inv_mass: (n,) float64, 1/kg.
-        pockets: (k, 3) float64: x, y, radius, m.
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool.
+        begin: First shot.
+        end: One past the last.
+        scene: The `SceneArrays`, as a tuple.
+        shots: The first four of `Shots`.
 
     Returns:
         True if all numbers are finite, balls of infinite mass rest, and balls in play lie inside the cushions, outside
         the pockets and apart.
     """
+    params, radius, inv_mass, pockets = scene
+    positions, velocities, spins, in_play = shots
     n = len(radius)
-    for shot in range(len(positions)):
+    for shot in range(begin, end):
         for i in range(n):
             x, y = positions[shot, i, 0], positions[shot, i, 1]
             vx, vy = velocities[shot, i, 0], velocities[shot, i, 1]

@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
-import os
-from collections import deque
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,16 +13,15 @@ from billiards_env.engine.log import (
     ENDED,
     FIRST_HIT,
     N_CONTACT_RULE,
-    N_COUNTS,
     N_EVENTS,
     SceneArrays,
     Shots,
     empty_log,
+    empty_shots,
 )
 from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_whole, engine_of, scene_arrays
+from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene
-
-_LEAST = 32  # shots that are worth a thread
 
 
 def run_batch(
@@ -55,62 +49,6 @@ def run_batch(
 
 
 _NO_EVENTS, _NO_SEGMENTS, _ = empty_log()
-
-
-def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
-    """Calls `work(begin, end)` for pieces that make up 0 to m, on several threads where m is worth it.
-
-    Args:
-        work: Called from any thread; it should leave the interpreter's lock to the others while it computes.
-        m: Number of shots.
-        threads: Number of threads, this one among them; None for one a core.
-    """
-    workers = min(threads or os.cpu_count() or 1, max(1, m // _LEAST))
-    if workers == 1:
-        work(0, m)
-        return
-    # Many more pieces than threads: shots differ in length, and the last piece is waited for.
-    edges = np.linspace(0, m, min(32 * workers, m // _LEAST) + 1).astype(int).tolist()
-    pieces = deque(itertools.pairwise(edges))
-
-    def take() -> None:
-        while pieces:
-            try:
-                begin, end = pieces.popleft()
-            except IndexError:  # another thread was faster
-                return
-            work(begin, end)
-
-    helpers = [_helpers().submit(take) for _ in range(workers - 1)]
-    try:
-        take()
-    finally:
-        pieces.clear()  # after an error the rest is not worth doing
-        # A helper that has not woken up by now would find nothing left to do.
-        errors = [helper.exception() for helper in helpers if not helper.cancel()]
-    for error in errors:
-        if error is not None:
-            raise error
-
-
-_pool: ThreadPoolExecutor | None = None
-
-
-def _helpers() -> ThreadPoolExecutor:
-    """The threads beside the caller's, started when first needed and kept."""
-    global _pool
-    if _pool is None:
-        _pool = ThreadPoolExecutor(max(os.cpu_count() or 1, 64), "billiards")
-    return _pool
-
-
-def _forget_helpers() -> None:
-    global _pool
-    _pool = None
-
-
-if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
-    os.register_at_fork(after_in_child=_forget_helpers)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -187,13 +125,14 @@ def simulate_batch(
     """
     check_mode(mode, dt, fix)
     check_whole("max_events", max_events, 0)
-    if np.ndim(positions) != 3:
-        raise ValueError(f"positions has shape {np.shape(positions)}: expected (m, {scene.n_balls}, 2)")
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.ndim != 3:
+        raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
         check_whole("threads", threads, 1)
-    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
-    m, n = given.positions.shape[:2]
-    shots = Shots(*given[:4], np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64))
+    m = len(positions)
+    shots = empty_shots(m, scene.n_balls)
+    given = check_shot(scene, positions, velocities, spins, in_play, max_time, shots, threads)
     arrays = scene_arrays(scene, dt, fix)
     spread(lambda begin, end: run_batch(mode, arrays, given.limit, shots, begin, end, max_events), m, threads)
     counts, hits = shots.counts, shots.hits

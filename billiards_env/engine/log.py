@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -84,16 +86,22 @@ class Shots(NamedTuple):
 
 
 def empty_shots(m: int, n: int) -> Shots:
-    """Arrays for m shots of n balls, all in play and at rest, their places not yet set."""
-    return Shots(
-        np.zeros((m, n, 2)),
-        np.zeros((m, n, 2)),
-        np.zeros((m, n, 3)),
-        np.ones((m, n), np.bool_),
-        np.zeros(m),
-        np.zeros((m, n, 2), np.int32),
-        np.zeros((m, N_COUNTS), np.int64),
+    """Arrays for m shots of n balls, in which anything may stand."""
+    shapes = (
+        ((m, n, 2), np.float64),
+        ((m, n, 2), np.float64),
+        ((m, n, 3), np.float64),
+        ((m, n), np.bool_),
+        ((m,), np.float64),
+        ((m, n, 2), np.int32),
+        ((m, N_COUNTS), np.int64),
     )
+    sizes = [-(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8 for shape, kind in shapes]
+    # One piece of memory: the system hands out a large one several times faster than its parts one by one, which are
+    # too small for NumPy to ask for huge pages, and which the C library gives back to the system after each batch.
+    memory = np.empty(sum(sizes), np.uint8)
+    starts = itertools.accumulate(sizes[:-1], initial=0)
+    return Shots(*(np.ndarray(shape, kind, memory, at) for (shape, kind), at in zip(shapes, starts, strict=True)))
 
 
 class Log(NamedTuple):

@@ -25,9 +25,11 @@ from billiards_env.engine.log import (
     N_EVENTS,
     STATUS,
     SceneArrays,
+    Shots,
     empty_log,
 )
 from billiards_env.engine.sensitivity import Sensitivity, sensitivity_along
+from billiards_env.engine.threads import spread
 from billiards_env.physics import state as layout
 from billiards_env.scene import CUSHIONS as CUSHION_MODELS
 from billiards_env.scene import MOTIONS, Scene, check_positions, choose
@@ -380,55 +382,34 @@ def check_whole(name: str, value: Any, least: int) -> None:
         raise ValueError(f"{name} = {value!r}: expected a whole number >= {least}")
 
 
-def check_motion(
-    scene: Scene, shape: tuple[int, ...], name: str, values: ArrayLike | None, width: int, obstacles: bool = True
-) -> Floats:
-    """Velocities or spins as a float64 array of `shape` + (width,).
-
-    Args:
-        scene: The scene.
-        shape: (n,) or (m, n).
-        name: What to call them in an error.
-        values: All balls' values, or the cue ball's alone (one axis less); None for zero.
-        width: Components: 2 of a velocity, 3 of a spin.
-        obstacles: Whether balls of infinite mass are held to zero values.
-
-    Returns:
-        A new array.
-
-    Raises:
-        ValueError: If the shape is wrong, a value is not finite, or a ball of infinite mass is to move.
-    """
-    array = _all_balls(shape, name, values, width)
+def _refuse_bad_motion(scene: Scene, name: str, array: Floats) -> None:
+    """Raises a ValueError if a velocity or spin is not finite, or a ball of infinite mass is to move."""
     bad = np.argwhere(~np.isfinite(array).all(axis=-1))
     if len(bad):
         at = tuple(bad[0])
         shot = f"shot {at[0]}, " if len(at) == 2 else ""
         raise ValueError(f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
-    if obstacles:
-        fixed = np.flatnonzero(np.isinf(scene.balls.mass))
-        for i in fixed:
-            if array[..., i, :].any():
-                raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
-    return array
+    for i in np.flatnonzero(np.isinf(scene.balls.mass)):
+        if array[..., i, :].any():
+            raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
 
 
-def _all_balls(shape: tuple[int, ...], name: str, values: ArrayLike | None, width: int) -> Floats:
-    """A new array of `shape` + (width,) of all balls' values, the cue ball's or none; they may be wrong."""
-    full = (*shape, width)
-    array = np.zeros(full)
+def _fill(array: Floats, name: str, values: ArrayLike | None) -> None:
+    """Fills an array with all balls' values, the cue ball's or none, and zeros; they may be wrong."""
     if values is None:
-        return array
-    given = np.asarray(values, dtype=np.float64)
+        array[...] = 0.0
+        return
+    given, full = np.asarray(values, dtype=np.float64), array.shape
+    cue_ball_alone = (*full[:-2], full[-1])
     if given.shape == full:
         array[...] = given
-    elif given.shape == (*shape[:-1], width):
+    elif given.shape == cue_ball_alone:
         array[..., 0, :] = given
+        array[..., 1:, :] = 0.0
     else:
         raise ValueError(
-            f"{name} has shape {given.shape}: expected {full} for all balls or {(*shape[:-1], width)} for the cue ball"
+            f"{name} has shape {given.shape}: expected {full} for all balls or {cue_ball_alone} for the cue ball"
         )
-    return array
 
 
 class ShotInput(NamedTuple):
@@ -456,18 +437,43 @@ def check_shot(
     spins: ArrayLike | None,
     in_play: ArrayLike | None,
     max_time: float | None,
+    into: Shots | None = None,
+    threads: int | None = 1,
 ) -> ShotInput:
-    """The input of a shot, or of a batch of shots; see `simulate` for what is refused."""
-    placed = np.array(positions, dtype=np.float64, order="C")
+    """The input of a shot, or of a batch of shots; see `simulate` for what is refused.
+
+    Args:
+        scene: The scene.
+        positions: As in `simulate` or `simulate_batch`, like the next four.
+        velocities: See there.
+        spins: See there.
+        in_play: See there.
+        max_time: See there.
+        into: Where to put a batch of shots, as `empty_shots` gives it; None for new arrays.
+        threads: Number of threads that look at a batch; None for one a core.
+
+    Returns:
+        The input, in new arrays or those of `into`.
+
+    Raises:
+        ValueError: As `simulate` does, naming the shot of a batch.
+    """
+    placed = np.asarray(positions, dtype=np.float64)
     shape = placed.shape[:-1]
     if placed.ndim not in (2, 3) or placed.shape[-2:] != (scene.n_balls, 2):
         check_positions(scene, placed)  # says so
-    playing = np.ones(shape, np.bool_)
-    if in_play is not None:
+    if into is None:
+        balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
+    else:
+        balls = into[:4]
+    balls[0][...] = placed
+    if in_play is None:
+        balls[3][...] = True
+    else:
         given = np.asarray(in_play, dtype=np.bool_)
         if given.shape not in (shape, shape[-1:]):
             raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, a value a ball")
-        playing[...] = given
+        balls[3][...] = given
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
             f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
@@ -477,14 +483,28 @@ def check_shot(
         limit = np.inf
     elif not 0 <= limit < np.inf:
         raise ValueError(f"max_time = {max_time!r}: expected a finite number of seconds >= 0")
-    moving, spinning = _all_balls(shape, "velocities", velocities, 2), _all_balls(shape, "spins", spins, 3)
-    many = (-1, scene.n_balls)
-    shots = placed.reshape(*many, 2), moving.reshape(*many, 2), spinning.reshape(*many, 3), playing.reshape(many)
-    if not plainly_right(*scene_arrays(scene), *shots):
-        check_positions(scene, placed, in_play=playing)
-        check_motion(scene, shape, "velocities", moving, 2)
-        check_motion(scene, shape, "spins", spinning, 3)
-    return ShotInput(placed, moving, spinning, playing, float(limit))
+    _fill(balls[1], "velocities", velocities)
+    _fill(balls[2], "spins", spins)
+    if not _plainly_right(scene, balls, threads):
+        check_positions(scene, balls[0], in_play=balls[3])
+        _refuse_bad_motion(scene, "velocities", balls[1])
+        _refuse_bad_motion(scene, "spins", balls[2])
+    return ShotInput(*balls, float(limit))
+
+
+def _plainly_right(scene: Scene, balls: tuple[NDArray[Any], ...], threads: int | None) -> bool:
+    """Whether a quick look finds nothing wrong."""
+    arrays = scene_arrays(scene)
+    shots = balls if balls[3].ndim > 1 else tuple(array[None] for array in balls)
+    in_play = shots[3]
+    doubts: list[int] = []
+
+    def look(begin: int, end: int) -> None:
+        if not plainly_right(begin, end, tuple(arrays), shots):
+            doubts.append(begin)
+
+    spread(look, len(in_play), threads)
+    return not doubts
 
 
 def simulate(

@@ -52,6 +52,9 @@ class Tables:
     ) -> None:
         n = scene.n_balls
         self.shots = empty_shots(count, n)
+        for array in self.shots:
+            array[...] = 0
+        self.shots.in_play[...] = True
         self.tally = np.zeros((count, N_TALLY), np.int64)
         self.over = np.ones(count, np.bool_)
         self.starts = np.zeros((count, n, 2))

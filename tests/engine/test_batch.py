@@ -3,6 +3,7 @@ import math
 import multiprocessing
 import re
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,9 @@ def threads_at_work(wanted):
     met = set()
 
     def work(begin, end):
-        if threading.get_ident() not in met:
+        if begin == 0:
+            time.sleep(0.01)  # so long that the rest is worth many threads
+        elif threading.get_ident() not in met:
             met.add(threading.get_ident())
             meeting.wait()
 
@@ -170,6 +173,37 @@ def threads_at_work(wanted):
 
 def test_work_runs_on_several_threads_at_the_same_time():
     assert threads_at_work(3) == 3
+
+
+def pieces_of(m, seconds_per_shot, monkeypatch):
+    """The sizes of the pieces that two threads are given, and how many threads took any, with a clock of our own."""
+    now, pieces, takers = [0.0], [], set()
+    monkeypatch.setattr("billiards_env.engine.threads.perf_counter", lambda: now[0])
+
+    def work(begin, end):
+        now[0] += (end - begin) * seconds_per_shot
+        pieces.append((begin, end - begin))
+        takers.add(threading.get_ident())
+
+    spread(work, m, 2)
+    return [size for _, size in sorted(pieces)], len(takers)
+
+
+def test_what_takes_no_longer_than_waking_a_thread_stays_on_one(monkeypatch):
+    assert pieces_of(500, 1e-6, monkeypatch) == ([8, 492], 1)
+    assert pieces_of(12, 1e-12, monkeypatch) == ([1, 11], 1)
+
+
+def test_pieces_shrink_towards_the_end_but_not_to_what_is_not_worth_handing_out(monkeypatch):
+    sizes, _ = pieces_of(10_000, 2**-20, monkeypatch)
+    assert sum(sizes) == 10_000
+    assert sizes[:3] == [8, 2498, 1873]  # a quarter of what is left, after the first few
+    assert sizes[1:] == sorted(sizes[1:], reverse=True)
+    assert min(sizes[1:-1]) == 420
+
+
+def test_long_shots_are_handed_out_one_by_one_in_the_end(monkeypatch):
+    assert pieces_of(20, 1.0, monkeypatch)[0] == [1, 4, 3, 3, 2, 1, 1, 1, 1, 1, 1, 1]
 
 
 def _child(queue):
