@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.physics.jit import kernel
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import (
     MOTION,
     POTTED,
@@ -160,7 +160,7 @@ def log_segment(segments, used, state, phase, ball):
             segments[k, 2 + c] = state[ball, c]
 
 
-@kernel
+@inlined
 def load(shots, k, scene, state, phase):
     """Fills `state` and `phase` for time 0 of shot k."""
     slips = scene.params[MOTION] == SLIDING_AND_ROLLING
@@ -179,7 +179,7 @@ def load(shots, k, scene, state, phase):
             s[WZ] = shots.spins[k, i, 2]
 
 
-@kernel
+@inlined
 def store(shots, k, scene, state, phase):
     """The reverse of `load`, at the shot's end."""
     slips = scene.params[MOTION] == SLIDING_AND_ROLLING

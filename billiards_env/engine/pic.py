@@ -37,7 +37,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.queue import earliest, predict_ball, predict_pairs
 from billiards_env.physics.impulse import impulse_scratch
-from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
+from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
 from billiards_env.physics.state import (
     POTTED,
@@ -96,7 +96,7 @@ def gather(hi, lo, state, phase, radius, params, queue, contacts):
     return count
 
 
-@kernel
+@merged
 def impacts(
     count,
     hi,
@@ -148,7 +148,7 @@ def impacts(
     return 2 * count
 
 
-@kernel
+@merged
 def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hit, quick, hits, counts, events, used):
     """Carries out and logs what happens to ball i alone at (hi, lo), see `queue.predict_ball`."""
     acts = counts[N_CONTACT_RULE]
@@ -167,7 +167,7 @@ def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hi
     log_event(events, used, hi, lo, kind, i, other, state, speed, counts[N_CONTACT_RULE] > acts)
 
 
-@kernel
+@merged
 def wind_up(hi, state, phase, params, limit, counts):
     """Brings all balls to the shot's end, when nothing more happens before `limit`. Returns its time, s."""
     if limit < math.inf:
@@ -178,7 +178,7 @@ def wind_up(hi, state, phase, params, limit, counts):
     return limit if counts[ENDED] == AT_MAX_TIME else hi
 
 
-@kernel
+@merged
 def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     """Runs one shot to rest, to the time `limit` or to `max_events` events.
 

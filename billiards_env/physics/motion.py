@@ -56,7 +56,7 @@ def norm(x: float, y: float) -> float:
     return big * math.sqrt((x / big) * (x / big) + (y / big) * (y / big))
 
 
-@kernel
+@inlined
 def start(state, phase, i, params):
     """Settles which phase ball i is in from its velocity, slip and spin, and what follows from it: AX, AY and LASTS.
 
