@@ -190,3 +190,33 @@ def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
     fused = jit.kernel(lambda x, y: x * x - y)
     x = 1.0 + 2.0**-30
     assert fused(x, x * x) == 0.0  # a fused multiply-add would give the rounding error of x * x
+
+
+def memory_asked_for(depth, calls=200):
+    """How often the system is asked for a page of memory while a function is called, from so many frames deep."""
+    if depth:
+        return memory_asked_for(depth - 1, calls)
+    resource = pytest.importorskip("resource")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(calls):
+        _nothing()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+def _nothing():
+    pass
+
+
+def test_compiling_has_room_on_the_stack_at_any_depth():
+    """Without it there are depths at which every call takes a page, and compiling a quarter longer."""
+    assert max(jit._with_room(memory_asked_for, depth) for depth in range(300)) < 100
+
+
+def test_entry_points_are_compiled_with_room(monkeypatch):
+    roomy = []
+    monkeypatch.setattr(jit, "_with_room", lambda function, *args: roomy.append(args) or function(*args))
+    monkeypatch.setattr(jit, "_FOLDER", None)
+    with pytest.warns(RuntimeWarning, match="compiled anew"):
+        twice = jit.entry_point(lambda x: 2 * x)
+    assert twice(3) == 6
+    assert len(roomy) == 1
