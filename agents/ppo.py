@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import Schedule
-from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
 from agents.policy import Geometry, GeometryPolicy, shape
@@ -76,11 +76,8 @@ def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
 
 
 def make_vec_env(config: Config) -> VecEnv:
-    """`config.n_envs` environments for Stable-Baselines3.
-
-    They add each episode's return and length to its last `info`.
-    """
-    return VecMonitor(SameStepVecEnv(make_vector(config, config.n_envs)))
+    """`config.n_envs` environments for Stable-Baselines3."""
+    return SameStepVecEnv(make_vector(config, config.n_envs))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import gymnasium as gym
@@ -15,8 +16,10 @@ class SameStepVecEnv(VecEnv):
     """A Gymnasium vector environment with same-step autoreset as a `VecEnv` of Stable-Baselines3.
 
     A thousand environments have a thousand `info` dicts a step, so only those of finished episodes hold anything:
-    `terminal_observation`, `TimeLimit.truncated` and, where the environment tells them, `success` and `is_success`.
-    All else that the last step told is in `infos`, as Gymnasium lays it out.
+    `terminal_observation`, `TimeLimit.truncated`, `episode` and, where the environment tells them, `success` and
+    `is_success`. All else that the last step told is in `infos`, as Gymnasium lays it out. `episode` is what
+    `VecMonitor` adds, which takes longer for it than the shots do: "r", "l" and "t", the episode's return, its length
+    and the seconds since the adapter was made.
 
     The environments are one object: attributes are those of all of them, and methods are called once for all.
 
@@ -32,6 +35,8 @@ class SameStepVecEnv(VecEnv):
         self.envs = envs
         self.infos: dict[str, Any] = {}
         self._actions: np.ndarray | None = None
+        self._returns, self._lengths = np.zeros(envs.num_envs), np.zeros(envs.num_envs, np.int64)
+        self._begun = time.perf_counter()
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def reset(self) -> np.ndarray:
@@ -49,6 +54,7 @@ class SameStepVecEnv(VecEnv):
         # Without a seed the environments go on with the random streams that they have.
         observations, _ = self.envs.reset(seed=self._seeds, options=options)  # pyright: ignore[reportArgumentType]
         self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._returns[:], self._lengths[:] = 0.0, 0
         self._reset_seeds()
         self._reset_options()
         return observations
@@ -61,18 +67,33 @@ class SameStepVecEnv(VecEnv):
         """Plays a step; see the class for what the infos hold."""
         observations, rewards, terminated, truncated, self.infos = self.envs.step(self._actions)
         dones = terminated | truncated
+        self._returns += rewards
+        self._lengths += 1
         told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        if dones.any():
-            final = self.infos["final_info"]
-            columns = {
-                "terminal_observation": self.infos["final_obs"],
-                "TimeLimit.truncated": truncated & ~terminated,
-                **{key: final[key] for key in ("success", "is_success") if key in final},
-            }
-            done = np.flatnonzero(dones)
-            rows = zip(*(column[done].tolist() for column in columns.values()), strict=True)
+        done = np.flatnonzero(dones)
+        if len(done):
+            final, now = self.infos["final_info"], round(time.perf_counter() - self._begun, 6)
+            columns = (
+                self.infos["final_obs"][done],
+                (truncated & ~terminated)[done],
+                self._returns[done],
+                self._lengths[done],
+            )
+            self._returns[done], self._lengths[done] = 0.0, 0
+            rows = [
+                {
+                    "terminal_observation": seen,
+                    "TimeLimit.truncated": cut,
+                    "episode": {"r": total, "l": length, "t": now},
+                }
+                for seen, cut, total, length in zip(*(column.tolist() for column in columns), strict=True)
+            ]
+            for key in ("success", "is_success"):
+                if key in final:
+                    for row, value in zip(rows, final[key][done].tolist(), strict=True):
+                        row[key] = value
             for i, row in zip(done.tolist(), rows, strict=True):
-                told[i] = dict(zip(columns, row, strict=True))
+                told[i] = row
         return observations, rewards.astype(np.float32), dones, told  # pyright: ignore[reportReturnType]
 
     def close(self) -> None:

@@ -34,6 +34,7 @@ SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 MEMORY_COUNTS = (1024, 65_536)
 TRAINING = Path(__file__).resolve().parent.parent / "configs" / "ppo" / "pot.yaml"
+TRAININGS = 7  # the first of which warms up
 LAYOUTS = (("random", 1), ("random", 15), ("rack", 15))  # name and number of object balls
 
 
@@ -139,7 +140,7 @@ def training(n_envs: int = 1024, n_steps: int = 16, updates: int = 3) -> dict[st
 
     Returns:
         `steps_per_second` and `environment_share`: the share of the time that went into the environments' steps,
-        simulation, adapter and episode statistics together.
+        simulation and adapter together.
     """
     torch.set_num_threads(1)  # as agents.train does
     config = training_config(n_envs, n_steps, updates)
@@ -168,14 +169,14 @@ def memory(count: int) -> dict[str, float]:
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Measures everything `repeats` times, training and memory once.
+    """Measures everything `repeats` times, training `TRAININGS` times and memory once.
 
     Args:
         repeats: Number of passes over the kinds of environments.
         scale: Factor on the number of steps in a pass.
 
     Returns:
-        `steps` and `layouts`: lists, an entry a kind, with rates per second; `training`; `memory`.
+        `steps` and `layouts`: lists, an entry a kind, with rates per second; `training`, summaries; `memory`.
     """
     on = machine()
     tables = max(1, round(20_000 * scale))
@@ -189,12 +190,13 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
             found.append(steps / seconds(play))
     rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
     small = scale < 1
+    trained = [training(64, 2, 2) if small else training() for _ in range(2 if small else TRAININGS)][1:]
     return {
         "machine": on,
         "repeats": repeats,
         "steps": rows[: -len(LAYOUTS)],
         "layouts": rows[-len(LAYOUTS) :],
-        "training": training(64, 2, 2) if small else training(),
+        "training": {name: summary([run[name] for run in trained]) for name in trained[0]},
         "memory": [memory(count) for count in ((64,) if small else MEMORY_COUNTS)],
     }
 
@@ -208,7 +210,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for row in result["memory"]
     ]
     drawn = [(row["kind"], f"{row['per_second']['median']:,.0f}") for row in result["layouts"]]
-    trained = result["training"]
+    trained = {name: value["median"] for name, value in result["training"].items()}
     return {
         "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes.",

@@ -48,14 +48,38 @@ def test_it_plays_what_dummy_vec_env_plays(kwargs, wrapper):
             assert isinstance(infos, list)
             for done, info, full in zip(told[2], infos, all_infos, strict=True):
                 finished += done
-                assert info.keys() == ({*KEPT, *(("episode",) if "episode" in full else ())} if done else set())
+                assert info.keys() == ({*KEPT, "episode"} if done else set())
                 for key, value in info.items():
+                    if key not in full:  # only VecMonitor has a DummyVecEnv tell of episodes
+                        continue
                     assert type(value) is type(full[key])
                     if key == "episode":
                         assert (value["r"], value["l"]) == (full[key]["r"], full[key]["l"])
                     else:
                         np.testing.assert_array_equal(value, full[key])
         assert finished > 6
+
+
+def test_episodes_are_told_of_as_vec_monitor_does():
+    native, dummy = pair(5, **SOFT)
+    monitored = VecMonitor(dummy)
+    rng = np.random.default_rng(1)
+    for start in range(2):
+        native.seed(start)
+        monitored.seed(start)
+        native.reset()
+        monitored.reset()
+        for _ in range(8):  # no multiple of an episode's shots: the second start cuts episodes off
+            actions = rng.uniform(-1, 1, (5, 2)).astype(np.float32)
+            *_, dones, infos = native.step(actions)
+            for done, info, other in zip(dones, infos, monitored.step(actions)[3], strict=True):
+                assert ("episode" in info) == done
+                if done:
+                    assert info["episode"].keys() == other["episode"].keys()
+                    assert info["episode"]["l"] == other["episode"]["l"]
+                    # VecMonitor's is a float32
+                    assert info["episode"]["r"] == pytest.approx(other["episode"]["r"], rel=1e-6)
+                    assert type(info["episode"]["r"]) is float
 
 
 def test_all_that_the_last_step_told_is_at_hand():
