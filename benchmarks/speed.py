@@ -266,6 +266,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         ),
         "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} shots):",
         "calls": table(("call", "us/call", "us above the batch's", "times the batch's"), calls),
+        "two_cores": f"Two threads run {min(a['median'] for a, _ in ratios):.2f} to "
+        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots a second as one.",
         "threads_of": "Shots per second on two cores over those on one: of two threads, and of two processes side by "
         "side; medians of the passes' ratios, and the fastest passes compared, which other work on the machine spoils "
         "less:",

@@ -55,6 +55,8 @@ _NO_EVENTS, _NO_SEGMENTS, _ = empty_log()
 class BatchResult:
     """What a batch of m shots gives back: the fields of `ShotResult` with a leading axis.
 
+    They share one piece of memory; a copy of a field can be kept without the others.
+
     Attributes:
         positions: (m, n, 2) float64, m.
         velocities: (m, n, 2) float64, m/s.

@@ -35,7 +35,7 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.engine.queue import earliest, predict_ball, predict_pairs
+from billiards_env.engine.queue import earliest, note, predict_ball, predict_pairs, side_by_side
 from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
@@ -82,7 +82,7 @@ def join(i, j, due, due_lo, hi, lo, state, phase, radius, params, count, contact
 @inlined
 def gather(hi, lo, state, phase, radius, params, queue, contacts):
     """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number."""
-    pair, pair_lo, near, _ = queue
+    pair, pair_lo, near, _, _, _ = queue
     count = 0
     n = len(phase)
     for i in range(n):
@@ -215,6 +215,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             start(state, phase, i, params)
             log_segment(segments, used, state, phase, i)
             predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
+            note(i, state, radius, own, queue)
             touched[i] = True
         for k in range(changes):
             predict_pairs(changed[k], hi, lo, state, phase, radius, own, own_kind, limit, queue, touched)
@@ -278,7 +279,13 @@ def workspace(n):
     """The arrays that a shot of n balls is run with, see `run`."""
     most = max(1, n * (n - 1) // 2)  # contacts at one instant
     own, own_kind = np.empty((n, 2)), np.empty((n, 2), np.int64)
-    queue = np.full((n, n), math.inf), np.zeros((n, n)), np.empty((n, 2)), np.empty(n, np.int64)
+    queue = (
+        np.full((n, n), math.inf),
+        np.zeros((n, n)),
+        np.empty((n, 2)),
+        np.empty(n, np.int64),
+        *side_by_side(n),
+    )
     contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
     scratch = impulse_scratch(n, most)
     last_hit, quick = np.empty(n), np.empty((n, 3), np.int64)

@@ -2,6 +2,7 @@
 
 Of each ball alone the next event is known, `own[i]` = (hi, lo) s, of kind and other `own_kind[i]`. Of each pair i < j
 the time of the next meeting stands in `pair[i, j]`, `pair_lo[i, j]`, and the nearest of each row of pairs in `near`.
+With many balls their paths stand in `paths`, too, and which of them the one in hand cannot meet in `apart`.
 
 What a path cannot reach is not solved for. That leaves every result as it is, bit for bit: whatever is solved has the
 very input that it has if all is solved, and the margins are wider than the rounding by far.
@@ -11,10 +12,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from billiards_env.engine.contact_rule import NOISE
 from billiards_env.engine.log import CUSHION_HIT, POCKETED, ROLLS, SPIN_STOPS, STOPS
 from billiards_env.physics.contact import circle_time, line_time
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import norm, place
 from billiards_env.physics.state import (
     AX,
@@ -39,6 +42,10 @@ from billiards_env.physics.state import (
 # The savings, for benchmarks.ablation to compile the engine without one of them.
 SKIP = True  # what a path is too short or too far off to reach is not solved for
 ROWS = True  # the nearest of each row is kept
+SIDE_BY_SIDE = True  # where there are many balls, one instruction looks at several of them
+
+MANY = 8  # balls from which on that pays
+LANES = 8  # balls that one instruction looks at, at most
 
 MARGIN = 1e-6  # relative, of what is skipped
 TINY = 1e-290  # below it squares lose digits
@@ -133,30 +140,74 @@ def solve_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit):
 
 @inlined
 def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
-    """Whether two balls certainly do not meet by `end`, looked at without a root; see `circle_time`."""
+    """Whether two balls certainly do not meet by `end`, looked at without a root or a branch; see `circle_time`."""
     dd = dx * dx + dy * dy
-    if dd < (1.0 + 1e-5) * reach * reach or not end < math.inf:
-        return False
     # How much nearer they can come along the line of centres until then, times their distance
     dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
     closing = max(0.0, -dw) + end * max(0.0, -half_db)
     least = (1.0 - MARGIN) * dd - end * closing
-    if least > 0.0 and least * least > reach * reach * dd:
-        return True
+    far = (least > 0.0) & (least * least > reach * reach * dd)
     # How far off the line of relative motion they pass, times the relative speed
     side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
-    return side > 0.0 and side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY
+    wide = (side > 0.0) & (side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY)
+    return (far | wide) & (dd >= (1.0 + 1e-5) * reach * reach) & (end < math.inf)
+
+
+@allocating
+def side_by_side(n):
+    """The arrays in which `screen` finds n balls: their paths, a row a quantity, and who is apart from the one in hand.
+
+    There are more columns than balls, so that the last few are not looked at one by one.
+    """
+    columns = -(-n // LANES) * LANES
+    return np.zeros((9, columns)), np.zeros(columns, np.bool_)
+
+
+@inlined
+def note(i, state, radius, own, queue):
+    """Notes ball i's path for `screen`, where that is used."""
+    if len(radius) < MANY:
+        return
+    _, _, _, _, paths, _ = queue
+    s = state[i]
+    paths[0, i], paths[1, i], paths[2, i], paths[3, i] = s[X], s[Y], s[VX], s[VY]
+    paths[4, i], paths[5, i], paths[6, i], paths[7, i], paths[8, i] = s[AX], s[AY], s[T0], radius[i], own[i, 0]
+
+
+@inlined
+def screen(i, hi, until, paths, apart):
+    """Finds the balls that ball i, whose own time is hi, certainly does not meet by `until` or the end of their paths.
+
+    One instruction looks at several balls.
+    """
+    x, y, vx, vy, ax, ay = paths[0, i], paths[1, i], paths[2, i], paths[3, i], paths[4, i], paths[5, i]
+    radius = paths[7, i]
+    for j in range(len(apart)):
+        t = hi - paths[6, j]
+        apart[j] = cannot_meet(
+            paths[0, j] + t * (paths[2, j] + 0.5 * t * paths[4, j]) - x,
+            paths[1, j] + t * (paths[3, j] + 0.5 * t * paths[5, j]) - y,
+            paths[2, j] + t * paths[4, j] - vx,
+            paths[3, j] + t * paths[5, j] - vy,
+            paths[4, j] - ax,
+            paths[5, j] - ay,
+            radius + paths[7, j],
+            min(until, paths[8, j]) - hi,
+        )
 
 
 @inlined
 def predict_pairs(i, hi, lo, state, phase, radius, own, own_kind, limit, queue, touched):
     """Predicts anew for ball i, whose own time is (hi, lo), with every other ball."""
     n = len(phase)
-    pair, pair_lo, near, near_with = queue
+    pair, pair_lo, near, near_with, paths, apart = queue
     s = state[i]
     x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
     moves = phase[i] >= ROLLING and phase[i] != POTTED
     until = min(own[i, 0], limit)
+    screened = SKIP and SIDE_BY_SIDE and n >= MANY
+    if screened:
+        screen(i, hi, until, paths, apart)
     near[i, 0], near[i, 1], near_with[i] = math.inf, 0.0, n
     for j in range(n):
         if j == i or (j < i and touched[j]):
@@ -165,18 +216,21 @@ def predict_pairs(i, hi, lo, state, phase, radius, own, own_kind, limit, queue, 
         t, t_lo = math.inf, 0.0
         a, b = min(i, j), max(i, j)
         if p != POTTED and phase[i] != POTTED and (moves or p >= ROLLING):
-            r = state[j]
-            since_j = hi - r[T0]
-            if not SKIP or not cannot_meet(
-                r[X] + since_j * (r[VX] + 0.5 * since_j * r[AX]) - x,
-                r[Y] + since_j * (r[VY] + 0.5 * since_j * r[AY]) - y,
-                r[VX] + since_j * r[AX] - vx,
-                r[VY] + since_j * r[AY] - vy,
-                r[AX] - ax,
-                r[AY] - ay,
-                radius[i] + radius[j],
-                min(until, own[j, 0]) - hi,
-            ):
+            skipped = screened and apart[j]
+            if SKIP and not screened:
+                r = state[j]
+                since_j = hi - r[T0]
+                skipped = cannot_meet(
+                    r[X] + since_j * (r[VX] + 0.5 * since_j * r[AX]) - x,
+                    r[Y] + since_j * (r[VY] + 0.5 * since_j * r[AY]) - y,
+                    r[VX] + since_j * r[AX] - vx,
+                    r[VY] + since_j * r[AY] - vy,
+                    r[AX] - ax,
+                    r[AY] - ay,
+                    radius[i] + radius[j],
+                    min(until, own[j, 0]) - hi,
+                )
+            if not skipped:
                 t, t_lo = solve_pair(a, b, hi, lo, state, phase, radius, own, own_kind, limit)
         pair[a, b], pair_lo[a, b] = t, t_lo
         if t < near[a, 0] or (t == near[a, 0] and t_lo < near[a, 1]):
@@ -198,7 +252,7 @@ def find_near(i, n, pair, pair_lo, near, near_with):
 @inlined
 def earliest(n, own, own_kind, queue):
     """The earliest prediction: (hi, lo, ball, whether of its nearest pair and not of itself)."""
-    pair, pair_lo, near, near_with = queue
+    pair, pair_lo, near, near_with, _, _ = queue
     hi, lo, a, of_pair = math.inf, 0.0, -1, False
     for i in range(n):
         if not ROWS:
