@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +15,6 @@ from billiards_env.engine.log import (
     FIRST_HIT,
     N_CONTACT_RULE,
     N_EVENTS,
-    SceneArrays,
-    Shots,
     empty_log,
     empty_shots,
 )
@@ -23,12 +22,14 @@ from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene
 
+Floats = NDArray[np.float64]
+
 
 def run_batch(
     mode: str,
-    arrays: SceneArrays,
+    arrays: tuple[Floats, ...],
     limit: float,
-    shots: Shots,
+    shots: tuple[NDArray[Any], ...],
     begin: int,
     end: int,
     max_events: int = MAX_EVENTS,
@@ -37,18 +38,17 @@ def run_batch(
 
     Args:
         mode: The engine.
-        arrays: The scene, as `scene_arrays` gives it.
+        arrays: The scene, as `scene_arrays` gives it; a plain tuple saves a conversion.
         limit: The time at which a shot is ended, s; may be infinite.
-        shots: The shots.
+        shots: The `Shots`; likewise.
         begin: First shot.
         end: One past the last.
         max_events: As in `simulate`, for each shot.
     """
-    log = _NO_EVENTS, _NO_SEGMENTS, np.empty(2, np.int64)
-    engine_of(mode, len(arrays.radius))(begin, end, tuple(arrays), limit, max_events, tuple(shots), log)
+    engine_of(mode, len(arrays[1]))(begin, end, tuple(arrays), limit, max_events, tuple(shots), _NO_LOG)
 
 
-_NO_EVENTS, _NO_SEGMENTS, _ = empty_log()
+_NO_LOG = tuple(empty_log())  # nothing is written to it
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

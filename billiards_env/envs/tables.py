@@ -63,7 +63,7 @@ class Tables:
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
         self._mode = mode
-        self._arrays = scene_arrays(scene, dt, fix)
+        self._arrays, self._plain_shots = tuple(scene_arrays(scene, dt, fix)), tuple(self.shots)
         self._limit = scene.physics.max_time or math.inf
         self._task = TASKS.index(task)
         self._targets = targets
@@ -148,7 +148,7 @@ class Tables:
         """
         shots, before = self.shots, self.potted_before
         aim(begin, end, still, actions, max_speed, *shots[:4], self.starts, before)
-        run_batch(self._mode, self._arrays, self._limit, shots, begin, end, MAX_EVENTS)
+        run_batch(self._mode, self._arrays, self._limit, self._plain_shots, begin, end, MAX_EVENTS)
         settle(
             begin,
             end,
