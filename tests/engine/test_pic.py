@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, engine, layouts
@@ -582,12 +582,12 @@ def at_time(state, phase, t):
 
 
 def energy(balls, scene):
-    """Kinetic energy, that of the spin about z apart, which decays by itself, J."""
+    """Kinetic energy, J, with that of the spin about z, which a cushion can turn into motion."""
     mass = np.where(np.isinf(scene.balls.mass), 0.0, scene.balls.mass)
     v, u = balls[:, 2:4], balls[:, 4:6]
     total = 0.5 * (v**2).sum(axis=1)
     if scene.physics.motion == "sliding":
-        total += 0.2 * ((v - u) ** 2).sum(axis=1)
+        total += 0.2 * (((v - u) ** 2).sum(axis=1) + (np.array(scene.balls.radius) * balls[:, 6]) ** 2)
     return float(mass @ total)
 
 
@@ -607,7 +607,7 @@ def check_every_instant(scene, shot):
         on = gone > t
         assert (np.abs(places[on]) <= room[on] + 1e-12).all()
         apart = np.linalg.norm(places[:, None] - places, axis=-1) - reach
-        assert apart[on][:, on].min() >= -1e-12
+        assert apart[on][:, on].min(initial=np.inf) >= -1e-12
 
 
 @settings(max_examples=60)
@@ -615,6 +615,7 @@ def check_every_instant(scene, shot):
 def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     scene, places, velocities, spins = draw_shot(seed)
     shot = play(scene, places, velocities, spins, record=True)
+    assume(shot.status != "event_limit")  # of dead balls in a heap, which tests.stress runs to rest
     assert shot.status == ("max_time" if scene.physics.motion == "ideal" else "rest")
     assert shot.n_events == len(shot.events)
     check_every_instant(scene, shot)
@@ -622,6 +623,7 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     impacts = {}
     for event in shot.events:
         impacts.setdefault(event["time"], set()).add(event["kind"])
+    acts = set(shot.events["time"][shot.events["rule"]].tolist())
     # An act of the contact-time rule may lend a pair as much as friction takes from it within the contact.
     p = scene.physics
     act = 0.5 * mass.max() * (CONTACT_TIME * (p.mu_slide if p.motion == "sliding" else p.mu_roll) * p.g) ** 2
@@ -632,14 +634,14 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
         assert energy(before, scene) <= last + 1e-14 * start
         rises += max(0.0, now - energy(before, scene) - 1e-14 * start)
         last = now
-        if impacts[t] == {"ball_ball"}:
+        # The rule may bring balls to rest, and with them what they run into.
+        if impacts[t] == {"ball_ball"} and t not in acts:
             change = mass @ (after[:, 2:4] - before[:, 2:4])
             assert np.abs(change).max() <= 1e-13 * (mass @ np.linalg.norm(before[:, 2:4], axis=1))
     assert rises <= shot.n_contact_rule * act
     if p.motion == "ideal":
-        assert energy(np.c_[shot.positions, shot.velocities, shot.velocities, places[:, :1]], scene) == pytest.approx(
-            start
-        )
+        end = np.c_[shot.positions, shot.velocities, shot.velocities, shot.spins[:, 2:]]
+        assert energy(end, scene) == pytest.approx(start)
     counted = [int(((shot.events["kind"] == "cushion") & (shot.events["ball"] == i)).sum()) for i in range(len(places))]
     assert shot.cushions.tolist() == counted
 
