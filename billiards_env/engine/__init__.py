@@ -1,12 +1,13 @@
 """Engines that run shots: `simulate` one, `simulate_batch` many, and what they give back."""
 
-from billiards_env.engine.batch import BatchResult, run_batch, simulate_batch
-from billiards_env.engine.log import KINDS, STATUS, Shots, empty_shots
+from billiards_env.engine.batch import BatchResult, simulate_batch
+from billiards_env.engine.log import KINDS, NO_LOG, STATUS, Shots, empty_shots
 from billiards_env.engine.shot import (
     MAX_EVENTS,
     ShotInput,
     ShotResult,
     check_mode,
+    engine_of,
     run_checked,
     scene_arrays,
     simulate,
@@ -16,6 +17,7 @@ from billiards_env.engine.threads import spread
 __all__ = [
     "KINDS",
     "MAX_EVENTS",
+    "NO_LOG",
     "STATUS",
     "BatchResult",
     "ShotInput",
@@ -23,7 +25,7 @@ __all__ = [
     "Shots",
     "check_mode",
     "empty_shots",
-    "run_batch",
+    "engine_of",
     "run_checked",
     "scene_arrays",
     "simulate",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,40 +14,12 @@ from billiards_env.engine.log import (
     FIRST_HIT,
     N_CONTACT_RULE,
     N_EVENTS,
-    empty_log,
+    NO_LOG,
     empty_shots,
 )
 from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_whole, engine_of, scene_arrays
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene
-
-Floats = NDArray[np.float64]
-
-
-def run_batch(
-    mode: str,
-    arrays: tuple[Floats, ...],
-    limit: float,
-    shots: tuple[NDArray[Any], ...],
-    begin: int,
-    end: int,
-    max_events: int = MAX_EVENTS,
-) -> None:
-    """Runs the shots `begin` to `end` in place and checks nothing; other threads may run others at the same time.
-
-    Args:
-        mode: The engine.
-        arrays: The scene, as `scene_arrays` gives it; a plain tuple saves a conversion.
-        limit: The time at which a shot is ended, s; may be infinite.
-        shots: The `Shots`; likewise.
-        begin: First shot.
-        end: One past the last.
-        max_events: As in `simulate`, for each shot.
-    """
-    engine_of(mode, len(arrays[1]))(begin, end, tuple(arrays), limit, max_events, tuple(shots), _NO_LOG)
-
-
-_NO_LOG = tuple(empty_log())  # nothing is written to it
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -135,8 +106,8 @@ def simulate_batch(
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
     given = check_shot(scene, positions, velocities, spins, in_play, max_time, shots, threads)
-    arrays = scene_arrays(scene, dt, fix)
-    spread(lambda begin, end: run_batch(mode, arrays, given.limit, shots, begin, end, max_events), m, threads)
+    engine, arrays, plain = engine_of(mode, scene.n_balls), tuple(scene_arrays(scene, dt, fix)), tuple(shots)
+    spread(lambda begin, end: engine(begin, end, arrays, given.limit, max_events, plain, NO_LOG), m, threads)
     counts, hits = shots.counts, shots.hits
     return BatchResult(
         positions=given.positions,

@@ -123,6 +123,10 @@ def empty_log(n_events: int = 0, n_segments: int = 0) -> Log:
     return Log(np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, SEGMENT_WIDTH)), np.zeros(2, np.int64))
 
 
+NO_LOG = tuple(empty_log())
+"""For shots that are not recorded. Nothing is written to it, so that all threads may have it."""
+
+
 @kernel
 def clear_log(events, used):
     """Empties a log. One that records nothing is not written to: the logs of two threads may share a line of cache."""

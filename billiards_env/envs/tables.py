@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import layouts
-from billiards_env.engine import MAX_EVENTS, empty_shots, run_batch, scene_arrays
+from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
 from billiards_env.engine.log import CUSHIONS, CUSHIONS_BEFORE_HIT
 from billiards_env.envs.tasks import TASKS, judge
 from billiards_env.physics.jit import entry_point, kernel
@@ -62,8 +62,10 @@ class Tables:
         self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task == "place" else None
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
-        self._mode = mode
-        self._arrays, self._plain_shots = tuple(scene_arrays(scene, dt, fix)), tuple(self.shots)
+        # Prepared for the calls of each step; made of the very arrays, so that a deep copy plays on its own ones.
+        self._engine = engine_of(mode, n)
+        self._scene, self._plain_shots = tuple(scene_arrays(scene, dt, fix)), tuple(self.shots)
+        self._aimed = *self.shots[:4], self.starts, self.potted_before
         self._limit = scene.physics.max_time or math.inf
         self._task = TASKS.index(task)
         self._targets = targets
@@ -147,8 +149,8 @@ class Tables:
             observations: (m, size) float32 out.
         """
         shots, before = self.shots, self.potted_before
-        aim(begin, end, still, actions, max_speed, *shots[:4], self.starts, before)
-        run_batch(self._mode, self._arrays, self._limit, self._plain_shots, begin, end, MAX_EVENTS)
+        aim(begin, end, still, actions, max_speed, *self._aimed)
+        self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._plain_shots, NO_LOG)
         settle(
             begin,
             end,

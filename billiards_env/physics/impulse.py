@@ -122,7 +122,7 @@ def impulse_scratch(n, most):
         np.empty(most),
         np.ones(most),
         np.empty((4, most)),
-        np.empty((MOST, WIDTH)),
+        np.empty((min(most, MOST), WIDTH)),
         np.empty((n, 2)),
         np.zeros(n, np.bool_),
     )
