@@ -179,6 +179,13 @@ def screen(i, hi, until, paths, apart):
     """Finds the balls that ball i, whose own time is hi, certainly does not meet by `until` or the end of their paths.
 
     One instruction looks at several balls.
+
+    Args:
+        i: The ball.
+        hi: Its own time, s.
+        until: When its path, or the shot, ends, s.
+        paths: (9, c) float64, of `side_by_side`: x, y, vx, vy, ax, ay, own time, radius and end of each ball's path.
+        apart: (c,) bool out.
     """
     x, y, vx, vy, ax, ay = paths[0, i], paths[1, i], paths[2, i], paths[3, i], paths[4, i], paths[5, i]
     radius = paths[7, i]

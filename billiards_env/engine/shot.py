@@ -494,16 +494,15 @@ def check_shot(
 
 def _plainly_right(scene: Scene, balls: tuple[NDArray[Any], ...], threads: int | None) -> bool:
     """Whether a quick look finds nothing wrong."""
-    arrays = scene_arrays(scene)
+    arrays = tuple(scene_arrays(scene))
     shots = balls if balls[3].ndim > 1 else tuple(array[None] for array in balls)
-    in_play = shots[3]
     doubts: list[int] = []
 
     def look(begin: int, end: int) -> None:
-        if not plainly_right(begin, end, tuple(arrays), shots):
+        if not plainly_right(begin, end, arrays, shots):
             doubts.append(begin)
 
-    spread(look, len(in_play), threads)
+    spread(look, len(shots[3]), threads)
     return not doubts
 
 

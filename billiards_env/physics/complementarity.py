@@ -123,7 +123,7 @@ def solve_complementarity(n, x, space):
     Args:
         n: Number of unknowns, at most `MOST`.
         x: (>= n,) float64 out.
-        space: (MOST, WIDTH) float64. In its first n rows and columns a, symmetric and positive semidefinite, its
+        space: (>= n, WIDTH) float64. In its first n rows and columns a, symmetric and positive semidefinite, its
             diagonal 1; in its column 2 MOST b, which is positive. The rest is scratch.
 
     Returns:

@@ -152,7 +152,7 @@ def joint_impulses(n_contacts, first, second, nx, ny, closing, inv_mass, impulse
         inv_mass: (n,) float64, 1/kg.
         impulse: (>= n_contacts,) out, kg m/s.
         work: (4, >= n_contacts) float64 scratch.
-        direct: (MOST, WIDTH) float64 scratch of `complementarity`.
+        direct: (>= min(n_contacts, MOST), WIDTH) float64 scratch of `complementarity`.
         dv: (n, 2) float64 scratch: velocity changes, m/s.
         dv_done: (n,) bool scratch.
     """
