@@ -1,28 +1,46 @@
-"""What an impact does to a shot's balls, and the contact-time rule for impacts that would go on without end.
+"""The contact-time rule: how impacts end that would follow each other without end.
 
-The rule is after the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative
-hard-sphere gas: balls touch for about so long, so nothing that comes back sooner is a separate impact.
+Bodies that friction presses together would bounce in ever smaller hops, infinitely many in a finite time. After the TC
+model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative hard-sphere gas, impacts
+closer together than the duration tau of a contact are not separate: if a pair, or a ball and a cushion, accelerates
+towards each other at `a` when it collides, it separates at a tau / 2 at least, with the impulse, friction included, that
+this takes. It then meets again after about tau, and as tau goes to zero the hops become the motion of bodies that stay
+pressed together. Rolling resistance presses so weakly that this would take thousands of hops; a ball that has had more
+than `PRESSED` impacts in a row which friction alone explains, slower than A tau with A the largest acceleration by
+friction, separates at A tau / 2. An impact that separates the bodies faster by itself is left alone. Each act of the
+rule adds at most m/2 (A tau)^2 to the energy, with m the reduced mass.
 
-The kernels change velocities, slip and spin; which phase a ball is in then, its caller settles with `motion.start`.
+Sequences of impacts whose intervals shrink because of the masses or the restitution, not because of friction, run their
+course: their speeds fall geometrically. The rule ends only those that do not, such as the impacts of an elastic ball
+that fits exactly between two fixed bodies: a ball with more impacts at one place and instant than `LONGEST_RUN`, which
+grows with the square root of the ratio of masses as the longest finite sequences do, comes to rest together with what it
+touches next.
+
+The kernels change velocities, slip and spin; the caller determines the phase that follows with `motion.start`.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from billiards_env.engine.log import N_CONTACT_RULE
-from billiards_env.physics.impulse import apply_impulses, exchange, reflect
-from billiards_env.physics.jit import inlined, kernel, merged
-from billiards_env.physics.motion import norm, start
+from billiards_env.physics import state as layout
+from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.cushion import reflect
+from billiards_env.physics.jit import allocating, inlined, kernel, merged
+from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
     AY,
     CONTACT_GAP,
-    E_BALL,
-    E_CUSHION,
     IDEAL,
+    LONGEST_RUN,
     MOTION,
     ROLL,
     SLIDE,
-    SLIDING,
     SLIDING_AND_ROLLING,
     UX,
     UY,
@@ -32,63 +50,85 @@ from billiards_env.physics.state import (
     Y,
 )
 
-CONTACT_TIME = 2e-4  # s; 200 to 300 microseconds for billiard balls (Marlow 1995)
-PRESSED = 3  # after so many impacts of a ball in a row that are quick or weak, it is pressed
-PATIENCE = 1_000  # after so many, a pressed pair has its speed from its spin, or as it came in, and not for nothing
-MANY_CONTACTS = 100  # after so many quick impacts of a ball they are elastic
-# A quick impact comes within half of CONTACT_TIME after the ball's last one; a weak one is no faster than what
-# friction, pressing with 2 mu g at most, can bring about within CONTACT_TIME.
-QUICK, QUICK_OR_WEAK, AT_ONCE = 0, 1, 2
-# A ball that is wedged between bodies that do not give way would bounce for ever. After so many impacts at one instant,
-# or so many quick ones where impacts or the cloth take energy, it and what it touches next come to rest.
-WEDGED_AT_ONCE, WEDGED = 1_000, 2_000
+CONTACT_TIME = 2e-4
+"""s; tau, 200 to 300 microseconds for billiard balls (Marlow 1995)."""
+
+PRESSED = 3
+"""A ball is pressed after more than this number of weak impacts in a row."""
+
+RESOLUTION = 1e-9
+"""m; pressed balls that would roll less than that far separate for about that distance instead of colliding again."""
+
+RUN_LENGTH = 1_000
+"""`LONGEST_RUN` for equal masses. A ball between a body of r times its mass and a wall has at most about pi sqrt(r)."""
 
 # The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
 # about so much, of either sign; taken for an approach, it would have them repeat without end.
 NOISE = 2.0**-48
 
 
-@kernel
-def spread(count, first, second, dv, done, state, column):
-    """Adds the changes `dv` (n, 2), m/s, of the balls in `count` contacts to two columns of their rows, once each."""
-    for c in range(count):
-        for k in (first[c], second[c]):
-            if done[k]:
-                state[k, column] += dv[k, 0]
-                state[k, column + 1] += dv[k, 1]
-                done[k] = False
+class Memory(NamedTuple):
+    """What the contact-time rule remembers of n balls.
+
+    Attributes:
+        last_impact: (n,) float64, time of each ball's last impact, s.
+        run: (n,) int64, number of impacts that the ball has had at the same place and instant.
+        weak: (n,) int64, number of impacts in a row that friction alone explains.
+    """
+
+    last_impact: Any
+    run: Any
+    weak: Any
+
+
+@allocating
+def empty_memory(n):
+    """Returns the `Memory` of n balls, with undefined content."""
+    return Memory(np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64))
 
 
 @inlined
-def press(params):
-    """What friction can accelerate two balls towards each other with, at most, m/s^2."""
+def forget(memory):
+    """Resets the memory at the beginning of a shot."""
+    memory.last_impact[:] = -math.inf
+    memory.run[:] = 0
+    memory.weak[:] = 0
+
+
+@inlined
+def friction(params):
+    """Returns the largest acceleration of two balls towards each other by friction, m/s^2."""
     if params[MOTION] == IDEAL:
         return 0.0
     return 2.0 * (params[SLIDE] if params[MOTION] == SLIDING_AND_ROLLING else params[ROLL])
 
 
 @inlined
-def count_impact(i, hi, speed, params, last_hit, quick):
-    """Counts an impact of ball i at time hi and a speed of approach: how many in a row were quick, weak or at once."""
-    if (hi - last_hit[i]) * speed > CONTACT_GAP:
-        quick[i, AT_ONCE] = 0
-    quick[i, AT_ONCE] += 1
-    if hi - last_hit[i] > 0.5 * CONTACT_TIME:
-        quick[i, QUICK] = 0
-        if speed > CONTACT_TIME * press(params):
-            quick[i, QUICK_OR_WEAK] = 0
-    last_hit[i] = hi
-    quick[i, QUICK] += 1
-    quick[i, QUICK_OR_WEAK] += 1
+def least_rebound(towards, pressed, params):
+    """Returns the least speed of separation of bodies that accelerate towards each other at `towards` m/s^2, m/s."""
+    if not pressed or params[MOTION] == IDEAL:
+        return 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
+    if towards > 0.0:
+        return 0.5 * params[layout.CONTACT_TIME] * max(towards, friction(params))
+    return math.sqrt(2.0 * params[ROLL] * RESOLUTION)
 
 
 @inlined
-def is_wedged(i, params, quick):
-    """Whether the contact-time rule brings ball i to rest at its next impact."""
-    if quick[i, AT_ONCE] > WEDGED_AT_ONCE:
-        return True
-    lossy = params[MOTION] != IDEAL or params[E_BALL] < 1.0 or params[E_CUSHION] < 1.0
-    return lossy and quick[i, QUICK] > WEDGED
+def end_runs(i, time, speed, params, memory):
+    """Ends the runs of ball i that an impact at a time (s) and speed of approach (m/s) does not belong to."""
+    since = time - memory.last_impact[i]
+    if since * speed > CONTACT_GAP or since > 0.01 * params[layout.CONTACT_TIME]:
+        memory.run[i] = 0
+    if speed > params[layout.CONTACT_TIME] * friction(params):
+        memory.weak[i] = 0
+
+
+@inlined
+def count_impact(i, time, memory):
+    """Counts an impact of ball i at a time (s)."""
+    memory.run[i] += 1
+    memory.weak[i] += 1
+    memory.last_impact[i] = time
 
 
 @kernel
@@ -99,129 +139,63 @@ def halt(state, i):
 
 
 @inlined
-def hit_cushion(i, side, hi, state, phase, params, radius, last_hit, quick, counts):
-    """Ball i, touching cushion `side` (0 to 3: -x, +x, -y, +y), bounces off it. Returns its speed of approach, m/s.
+def pressing(i, j, nx, ny, state):
+    """Returns the acceleration of balls i and j towards each other, m/s^2; (nx, ny) is the normal from i to j."""
+    around = ny * (state[j, VX] - state[i, VX]) - nx * (state[j, VY] - state[i, VY])
+    distance = norm(state[j, X] - state[i, X], state[j, Y] - state[i, Y])
+    return -(nx * (state[j, AX] - state[i, AX]) + ny * (state[j, AY] - state[i, AY])) - around * around / distance
 
-    Where the contact-time rule has the ball's impacts elastic, its normal velocity is just reversed.
-    """
-    s = state[i]
-    n = VX if side < 2 else VY
-    un = n + UX - VX  # the column of the slip
+
+@inlined
+def hit_cushion(i, side, time, state, params, radius, memory, counts):
+    """Changes the motion of ball i at cushion `side` (0 to 3: -x, +x, -y, +y). Returns its speed of approach, m/s."""
     sign = 1.0 if side % 2 else -1.0
-    speed = sign * s[n]
-    count_impact(i, hi, speed, params, last_hit, quick)
-    if is_wedged(i, params, quick):
+    speed = sign * state[i, VX if side < 2 else VY]
+    end_runs(i, time, speed, params, memory)
+    count_impact(i, time, memory)
+    if memory.run[i] > params[LONGEST_RUN]:
         counts[N_CONTACT_RULE] += 1
         halt(state, i)
         return speed
-    elastic = quick[i, QUICK] > MANY_CONTACTS
-    counts[N_CONTACT_RULE] += elastic
-    reflect(state, i, side, elastic, radius, params)
-    if quick[i, QUICK_OR_WEAK] <= PRESSED:
-        return speed
-    # Contact-time rule: a ball that its spin presses against the cushion leaves it for CONTACT_TIME at least. It is the
-    # spin that gives the speed; as no more is taken than 2/5 of it, energy does not rise (it does not, for d <= 2/5 w,
-    # if 1/2 (d^2 - v^2) + 1/5 ((w - d + v)^2 - w^2) <= 0, where v <= d is the speed before and w the spin's).
-    start(state, phase, i, params)
-    least = min(0.5 * CONTACT_TIME * sign * s[n + AX - VX], 0.4 * sign * (s[n] - s[un]))
-    if phase[i] == SLIDING and -sign * s[n] < least:
-        counts[N_CONTACT_RULE] += 1
-        s[n] = -sign * least
+    towards = sign * state[i, AX if side < 2 else AY]
+    rebound = least_rebound(towards, memory.weak[i] > PRESSED, params)
+    counts[N_CONTACT_RULE] += reflect(state, i, side, rebound, radius, params)
     return speed
 
 
-@kernel
-def part_pressed(count, state, phase, params, inv_mass, first, second, nx, ny, closing, scratch, quick, counts):
-    """The contact-time rule for pairs: one that is pressed together separates for CONTACT_TIME at least.
-
-    All of it follows from the state right after the impact, so that the numbering of the contacts does not matter. The
-    arguments are those of `collide`.
-    """
-    impulse, slipping, ones, _, _, dv, done = scratch
-    for c in range(count):
-        start(state, phase, first[c], params)
-        start(state, phase, second[c], params)
-    weak = 0.5 * CONTACT_TIME * press(params)
-    acts = False
-    for c in range(count):
-        impulse[c] = slipping[c] = 0.0
-        i, j = first[c], second[c]
-        if quick[i, QUICK_OR_WEAK] <= PRESSED or quick[j, QUICK_OR_WEAK] <= PRESSED:
-            continue
-        wx, wy = state[j, VX] - state[i, VX], state[j, VY] - state[i, VY]
-        leaving = nx[c] * wx + ny[c] * wy
-        noise = NOISE * (norm(state[i, VX], state[i, VY]) + norm(state[j, VX], state[j, VY]))
-        if leaving >= weak or leaving < -noise:
-            continue
-        around = ny[c] * wx - nx[c] * wy
-        ax, ay = state[j, AX] - state[i, AX], state[j, AY] - state[i, AY]
-        distance = norm(state[j, X] - state[i, X], state[j, Y] - state[i, Y])
-        least = -0.5 * CONTACT_TIME * (nx[c] * ax + ny[c] * ay + around * around / distance)
-        slips = False
-        if least > 0.0:
-            # It is given the speed for so long; then, as at a cushion, the spin gives it, or what came in goes out.
-            patient = max(quick[i, QUICK_OR_WEAK], quick[j, QUICK_OR_WEAK]) <= PATIENCE
-            spin_x = (state[i, VX] - state[i, UX]) - (state[j, VX] - state[j, UX])
-            spin_y = (state[i, VY] - state[i, UY]) - (state[j, VY] - state[j, UY])
-            lent = 0.4 * (nx[c] * spin_x + ny[c] * spin_y)
-            given = least if patient else max(CONTACT_TIME * params[ROLL], 2.0 * noise, closing[c])
-            least = min(max(least, 2.0 * noise), max(given, lent))
-            slips = params[MOTION] == SLIDING_AND_ROLLING and lent <= given
-        if leaving < least:
-            counts[N_CONTACT_RULE] += 1
-            acts = True
-            impulse[c] = (least - leaving) / (inv_mass[i] + inv_mass[j])
-            if slips:
-                slipping[c] = impulse[c]
-    if not acts:
-        return
-    apply_impulses(count, first, second, nx, ny, impulse, ones, inv_mass, dv, done)
-    spread(count, first, second, dv, done, state, VX)
-    apply_impulses(count, first, second, nx, ny, slipping, ones, inv_mass, dv, done)
-    spread(count, first, second, dv, done, state, UX)
-
-
 @merged
-def collide(
-    count, hi, state, phase, params, inv_mass, first, second, nx, ny, closing, scratch, last_hit, quick, counts
-):
+def collide(count, time, contacts, state, params, inv_mass, scratch, memory, counts):
     """Changes the velocities of the balls in `count` simultaneous impacts.
 
     Args:
-        count: Number of contacts in first, second, nx, ny, closing.
-        hi: Time, s.
+        count: Number of contacts.
+        time: s.
+        contacts: The `Contacts`; `rebound` is written here.
         state: (n, WIDTH) float64.
-        phase: (n,) int8.
         params: (N_PARAMS,) float64.
         inv_mass: (n,) float64, 1/kg.
-        first: (>= count,) int64, a ball of each contact; second the other.
-        second: See first.
-        nx: (>= count,) unit normals from first to second.
-        ny: See nx.
-        closing: (>= count,) speeds of approach, m/s.
-        scratch: An `impulse.impulse_scratch`.
-        last_hit: (n,) time of each ball's last impact, s.
-        quick: (n, 3) int64, how many impacts in a row were quick, quick or weak, and at one instant.
+        scratch: A `clusters.Scratch`.
+        memory: The `Memory`.
         counts: (N_COUNTS,) int64.
     """
-    e = params[E_BALL]
+    first, second, closing = contacts.first, contacts.second, contacts.closing
+    for c in range(count):  # all runs end before any impact counts, whatever the order of the contacts
+        end_runs(first[c], time, closing[c], params, memory)
+        end_runs(second[c], time, closing[c], params, memory)
     for c in range(count):
-        for k in (first[c], second[c]):
-            count_impact(k, hi, closing[c], params, last_hit, quick)
-            if quick[k, QUICK] > MANY_CONTACTS and e < 1.0:
-                e = 1.0
-                counts[N_CONTACT_RULE] += 1
-    wedged = False
+        count_impact(first[c], time, memory)
+        count_impact(second[c], time, memory)
+    too_long = False
     for c in range(count):
-        wedged = wedged or is_wedged(first[c], params, quick) or is_wedged(second[c], params, quick)
-    if wedged:
+        i, j = first[c], second[c]
+        too_long = too_long or max(memory.run[i], memory.run[j]) > params[LONGEST_RUN]
+        towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
+        pressed = min(memory.weak[i], memory.weak[j]) > PRESSED
+        contacts.rebound[c] = least_rebound(towards, pressed, params)
+    if too_long:
         counts[N_CONTACT_RULE] += 1
         for c in range(count):
             halt(state, first[c])
             halt(state, second[c])
         return
-    exchange(count, e, state, params, inv_mass, first, second, nx, ny, closing, scratch)
-    for c in range(count):
-        if quick[first[c], QUICK_OR_WEAK] > PRESSED and quick[second[c], QUICK_OR_WEAK] > PRESSED:
-            part_pressed(count, state, phase, params, inv_mass, first, second, nx, ny, closing, scratch, quick, counts)
-            break
+    counts[N_CONTACT_RULE] += exchange(count, contacts, state, params, inv_mass, scratch)

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.engine.contact_rule import empty_memory, forget
 from billiards_env.engine.log import (
     AT_EVENT_LIMIT,
     AT_REST,
@@ -37,7 +38,7 @@ from billiards_env.engine.log import (
 from billiards_env.engine.pic import SOON, alone, impacts, join, wind_up
 from billiards_env.engine.queue import predict_ball, solve_pair
 from billiards_env.physics.contact import line_time
-from billiards_env.physics.impulse import impulse_scratch
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import move, place, start
 from billiards_env.physics.state import (
@@ -290,7 +291,8 @@ def soon(hi, q, found):
 @kernel
 def gather(hi, lo, state, phase, params, radius, limit, q, found, contacts):
     """What `pic.gather` does: the pairs whose impact is due at (hi, lo), or that touch and approach then."""
-    first, second, due, due_lo, _ = contacts  # the times stand where the normals will
+    first, second = contacts.first, contacts.second
+    due, due_lo = contacts.nx, contacts.ny  # scratch until the normals are known
     count = 0
     for k in range(soon(hi, q, found)):
         i = found[k]
@@ -323,12 +325,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     n = len(phase)
     params, radius, inv_mass, pockets = scene
     events, segments, used = log
-    q, found, contacts, scratch, last_hit, quick, changed = space
+    q, found, contacts, scratch, memory, changed = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     clear_log(events, used)
-    last_hit[:] = -math.inf
-    quick[:] = 0
+    forget(memory)
     clear(state, params, q)
     hi = lo = 0.0
     changes = n
@@ -366,43 +367,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         if rank == _PAIR:
             count = gather(hi, lo, state, phase, params, radius, limit, q, found, contacts)
             changes = impacts(
-                count,
-                hi,
-                lo,
-                state,
-                phase,
-                params,
-                inv_mass,
-                contacts,
-                scratch,
-                last_hit,
-                quick,
-                hits,
-                counts,
-                events,
-                used,
-                changed,
+                count, hi, lo, state, phase, params, inv_mass, contacts, scratch, memory, hits, counts, events, used, changed
             )
         else:
             kind, other = q.own_kind[a, 0], q.own_kind[a, 1]
-            alone(
-                a,
-                kind,
-                other,
-                hi,
-                lo,
-                state,
-                phase,
-                params,
-                radius,
-                pockets,
-                last_hit,
-                quick,
-                hits,
-                counts,
-                events,
-                used,
-            )
+            alone(a, kind, other, hi, lo, state, phase, params, radius, pockets, memory, hits, counts, events, used)
             changed[0], changes = a, 1
     return wind_up(hi, state, phase, params, limit, counts)
 
@@ -428,14 +397,12 @@ def workspace(scene):
         np.empty((columns, rows), np.int64),
         np.empty((n, 2), np.int64),
     )
-    contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
     return (
         q,
         np.empty(n, np.int64),
-        contacts,
-        impulse_scratch(n, most),
-        np.empty(n),
-        np.empty((n, 3), np.int64),
+        empty_contacts(most),
+        empty_scratch(n, most),
+        empty_memory(n),
         np.empty(2 * most + n, np.int64),
     )
 

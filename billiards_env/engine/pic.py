@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from billiards_env.engine.contact_rule import CONTACT_GAP, collide, hit_cushion
+from billiards_env.engine.contact_rule import collide, empty_memory, forget, hit_cushion
 from billiards_env.engine.log import (
     AT_EVENT_LIMIT,
     AT_MAX_TIME,
@@ -36,10 +36,11 @@ from billiards_env.engine.log import (
     store,
 )
 from billiards_env.engine.queue import earliest, note, predict_ball, predict_pairs, side_by_side
-from billiards_env.physics.impulse import impulse_scratch
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
 from billiards_env.physics.state import (
+    CONTACT_GAP,
     POTTED,
     REST,
     T0,
@@ -59,7 +60,6 @@ def join(i, j, due, due_lo, hi, lo, state, phase, radius, params, count, contact
 
     They are predicted to meet at (due, due_lo); balls that take part are brought to that instant.
     """
-    first, second, nx, ny, closing = contacts
     ti = since(hi, lo, state[i, T0], state[i, T0_LO])
     tj = since(hi, lo, state[j, T0], state[j, T0_LO])
     xi, yi, vxi, vyi = place(state, phase, i, ti)
@@ -74,8 +74,8 @@ def join(i, j, due, due_lo, hi, lo, state, phase, radius, params, count, contact
         return False
     move(state, phase, i, hi, lo, params)
     move(state, phase, j, hi, lo, params)
-    first[count], second[count] = i, j
-    nx[count], ny[count], closing[count] = ex, ey, speed
+    contacts.first[count], contacts.second[count] = i, j
+    contacts.nx[count], contacts.ny[count], contacts.closing[count] = ex, ey, speed
     return True
 
 
@@ -98,58 +98,26 @@ def gather(hi, lo, state, phase, radius, params, queue, contacts):
 
 @merged
 def impacts(
-    count,
-    hi,
-    lo,
-    state,
-    phase,
-    params,
-    inv_mass,
-    contacts,
-    scratch,
-    last_hit,
-    quick,
-    hits,
-    counts,
-    events,
-    used,
-    changed,
+    count, hi, lo, state, phase, params, inv_mass, contacts, scratch, memory, hits, counts, events, used, changed
 ):
     """Resolves and logs the first `count` contacts, at (hi, lo). Returns how many balls it puts into `changed`."""
-    first, second, nx, ny, closing = contacts
     acts = counts[N_CONTACT_RULE]
-    collide(
-        count,
-        hi,
-        state,
-        phase,
-        params,
-        inv_mass,
-        first,
-        second,
-        nx,
-        ny,
-        closing,
-        scratch,
-        last_hit,
-        quick,
-        counts,
-    )
+    collide(count, hi, contacts, state, params, inv_mass, scratch, memory, counts)
     for c in range(count):
-        i, j = first[c], second[c]
+        i, j = contacts.first[c], contacts.second[c]
         if i == 0:
             if counts[FIRST_HIT] < 0:
                 counts[FIRST_HIT] = j
             if hits[j, CUSHIONS_BEFORE_HIT] < 0:
                 hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
-        log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c], counts[N_CONTACT_RULE] > acts)
+        log_event(events, used, hi, lo, BALL_BALL, i, j, state, contacts.closing[c], counts[N_CONTACT_RULE] > acts)
         changed[2 * c], changed[2 * c + 1] = i, j
     counts[N_EVENTS] += count
     return 2 * count
 
 
 @merged
-def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hit, quick, hits, counts, events, used):
+def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, memory, hits, counts, events, used):
     """Carries out and logs what happens to ball i alone at (hi, lo), see `queue.predict_ball`."""
     acts = counts[N_CONTACT_RULE]
     speed = 0.0
@@ -159,7 +127,7 @@ def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, last_hi
         capture(state, phase, i, pockets[other, 0], pockets[other, 1])
     elif kind == CUSHION_HIT:
         move(state, phase, i, hi, lo, params)
-        speed = hit_cushion(i, other, hi, state, phase, params, radius, last_hit, quick, counts)
+        speed = hit_cushion(i, other, hi, state, params, radius, memory, counts)
         hits[i, CUSHIONS] += 1
     else:
         end_phase(state, phase, i, hi, lo, params)
@@ -199,12 +167,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     n = len(phase)
     params, radius, inv_mass, pockets = scene
     events, segments, used = log
-    own, own_kind, queue, contacts, scratch, last_hit, quick, changed, touched = space
+    own, own_kind, queue, contacts, scratch, memory, changed, touched = space
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     clear_log(events, used)
-    last_hit[:] = -math.inf
-    quick[:] = 0
+    forget(memory)
     hi = lo = 0.0
     changes = n
     for i in range(n):
@@ -233,43 +200,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         if of_pair:
             count = gather(hi, lo, state, phase, radius, params, queue, contacts)
             changes = impacts(
-                count,
-                hi,
-                lo,
-                state,
-                phase,
-                params,
-                inv_mass,
-                contacts,
-                scratch,
-                last_hit,
-                quick,
-                hits,
-                counts,
-                events,
-                used,
-                changed,
+                count, hi, lo, state, phase, params, inv_mass, contacts, scratch, memory, hits, counts, events, used, changed
             )
         else:
             kind, other = own_kind[a, 0], own_kind[a, 1]
-            alone(
-                a,
-                kind,
-                other,
-                hi,
-                lo,
-                state,
-                phase,
-                params,
-                radius,
-                pockets,
-                last_hit,
-                quick,
-                hits,
-                counts,
-                events,
-                used,
-            )
+            alone(a, kind, other, hi, lo, state, phase, params, radius, pockets, memory, hits, counts, events, used)
             changed[0], changes = a, 1
     return wind_up(hi, state, phase, params, limit, counts)
 
@@ -286,17 +221,13 @@ def workspace(n):
         np.empty(n, np.int64),
         *side_by_side(n),
     )
-    contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
-    scratch = impulse_scratch(n, most)
-    last_hit, quick = np.empty(n), np.empty((n, 3), np.int64)
     return (
         own,
         own_kind,
         queue,
-        contacts,
-        scratch,
-        last_hit,
-        quick,
+        empty_contacts(most),
+        empty_scratch(n, most),
+        empty_memory(n),
         np.empty(2 * most + n, np.int64),
         np.zeros(n, np.bool_),
     )

@@ -46,13 +46,14 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.physics.impulse import apply_impulses, exchange, impulse_scratch, reflect
+from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.clusters import empty_contacts, empty_scratch, sum_impulses
+from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
     CONTACT_GAP,
     DT,
-    E_BALL,
     FIX,
     HALF_LENGTH,
     HALF_WIDTH,
@@ -162,14 +163,15 @@ def go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing
 
 
 @kernel
-def push_apart(count, state, radius, inv_mass, here, first, second, nx, ny, scratch):
+def push_apart(count, contacts, state, radius, inv_mass, here, scratch):
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
-    overlap, _, ones, _, _, shift, done = scratch
+    first, second, shift, done = contacts.first, contacts.second, scratch.dv, scratch.done
+    overlap, scale = scratch.descent[0], scratch.descent[1]
     for c in range(count):
         i, j = first[c], second[c]
         distance = norm(here[j, 0] - here[i, 0], here[j, 1] - here[i, 1])
-        overlap[c] = (radius[i] + radius[j] - distance) / (inv_mass[i] + inv_mass[j])
-    apply_impulses(count, first, second, nx, ny, overlap, ones, inv_mass, shift, done)
+        overlap[c], scale[c] = radius[i] + radius[j] - distance, 1.0 / (inv_mass[i] + inv_mass[j])
+    sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
     for c in range(count):
         for k in (first[c], second[c]):
             if done[k]:
@@ -200,7 +202,7 @@ def meet_cushion(i, side, dt, fix, state, radius, params, here):
         here[i, 1] -= t * here[i, 3]
     state[i, X], state[i, Y] = here[i, 0], here[i, 1]
     if speed > 0.0:
-        reflect(state, i, side, False, radius, params)
+        reflect(state, i, side, 0.0, radius, params)
         here[i, 2], here[i, 3] = state[i, VX], state[i, VY]
     return speed
 
@@ -209,8 +211,7 @@ def meet_cushion(i, side, dt, fix, state, radius, params, here):
 def workspace(n):
     """The arrays that a shot of n balls is run with."""
     most = max(1, n * (n - 1) // 2)
-    contacts = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
-    scratch = impulse_scratch(n, most)
+    contacts, scratch = empty_contacts(most), empty_scratch(n, most)
     here, back = np.empty((n, 4)), np.empty(n)  # x, y, vx, vy at this test; how long a ball goes back, s
     change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
     moving = np.empty(n, np.int64)  # the balls that are under way when the step begins
@@ -240,7 +241,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     events, segments, used = log
     dt, fix = params[DT], params[FIX]
     contacts, scratch, here, back, change, moving, moved, changed = space
-    first, second, nx, ny, closing = contacts
+    first, second, nx, ny, closing, _ = contacts
     moves = 0
     changed[:] = True
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
@@ -324,9 +325,9 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                     changed[k] = True
             if fix == MOVE_BACK:
                 count = go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing)
-            exchange(count, params[E_BALL], state, params, inv_mass, first, second, nx, ny, closing, scratch)
+            exchange(count, contacts, state, params, inv_mass, scratch)
             if fix == PUSH_APART:
-                push_apart(count, state, radius, inv_mass, here, first, second, nx, ny, scratch)
+                push_apart(count, contacts, state, radius, inv_mass, here, scratch)
             for c in range(count):
                 i, j = min(first[c], second[c]), max(first[c], second[c])
                 for k in (i, j):

@@ -1,178 +1,180 @@
-"""The linear complementarity problem of simultaneous impacts, solved so precisely that the order has no say.
+"""The linear complementarity problem of simultaneous impacts, solved in double-double arithmetic.
 
-The active set is found by block principal pivoting (Judice and Pires 1994). Each system is solved by Cholesky's method
-and refined with residuals in twice the precision, as is the solution (Wilkinson 1963): what is left of the order of the
-unknowns is some 1e-28, and rounds away. A matrix that is all but singular, as of a rack with more contacts than it
-needs, is made regular by the proximal point method (Rockafellar 1976), which goes to one solution of the many.
+The active set is found by block principal pivoting (Judice and Pires 1994), and each linear system by an LDL^T
+factorisation in double-double arithmetic. Rounding errors are then about 1e-32 of the largest term: a matrix may have a
+condition number of 1e16, as between balls whose masses differ by that factor, and the order of the unknowns does not
+show in a result that is rounded to double precision.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any, NamedTuple
 
-from billiards_env.physics.jit import inlined, kernel
-from billiards_env.physics.state import two_sum
+import numpy as np
 
-MOST = 48  # unknowns; the time grows with their number cubed
-WIDTH = 2 * MOST + 7  # of the scratch space
+from billiards_env.physics.double_double import add, divide, multiply
+from billiards_env.physics.jit import allocating, inlined, kernel
 
-_SPLITTER = 134217729.0  # 2^27 + 1
-_REGULAR = 1e-3  # pivots below it make a matrix all but singular
-_SHIFT = 2.0**-26  # of the proximal point method
-_STEPS = 8  # of refinement, and of the proximal point method
-_FINE, _COARSE = 1e-28, 1e-20  # relative changes that end them
-_ZERO = 1e-24  # relative; below it a value's sign is not looked at
-_EXCHANGES = 100  # of active unknowns; never met
+MOST = 48
+"""Largest number of unknowns. The time of a solution grows with the cube of it."""
+
+# Relative to the diagonal: a pivot below _SINGULAR is that of a singular matrix, such as that of a rack with more
+# contacts than it needs; _SHIFT is then added to the diagonal, which makes the solution unique (Tikhonov 1963).
+_SINGULAR = 2.0**-75
+_SHIFT = 2.0**-80
+_ZERO = 2.0**-88  # relative; the sign of a smaller value is rounding
+_EXCHANGES = 100  # changes of the active set; random problems need a few
+
+
+class Problem(NamedTuple):
+    """The problem x >= 0, a x >= b, x . (a x - b) = 0 of up to m unknowns, and space to solve it in.
+
+    The last axis of length 2 holds the two parts (hi, lo) of a double-double number.
+
+    Attributes:
+        a: (m, m, 2) float64, symmetric and positive semidefinite.
+        b: (m, 2) float64.
+        x: (m, 2) float64 out.
+        factor: (m, m, 2) float64 scratch, the unit triangular factor of the active rows and columns.
+        pivot: (m, 2) float64 scratch, the diagonal factor.
+        row: (m, 2) float64 scratch.
+        active: (m,) bool scratch: unknowns that may be positive.
+        index: (m,) int64 scratch: the active unknowns, in order.
+    """
+
+    a: Any
+    b: Any
+    x: Any
+    factor: Any
+    pivot: Any
+    row: Any
+    active: Any
+    index: Any
+
+
+@allocating
+def empty_problem(m):
+    """Returns a `Problem` of up to m unknowns, with undefined content."""
+    return Problem(
+        np.empty((m, m, 2)),
+        np.empty((m, 2)),
+        np.empty((m, 2)),
+        np.empty((m, m, 2)),
+        np.empty((m, 2)),
+        np.empty((m, 2)),
+        np.empty(m, np.bool_),
+        np.empty(m, np.int64),
+    )
 
 
 @inlined
-def two_product(a, b):
-    """The product a b exactly, as a rounded product and its error (Dekker 1971)."""
-    p = a * b
-    t = _SPLITTER * a
-    ah = t - (t - a)
-    al = a - ah
-    t = _SPLITTER * b
-    bh = t - (t - b)
-    bl = b - bh
-    return p, ((ah * bh - p) + ah * bl + al * bh) + al * bl
+def _subtract_product(s, e, a, b):
+    """Returns (s, e) - a b; a and b are (2,) arrays."""
+    p, p_lo = multiply(a[0], a[1], b[0], b[1])
+    return add(s, e, -p, -p_lo)
 
 
 @kernel
-def _factor(n, a, shift, active, lower):
-    """Cholesky factor of the active rows and columns of a + shift; its least pivot, or 0 if it has none."""
-    least = 1.0
-    for i in range(n):
-        if active[i] == 0.0:
-            continue
+def _factorise(m, problem, shift):
+    """Factorises a + shift diag(a) on the m unknowns in `index`. Returns whether it is regular."""
+    a, factor, pivot, row, index = problem.a, problem.factor, problem.pivot, problem.row, problem.index
+    for i in range(m):
         for j in range(i + 1):
-            if active[j] == 0.0:
-                continue
-            total = a[i, j]
+            s, e = a[index[i], index[j], 0], a[index[i], index[j], 1]
+            if j == i:
+                s, e = add(s, e, shift * s, 0.0)
             for k in range(j):
-                if active[k] > 0.0:
-                    total -= lower[i, k] * lower[j, k]
+                s, e = _subtract_product(s, e, row[k], factor[j, k])
             if j < i:
-                lower[i, j] = total / lower[j, j]
+                row[j, 0], row[j, 1] = s, e
+                factor[i, j, 0], factor[i, j, 1] = divide(s, e, pivot[j, 0], pivot[j, 1])
             else:
-                total += shift
-                least = min(least, total)
-                if total <= 0.0:
-                    return 0.0
-                lower[i, i] = math.sqrt(total)
-    return least
+                pivot[i, 0], pivot[i, 1] = s, e
+        if not pivot[i, 0] > (_SINGULAR if shift == 0.0 else 0.0) * a[index[i], index[i], 0]:
+            return False
+    return True
 
 
 @kernel
-def _correct(n, lower, active, r):
-    """Solves lower lower^T d = r, in place of r, for the active unknowns."""
-    for i in range(n):
-        if active[i] > 0.0:
-            for k in range(i):
-                if active[k] > 0.0:
-                    r[i] -= lower[i, k] * r[k]
-            r[i] /= lower[i, i]
-    for i in range(n - 1, -1, -1):
-        if active[i] > 0.0:
-            for k in range(i + 1, n):
-                if active[k] > 0.0:
-                    r[i] -= lower[k, i] * r[k]
-            r[i] /= lower[i, i]
+def _substitute(m, problem):
+    """Solves for the m unknowns in `index` with the factors at hand; x holds the result."""
+    b, x, factor, pivot, row, index = problem.b, problem.x, problem.factor, problem.pivot, problem.row, problem.index
+    for i in range(m):
+        s, e = b[index[i], 0], b[index[i], 1]
+        for k in range(i):
+            s, e = _subtract_product(s, e, factor[i, k], row[k])
+        row[i, 0], row[i, 1] = s, e
+    for i in range(m - 1, -1, -1):
+        s, e = divide(row[i, 0], row[i, 1], pivot[i, 0], pivot[i, 1])
+        for k in range(i + 1, m):
+            s, e = _subtract_product(s, e, factor[k, i], row[k])
+        row[i, 0], row[i, 1] = s, e
+        x[index[i], 0], x[index[i], 1] = s, e
 
 
-@kernel
-def _residual(i, n, a, b, shift, x, last):
-    """What remains of b + shift last - (a + shift) x in row i; x and last are (n, 2), sums of two doubles."""
-    s, e = b[i], 0.0
+@inlined
+def _violates(i, n, problem, largest):
+    """Whether unknown i is negative, or, if it is not active, row i of a x >= b is violated, by more than rounding."""
+    a, b, x = problem.a, problem.b, problem.x
+    if problem.active[i]:
+        return x[i, 0] * a[i, i, 0] < -_ZERO * largest
+    s, e = -b[i, 0], -b[i, 1]
+    size = abs(s)
     for k in range(n):
         if x[k, 0] != 0.0:
-            p, error = two_product(-a[i, k], x[k, 0])
-            s, more = two_sum(s, p)
-            e += more + (error - a[i, k] * x[k, 1])
-    if shift > 0.0:
-        # The difference is small: its rounding is nothing beside the shift.
-        s, more = two_sum(s, shift * ((last[i, 0] - x[i, 0]) + (last[i, 1] - x[i, 1])))
-        e += more
-    return s + e
+            p, p_lo = multiply(a[i, k, 0], a[i, k, 1], x[k, 0], x[k, 1])
+            s, e = add(s, e, p, p_lo)
+            size += abs(p)
+    return s < -_ZERO * size
 
 
 @kernel
-def _solve(n, a, b, shift, active, lower, x, last, r, largest):
-    """The active unknowns of (a + shift) x = b + shift last; the others are 0."""
-    for i in range(n):
-        if active[i] == 0.0:
-            x[i, 0] = x[i, 1] = 0.0
-    for _ in range(_STEPS):
-        for i in range(n):
-            r[i] = _residual(i, n, a, b, shift, x, last)
-        _correct(n, lower, active, r)
-        change = 0.0
-        for i in range(n):
-            if active[i] > 0.0:
-                change = max(change, abs(r[i]))
-                s, e = two_sum(x[i, 0], r[i])
-                x[i, 0], x[i, 1] = two_sum(s, e + x[i, 1])
-        if change <= _FINE * largest:
-            break
+def solve_complementarity(n, problem):
+    """Finds the x >= 0 with a x >= b and x . (a x - b) = 0.
 
-
-@kernel
-def solve_complementarity(n, x, space):
-    """The x >= 0 with a x >= b and x . (a x - b) = 0.
+    Where a is singular x is one of several solutions; a x is the same for all of them.
 
     Args:
         n: Number of unknowns, at most `MOST`.
-        x: (>= n,) float64 out.
-        space: (>= n, WIDTH) float64. In its first n rows and columns a, symmetric and positive semidefinite, its
-            diagonal 1; in its column 2 MOST b, which is positive. The rest is scratch.
+        problem: A `Problem`.
 
     Returns:
         Whether it was found.
     """
-    a, lower, b, r = space[:, :MOST], space[:, MOST : 2 * MOST], space[:, 2 * MOST], space[:, 2 * MOST + 1]
-    pair, last = space[:, 2 * MOST + 2 : 2 * MOST + 4], space[:, 2 * MOST + 4 : 2 * MOST + 6]
-    active = space[:, 2 * MOST + 6]
+    b, x, active, index = problem.b, problem.x, problem.active, problem.index
     largest = 0.0
     for i in range(n):
-        pair[i, 0] = pair[i, 1] = last[i, 0] = last[i, 1] = 0.0
-        active[i] = 1.0
-        largest = max(largest, b[i])
-    shift, fewest, patience, exchanges = 0.0, n + 1, 3, 0
-    for _ in range(_STEPS):
-        while True:
-            least = _factor(n, a, shift, active, lower)
-            if shift == 0.0 and least < _REGULAR:
-                shift = _SHIFT
-                least = _factor(n, a, shift, active, lower)
-            if least <= 0.0:
-                return False
-            _solve(n, a, b, shift, active, lower, pair, last, r, largest)
-            wrong, at = 0, -1
-            for i in range(n):
-                value = pair[i, 0] if active[i] > 0.0 else -_residual(i, n, a, b, shift, pair, last)
-                r[i] = value
-                if value < -_ZERO * largest:
-                    wrong, at = wrong + 1, i
-            if wrong == 0:
-                break
-            exchanges += 1
-            if exchanges > _EXCHANGES:
-                return False
-            # All at once while that gets better; else the last one alone, which ends for certain (Murty 1974).
-            if wrong < fewest:
-                fewest, patience = wrong, 3
-            else:
-                patience -= 1
-            for i in range(n):
-                if r[i] < -_ZERO * largest and (patience > 0 or i == at):
-                    active[i] = 1.0 - active[i]
-        change = 0.0
+        active[i] = b[i, 0] > 0.0
+        largest = max(largest, b[i, 0])
+    fewest, patience = n + 1, 3
+    for _ in range(_EXCHANGES):
+        m = 0
         for i in range(n):
-            change = max(change, abs((pair[i, 0] - last[i, 0]) + (pair[i, 1] - last[i, 1])))
-            last[i, 0], last[i, 1] = pair[i, 0], pair[i, 1]
-        if shift == 0.0 or change <= _COARSE * largest:
-            break
-        fewest, patience = n + 1, 3
-    for i in range(n):
-        x[i] = max(0.0, pair[i, 0])
-    return True
+            x[i, 0] = x[i, 1] = 0.0
+            if active[i]:
+                index[m] = i
+                m += 1
+        if not (_factorise(m, problem, 0.0) or _factorise(m, problem, _SHIFT)):
+            return False
+        _substitute(m, problem)
+        wrong, last = 0, -1
+        for i in range(n):
+            if _violates(i, n, problem, largest):
+                wrong, last = wrong + 1, i
+                index[wrong - 1] = i
+        if wrong == 0:
+            for i in range(n):
+                if x[i, 0] < 0.0:
+                    x[i, 0] = x[i, 1] = 0.0
+            return True
+        # All are exchanged while their number falls; else only the last, which is certain to end (Murty 1974).
+        if wrong < fewest:
+            fewest, patience = wrong, 3
+        else:
+            patience -= 1
+        if patience > 0:
+            for k in range(wrong):
+                active[index[k]] = not active[index[k]]
+        else:
+            active[last] = not active[last]
+    return False

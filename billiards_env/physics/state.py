@@ -10,6 +10,7 @@ single double would only resolve 2e-15 s.
 
 from __future__ import annotations
 
+from billiards_env.physics.double_double import two_sum
 from billiards_env.physics.jit import kernel
 
 # Columns of `state`.
@@ -36,7 +37,8 @@ SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
 DT, FIX = 11, 12  # of PIT: its timestep, s, and what it does about overlaps
-N_PARAMS = 13
+CONTACT_TIME, LONGEST_RUN = 13, 14  # of the contact-time rule, see engine.contact_rule
+N_PARAMS = 15
 
 # m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
 CONTACT_GAP = 1e-12
@@ -44,14 +46,6 @@ CONTACT_GAP = 1e-12
 # What PIT does about overlaps.
 FIXES = ("push_apart", "move_back", "none")
 PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
-
-
-@kernel
-def two_sum(a: float, b: float) -> tuple[float, float]:
-    """The sum a + b exactly, as a rounded sum and its error (Knuth 1969, section 4.2.2)."""
-    s = a + b
-    bb = s - a
-    return s, (a - (s - bb)) + (b - bb)
 
 
 @kernel

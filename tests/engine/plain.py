@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from billiards_env.engine.contact_rule import CONTACT_GAP, NOISE, collide, hit_cushion
+from billiards_env.engine.contact_rule import NOISE, collide, empty_memory, forget, hit_cushion
 from billiards_env.engine.log import (
     AT_EVENT_LIMIT,
     AT_MAX_TIME,
@@ -34,13 +34,14 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
-from billiards_env.physics.impulse import impulse_scratch
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
     AX,
     AY,
+    CONTACT_GAP,
     HALF_LENGTH,
     HALF_WIDTH,
     LASTS,
@@ -140,7 +141,7 @@ def predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_ki
 
 
 @kernel
-def gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, nx, ny, closing):
+def gather(hi, lo, state, phase, params, radius, pair, pair_lo, contacts):
     """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number.
 
     Balls that take part are brought to that instant.
@@ -166,8 +167,8 @@ def gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, n
                 continue
             move(state, phase, i, hi, lo, params)
             move(state, phase, j, hi, lo, params)
-            first[count], second[count] = i, j
-            nx[count], ny[count], closing[count] = ex, ey, speed
+            contacts.first[count], contacts.second[count] = i, j
+            contacts.nx[count], contacts.ny[count], contacts.closing[count] = ex, ey, speed
             count += 1
     return count
 
@@ -195,10 +196,9 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
     own, own_kind = np.empty((n, 2)), np.empty((n, 2), np.int64)
     pair, pair_lo = np.full((n, n), math.inf), np.zeros((n, n))
     most = max(1, n * (n - 1) // 2)
-    first, second = np.empty(most, np.int64), np.empty(most, np.int64)
-    nx, ny, closing = np.empty(most), np.empty(most), np.empty(most)
-    scratch = impulse_scratch(n, most)
-    last_hit, quick = np.full(n, -math.inf), np.zeros((n, 3), np.int64)
+    contacts, scratch, memory = empty_contacts(most), empty_scratch(n, most), empty_memory(n)
+    first, second, closing = contacts.first, contacts.second, contacts.closing
+    forget(memory)
 
     hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
@@ -245,24 +245,8 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
         hi, lo = next_hi, next_lo
         acts = counts[N_CONTACT_RULE]
         if b >= 0:
-            count = gather(hi, lo, state, phase, params, radius, pair, pair_lo, first, second, nx, ny, closing)
-            collide(
-                count,
-                hi,
-                state,
-                phase,
-                params,
-                inv_mass,
-                first,
-                second,
-                nx,
-                ny,
-                closing,
-                scratch,
-                last_hit,
-                quick,
-                counts,
-            )
+            count = gather(hi, lo, state, phase, params, radius, pair, pair_lo, contacts)
+            collide(count, hi, contacts, state, params, inv_mass, scratch, memory, counts)
             for c in range(count):
                 i, j = first[c], second[c]
                 if i == 0:
@@ -290,7 +274,7 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
             capture(state, phase, a, pockets[other, 0], pockets[other, 1])
         elif kind == CUSHION_HIT:
             move(state, phase, a, hi, lo, params)
-            speed = hit_cushion(a, other, hi, state, phase, params, radius, last_hit, quick, counts)
+            speed = hit_cushion(a, other, hi, state, params, radius, memory, counts)
             start(state, phase, a, params)
             hits[a, CUSHIONS] += 1
         else:

@@ -1,0 +1,82 @@
+"""How the velocities of balls change when they meet."""
+
+from __future__ import annotations
+
+from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
+from billiards_env.physics.double_double import add
+from billiards_env.physics.jit import kernel, merged
+from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
+
+
+@kernel
+def pair_impulse(closing, inv_mass_i, inv_mass_j, e):
+    """Returns the impulse along the line of centres of two smooth balls that approach at speed `closing`, kg m/s.
+
+    The relative normal velocity is reversed and multiplied by e; e = 1 and equal masses exchange the normal velocities.
+    """
+    return (1.0 + e) * closing / (inv_mass_i + inv_mass_j)
+
+
+@kernel
+def kick(state, i, dvx, dvy, params):
+    """Changes ball i's velocity by (dvx, dvy), m/s; its spin stays, so the slip changes as much."""
+    s = state[i]
+    s[VX] += dvx
+    s[VY] += dvy
+    if params[MOTION] == SLIDING_AND_ROLLING:
+        s[UX] += dvx
+        s[UY] += dvy
+
+
+@kernel
+def _exchange_many(count, contacts, state, params, inv_mass, scratch):
+    """`exchange` for more than one contact."""
+    e, wanted = params[E_BALL], scratch.wanted
+    for c in range(count):
+        wanted[c, 0] = wanted[c, 1] = 0.0
+        if contacts.closing[c] > 0.0:
+            speed, speed_lo = separation_speed(contacts, c, state)
+            wanted[c, 0], wanted[c, 1] = -speed, -speed_lo
+    solve_plastic(count, contacts, inv_mass, scratch)
+    apply_changes(count, e, contacts, state, params, inv_mass, scratch)
+    acts = 0
+    for c in range(count):
+        speed, speed_lo = separation_speed(contacts, c, state)
+        if contacts.rebound[c] > 0.0 and speed < contacts.rebound[c]:
+            acts += 1
+        elif speed < 0.0:
+            speed = speed_lo = 0.0  # the rounding of a plastic impact
+        wanted[c, 0], wanted[c, 1] = add(contacts.rebound[c], 0.0, -speed, -speed_lo)
+    if acts > 0:
+        solve_plastic(count, contacts, inv_mass, scratch)
+        apply_changes(count, 0.0, contacts, state, params, inv_mass, scratch)
+    return acts
+
+
+@merged
+def exchange(count, contacts, state, params, inv_mass, scratch):
+    """Changes the velocities of the balls in `count` impacts at one instant.
+
+    Args:
+        count: Number of contacts, > 0.
+        contacts: The `Contacts`.
+        state: (n, WIDTH) float64.
+        params: (N_PARAMS,) float64.
+        inv_mass: (n,) float64, 1/kg.
+        scratch: A `clusters.Scratch`.
+
+    Returns:
+        The number of contacts whose speed of separation `rebound` has raised.
+    """
+    if count > 1:
+        return _exchange_many(count, contacts, state, params, inv_mass, scratch)
+    i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
+    p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
+    acts = 0
+    if params[E_BALL] * closing < rebound:
+        p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
+        acts = 1
+    nx, ny = contacts.nx[0], contacts.ny[0]
+    kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
+    kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+    return acts

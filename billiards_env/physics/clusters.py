@@ -1,0 +1,316 @@
+"""Impacts of several pairs of balls at one instant, resolved as one problem.
+
+The changes of velocity are the smallest, in the norm of the kinetic energy, after which no pair approaches: the plastic
+impact, a linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0 for the impulses p
+along the contact normals N. Multiplied by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf
+and Grinspun (2012), Reflections on Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all
+contacts alike. The result does not depend on how balls and contacts are numbered and mirrors bit for bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.physics.complementarity import MOST, Problem, empty_problem, solve_complementarity
+from billiards_env.physics.double_double import add, multiply, two_product, two_sum
+from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
+
+_SWEEPS = 2000  # of the descent, at most
+# Of the largest speed of approach. A velocity that small is the rounding of terms that cancel, and is zero.
+_RESIDUE = 2.0**-80
+
+
+class Contacts(NamedTuple):
+    """Pairs of balls that touch at one instant, in arrays with room for `most` of them.
+
+    Attributes:
+        first: (most,) int64, a ball of each pair.
+        second: (most,) int64, the other ball.
+        nx: (most,) float64, the unit normal from first to second along x.
+        ny: (most,) float64, the same along y.
+        closing: (most,) float64, speed of approach, m/s, >= 0.
+        rebound: (most,) float64, least speed of separation after the impact, m/s, >= 0.
+    """
+
+    first: Any
+    second: Any
+    nx: Any
+    ny: Any
+    closing: Any
+    rebound: Any
+
+
+@allocating
+def empty_contacts(most):
+    """Returns `Contacts` with room for `most` of them and no least speed of separation."""
+    return Contacts(
+        np.empty(most, np.int64),
+        np.empty(most, np.int64),
+        np.empty(most),
+        np.empty(most),
+        np.empty(most),
+        np.zeros(most),
+    )
+
+
+class Scratch(NamedTuple):
+    """Space to resolve up to `most` impacts of n balls in.
+
+    Attributes:
+        wanted: (most, 2) float64, double-double: by how much each contact's speed of separation is to rise, m/s.
+        impulse: (most, 2) float64, double-double, kg m/s.
+        change: (n, 4) float64, double-double: changes of velocity along x and y, m/s.
+        problem: The `Problem` of up to `MOST` contacts.
+        descent: (4, most) float64, of `_descend`.
+        dv: (n, 2) float64, changes of velocity, m/s.
+        done: (n,) bool, False between calls.
+    """
+
+    wanted: Any
+    impulse: Any
+    change: Any
+    problem: Problem
+    descent: Any
+    dv: Any
+    done: Any
+
+
+@allocating
+def empty_scratch(n, most):
+    """Returns the `Scratch` for n balls and `most` contacts."""
+    return Scratch(
+        np.empty((most, 2)),
+        np.empty((most, 2)),
+        np.empty((n, 4)),
+        empty_problem(min(most, MOST)),
+        np.empty((4, most)),
+        np.empty((n, 2)),
+        np.zeros(n, np.bool_),
+    )
+
+
+@kernel
+def separation_speed(contacts, c, state):
+    """Returns the speed at which the balls of contact c separate, m/s, as a double-double number."""
+    i, j = contacts.first[c], contacts.second[c]
+    wx, wx_lo = two_sum(state[j, VX], -state[i, VX])
+    wy, wy_lo = two_sum(state[j, VY], -state[i, VY])
+    x, x_lo = multiply(wx, wx_lo, contacts.nx[c], 0.0)
+    y, y_lo = multiply(wy, wy_lo, contacts.ny[c], 0.0)
+    return add(x, x_lo, y, y_lo)
+
+
+@kernel
+def _coupling(contacts, c, k, inv_mass):
+    """Returns how much a unit impulse at contact k opens contact c, 1/kg, as a double-double number."""
+    first, second = contacts.first, contacts.second
+    if first[c] == first[k] and second[c] == second[k]:
+        shared, shared_lo = two_sum(inv_mass[first[c]], inv_mass[second[c]])
+    elif first[c] == first[k]:
+        shared, shared_lo = inv_mass[first[c]], 0.0
+    elif second[c] == second[k]:
+        shared, shared_lo = inv_mass[second[c]], 0.0
+    elif first[c] == second[k]:
+        shared, shared_lo = -inv_mass[first[c]], 0.0
+    elif second[c] == first[k]:
+        shared, shared_lo = -inv_mass[second[c]], 0.0
+    else:
+        return 0.0, 0.0
+    x, x_lo = two_product(contacts.nx[c], contacts.nx[k])
+    y, y_lo = two_product(contacts.ny[c], contacts.ny[k])
+    cosine, cosine_lo = add(x, x_lo, y, y_lo)
+    return multiply(cosine, cosine_lo, shared, shared_lo)
+
+
+@kernel
+def _solve_directly(count, contacts, inv_mass, scratch):
+    """Computes the plastic impulses by `solve_complementarity`. Returns whether that succeeds."""
+    problem, impulse, wanted = scratch.problem, scratch.impulse, scratch.wanted
+    for c in range(count):
+        problem.b[c, 0], problem.b[c, 1] = wanted[c, 0], wanted[c, 1]
+        for k in range(c + 1):
+            value, value_lo = _coupling(contacts, c, k, inv_mass)
+            problem.a[c, k, 0], problem.a[c, k, 1] = value, value_lo
+            problem.a[k, c, 0], problem.a[k, c, 1] = value, value_lo
+    found = solve_complementarity(count, problem)
+    for c in range(count):
+        impulse[c, 0], impulse[c, 1] = problem.x[c, 0], problem.x[c, 1]
+    return found
+
+
+@kernel
+def _descend(count, contacts, inv_mass, scratch):
+    """Computes the plastic impulses of many contacts by an accelerated projected gradient.
+
+    Nesterov (1983), with the restart of O'Donoghue and Candes (2015), scaled to a unit diagonal. Every sum over a
+    ball's contacts is exact, see `sum_impulses`, hence independent of their order.
+    """
+    first, second, nx, ny = contacts.first, contacts.second, contacts.nx, contacts.ny
+    wanted, dv, done = scratch.wanted, scratch.dv, scratch.done
+    scale, point, last, step = scratch.descent[0], scratch.descent[1], scratch.descent[2], scratch.descent[3]
+    for c in range(count):
+        scale[c] = 1.0 / math.sqrt(inv_mass[first[c]] + inv_mass[second[c]])
+        point[c] = last[c] = 0.0
+    bound = 1.0  # of the largest eigenvalue: the largest absolute row sum
+    largest = 0.0
+    for c in range(count):
+        row = 1.0
+        for k in range(count):
+            if k != c:
+                term = abs(_coupling(contacts, c, k, inv_mass)[0]) * (scale[c] * scale[k])
+                row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # a sum of such is exact in any order
+        bound = max(bound, row)
+        largest = max(largest, wanted[c, 0] * scale[c])
+    theta = 1.0
+    for _ in range(_SWEEPS):
+        sum_impulses(count, contacts, point, scale, inv_mass, dv, done)
+        change = 0.0
+        for c in range(count):
+            i, j = first[c], second[c]
+            done[i] = done[j] = False
+            opening = nx[c] * (dv[j, 0] - dv[i, 0]) + ny[c] * (dv[j, 1] - dv[i, 1]) - wanted[c, 0]
+            new = max(0.0, point[c] - opening * scale[c] / bound)
+            step[c] = new - last[c]
+            last[c] = new
+            change = max(change, abs(step[c]))
+        if change <= 2e-16 * largest:
+            break
+        uphill = False
+        for c in range(count):
+            back = (point[c] - last[c]) * step[c] > 0.0
+            uphill = uphill or (back and abs(step[c]) > 0.5 * change)
+        theta_next = 1.0 if uphill else 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * theta * theta))
+        momentum = 0.0 if uphill else (theta - 1.0) / theta_next
+        theta = theta_next
+        for c in range(count):
+            point[c] = last[c] + momentum * step[c]
+    for c in range(count):
+        scratch.impulse[c, 0], scratch.impulse[c, 1] = last[c] * scale[c], 0.0
+
+
+@kernel
+def _quantum(largest, n_terms):
+    """Returns a number that, added and subtracted, rounds values so that n_terms of up to `largest` sum exactly."""
+    _, exponent = math.frexp(largest)
+    _, spare = math.frexp(float(n_terms))
+    return math.ldexp(1.5, exponent + max(2, spare - 1))
+
+
+@kernel
+def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
+    """Computes the velocity changes that impulses times scale along the contacts' normals make, in any order alike.
+
+    More than two terms are rounded to a common multiple before they are added (Demmel and Nguyen 2013, Fast
+    Reproducible Floating-Point Summation), which makes the sum exact.
+
+    Args:
+        count: Number of contacts.
+        contacts: The `Contacts`.
+        impulse: (>= count,) float64.
+        scale: (>= count,) float64.
+        inv_mass: (n,) float64, 1/kg.
+        dv: (n, 2) float64 out, for the balls in contact.
+        done: (n,) bool out: balls in contact.
+    """
+    first, second = contacts.first, contacts.second
+    largest = 0.0
+    for c in range(count):
+        for k in (first[c], second[c]):
+            dv[k, 0] = dv[k, 1] = 0.0
+            done[k] = False
+        largest = max(largest, abs(impulse[c] * scale[c]))
+    quantum = _quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
+    for c in range(count):
+        p = impulse[c] * scale[c]
+        px, py = (p * contacts.nx[c] + quantum) - quantum, (p * contacts.ny[c] + quantum) - quantum
+        i, j = first[c], second[c]
+        dv[i, 0] -= px
+        dv[i, 1] -= py
+        dv[j, 0] += px
+        dv[j, 1] += py
+    for c in range(count):
+        for k in (first[c], second[c]):
+            if not done[k]:
+                dv[k, 0] *= inv_mass[k]
+                dv[k, 1] *= inv_mass[k]
+                done[k] = True
+
+
+@kernel
+def solve_plastic(count, contacts, inv_mass, scratch):
+    """Computes the smallest changes of velocity that raise each contact's speed of separation by `wanted` at least.
+
+    Args:
+        count: Number of contacts, > 1.
+        contacts: The `Contacts`.
+        inv_mass: (n,) float64, 1/kg.
+        scratch: The `Scratch`; `wanted` is read, `change` holds the result for the balls in contact.
+    """
+    change, impulse = scratch.change, scratch.impulse
+    if not (count <= MOST and _solve_directly(count, contacts, inv_mass, scratch)):
+        _descend(count, contacts, inv_mass, scratch)
+    for c in range(count):
+        change[contacts.first[c]] = 0.0
+        change[contacts.second[c]] = 0.0
+    for c in range(count):
+        for k in (contacts.first[c], contacts.second[c]):
+            sign = -1.0 if k == contacts.first[c] else 1.0
+            p, p_lo = multiply(impulse[c, 0], impulse[c, 1], sign * inv_mass[k], 0.0)
+            x, x_lo = multiply(p, p_lo, contacts.nx[c], 0.0)
+            y, y_lo = multiply(p, p_lo, contacts.ny[c], 0.0)
+            change[k, 0], change[k, 1] = add(change[k, 0], change[k, 1], x, x_lo)
+            change[k, 2], change[k, 3] = add(change[k, 2], change[k, 3], y, y_lo)
+
+
+@inlined
+def _changed(value, change, change_lo, residue):
+    """Returns value + change, rounded once, and zero where it is no more than the residue of terms that cancel."""
+    x, x_lo = add(value, 0.0, change, change_lo)
+    if abs(x) < 2.0**50 * residue:
+        shift = 1.5 * 2.0**52 * residue
+        x = (x + shift) - shift
+    return x
+
+
+@kernel
+def apply_changes(count, factor, contacts, state, params, inv_mass, scratch):
+    """Adds 1 + factor times the changes of `solve_plastic` to the balls' velocities; the spins stay.
+
+    Args:
+        count: Number of contacts.
+        factor: >= 0.
+        contacts: The `Contacts`.
+        state: (n, WIDTH) float64.
+        params: (N_PARAMS,) float64.
+        inv_mass: (n,) float64, 1/kg.
+        scratch: The `Scratch`.
+    """
+    change, scale, done = scratch.change, scratch.dv, scratch.done
+    largest = 0.0
+    for c in range(count):
+        largest = max(largest, scratch.wanted[c, 0])
+        scale[contacts.first[c], 0] = scale[contacts.second[c], 0] = 0.0
+    for c in range(count):
+        i, j = contacts.first[c], contacts.second[c]
+        both = inv_mass[i] + inv_mass[j]
+        scale[i, 0] = max(scale[i, 0], inv_mass[i] / both)
+        scale[j, 0] = max(scale[j, 0], inv_mass[j] / both)
+    times, times_lo = two_sum(1.0, factor)
+    for c in range(count):
+        for k in (contacts.first[c], contacts.second[c]):
+            if done[k]:
+                continue
+            done[k] = True
+            s = state[k]
+            residue = _RESIDUE * (largest * scale[k, 0])
+            x, x_lo = multiply(change[k, 0], change[k, 1], times, times_lo)
+            y, y_lo = multiply(change[k, 2], change[k, 3], times, times_lo)
+            s[VX], s[VY] = _changed(s[VX], x, x_lo, residue), _changed(s[VY], y, y_lo, residue)
+            if params[MOTION] == SLIDING_AND_ROLLING:
+                s[UX], s[UY] = _changed(s[UX], x, x_lo, residue), _changed(s[UY], y, y_lo, residue)
+    for c in range(count):
+        done[contacts.first[c]] = done[contacts.second[c]] = False

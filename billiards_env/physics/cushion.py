@@ -1,0 +1,115 @@
+"""How a ball's velocity and spin change at a cushion."""
+
+from __future__ import annotations
+
+import math
+
+from billiards_env.physics.jit import kernel
+from billiards_env.physics.state import (
+    CUSHION,
+    CUSHION_HEIGHT,
+    E_CUSHION,
+    HAN2005,
+    MOTION,
+    MU_CUSHION,
+    SLIDING_AND_ROLLING,
+    UX,
+    VX,
+    VY,
+    WZ,
+)
+
+
+@kernel
+def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
+    """Ball against cushion with friction and spin, after Han (2005), Dynamics in Carom and Three Cushion Billiards.
+
+    The cushion's nose touches the ball at height h, an angle theta above its centre with sin(theta) = h/R - 1. At the
+    point of contact friction either stops the slip or acts against it throughout (his equations 14 to 23). The ball
+    stays on the table: its vertical velocity is dropped, as his carom model does. Where the ball would leave more
+    slowly than `rebound`, or not at all, the normal impulse is the one that makes it leave at that speed, with the
+    friction that goes with it.
+
+    Args:
+        vn: Velocity into the cushion, >= 0, m/s.
+        vt: Velocity along the tangent t = z x n, m/s.
+        un: Slip on the cloth along n and t, m/s.
+        ut: See un.
+        rwz: Spin about the vertical axis times the radius, m/s.
+        radius: m.
+        rebound: Least speed away from the cushion after the impact, m/s, >= 0.
+        params: (N_PARAMS,) float64.
+
+    Returns:
+        (vn, vt, un, ut, rwz, raised) after the impact; vn <= -rebound, and `raised` is whether that needed more than
+        the restitution.
+    """
+    mu = params[MU_CUSHION]
+    sin = params[CUSHION_HEIGHT] / radius - 1.0
+    cos = math.sqrt(1.0 - sin * sin)
+    # Spin in terms of slip: R omega_t = vn - un, R omega_n = ut - vt.
+    rwt, rwn = vn - un, ut - vt
+    sx = vn * sin + rwt
+    sy = -vt - rwz * cos + rwn * sin
+    slip = math.sqrt(sx * sx + sy * sy)
+    pze = (1.0 + params[E_CUSHION]) * vn * cos  # impulses per mass
+    if slip * (2.0 / 7.0) <= mu * pze:
+        pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
+    else:
+        pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
+    px = -pxe * sin - pze * cos
+    raised = vn + px > -rebound
+    if raised:
+        # The horizontal impulse vn + rebound, as the sum of the normal impulse and friction that slides or sticks.
+        needed = vn + rebound
+        resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
+        pze = needed / resistance if resistance > 0.0 else math.inf
+        if slip * (2.0 / 7.0) <= mu * pze:
+            pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
+            pze = max(0.0, (needed - pxe * sin) / cos)
+        else:
+            pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
+        px = -needed
+    pz = pxe * cos - pze * sin
+    vn_after = -rebound if raised else vn + px
+    vt += pye
+    rwn -= 2.5 * pye * sin
+    rwt += 2.5 * (px * sin - pz * cos)
+    rwz += 2.5 * pye * cos
+    return vn_after, vt, vn_after - rwt, vt + rwn, rwz, raised
+
+
+@kernel
+def reflect(state, i, side, rebound, radius, params):
+    """Changes ball i's velocity, slip and spin as cushion `side` (0 to 3: -x, +x, -y, +y) does.
+
+    Args:
+        state: (n, WIDTH) float64.
+        i: The ball.
+        side: The cushion.
+        rebound: Least speed away from the cushion after the impact, m/s, >= 0.
+        radius: (n,) float64, m.
+        params: (N_PARAMS,) float64.
+
+    Returns:
+        Whether `rebound` has raised the speed away from the cushion.
+    """
+    s = state[i]
+    n, t = (VX, VY) if side < 2 else (VY, VX)
+    un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
+    sign = 1.0 if side % 2 else -1.0
+    turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
+    speed = max(0.0, sign * s[n])
+    if params[CUSHION] == HAN2005:
+        after = han2005(
+            speed, turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], rebound, params
+        )
+        s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
+        s[WZ] = after[4] / radius[i]
+        return after[5] and rebound > 0.0
+    raised = params[E_CUSHION] * speed < rebound
+    normal = -sign * rebound if raised else -params[E_CUSHION] * s[n]
+    if params[MOTION] == SLIDING_AND_ROLLING:
+        s[un] += normal - s[n]
+    s[n] = normal
+    return raised

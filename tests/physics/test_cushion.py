@@ -1,0 +1,93 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env.engine.shot import scene_arrays
+from billiards_env.physics.cushion import han2005
+from billiards_env.scene import Balls, Physics, Scene, Table
+
+R = 0.03
+
+
+def bounce(vn, vt, spin, params):
+    """Han's impact by the mechanics of a rigid sphere: an impulse P at the contact point changes v by P/m and the spin
+    by r x P / I. Frame: x into the cushion, y along it, z up; spin in rad/s; per unit of mass. Equations 14 to 23."""
+    e, mu, height = params[6], params[7], params[10]
+    theta = math.asin(height / R - 1)
+    into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the ball's centre to the contact point
+    up = np.array([-math.sin(theta), 0.0, math.cos(theta)])  # tangents of the contact
+    side = np.array([0.0, 1.0, 0.0])
+    velocity = np.array([vn, vt, 0.0])
+    surface = velocity + np.cross(spin, R * into)
+    s_up, s_side = surface @ up, surface @ side
+    squeeze = (1 + e) * (velocity @ into)
+    slip = math.hypot(s_up, s_side)
+    stick = slip * 2 / 7 <= mu * squeeze
+    friction = slip * 2 / 7 if stick else mu * squeeze
+    impulse = -squeeze * into - (friction * (s_up * up + s_side * side) / slip if slip else 0.0)
+    velocity = velocity + impulse
+    spin = spin + np.cross(R * into, impulse) / (0.4 * R * R)
+    return min(velocity[0], 0.0), velocity[1], spin, stick
+
+
+def run_han(vn, vt, spin, params, rebound=0.0):
+    un, ut = vn - R * spin[1], vt + R * spin[0]
+    vn, vt, un, ut, rwz, _ = han2005(vn, vt, un, ut, R * spin[2], R, rebound, params)
+    return vn, vt, np.array([(ut - vt) / R, (vn - un) / R, rwz / R])
+
+
+def cushion(height=1.27 * R, **physics):
+    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics)))[0]
+
+
+@given(
+    st.floats(0.01, 5),
+    st.floats(-5, 5),
+    st.tuples(*[st.floats(-200, 200)] * 3),
+    st.floats(0.7, 1.6),
+    st.floats(0, 1),
+    st.floats(0, 0.5),
+)
+def test_han_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu):
+    params = cushion(height * R, e_cushion=e, mu_cushion=mu)
+    expected = bounce(vn, vt, np.array(spin), params)
+    found = run_han(vn, vt, np.array(spin), params)
+    assert found[:2] == pytest.approx(expected[:2], abs=1e-12)
+    assert found[2] == pytest.approx(expected[2], abs=1e-9)
+
+
+@pytest.mark.parametrize("sticks", [True, False])
+def test_han_s_friction_sticks_or_slides(sticks):
+    params = cushion(e_cushion=0.8, mu_cushion=2.0 if sticks else 0.01)
+    assert bounce(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)[3] == sticks
+    vn, vt, spin = run_han(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)
+    theta = math.asin(0.27)
+    up = np.array([-math.sin(theta), 0.0, math.cos(theta)])
+    surface = np.array([vn, vt, 0.0]) + np.cross(spin, R * np.array([math.cos(theta), 0.0, math.sin(theta)]))
+    # its vertical velocity, which the table takes up, is missing from the surface's along `up`
+    assert (abs(surface[1]) < 1e-14) == sticks
+    assert up[0] < 0
+
+
+def test_han_with_the_nose_at_the_centre_and_no_friction_is_restitution():
+    vn, vt, spin = run_han(2.0, 1.0, np.array([1.0, 2.0, 3.0]), cushion(R, e_cushion=0.75, mu_cushion=0.0))
+    assert (vn, vt) == (-1.5, 1.0)
+    assert spin == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_han_with_a_ball_that_does_not_slip_on_the_nose_divides_by_nothing():
+    vn, vt, spin = run_han(1.0, 0.0, np.zeros(3), cushion(R, e_cushion=1.0))
+    assert (vn, vt) == (-1.0, 0.0)
+    assert not spin.any()
+
+
+def test_running_english_speeds_a_ball_up_and_reverse_english_slows_it_down():
+    plain, running, reverse = (run_han(1.0, 1.0, np.array([0.0, 0.0, w]), cushion())[1] for w in (0.0, -100.0, 100.0))
+    assert reverse < plain < running
+
+
+def test_a_ball_never_goes_on_into_a_han_cushion():
+    assert run_han(1.0, 0.0, np.array([0.0, -200.0, 0.0]), cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0))[0] == 0.0
