@@ -66,6 +66,9 @@ RUN_LENGTH = 1_000
 # about so much, of either sign; taken for an approach, it would have them repeat without end.
 NOISE = 2.0**-48
 
+STILL = 1e-200
+"""m/s. A ball that has slowed down to it in a run of impacts at one place and instant has come to rest."""
+
 
 class Memory(NamedTuple):
     """What the contact-time rule remembers of n balls.
@@ -124,6 +127,17 @@ def end_runs(i, time, speed, params, memory):
 
 
 @inlined
+def is_over(i, j, state, params, memory):
+    """Returns whether balls i and j, which may be the same, come to rest in this impact."""
+    if max(memory.run[i], memory.run[j]) > params[LONGEST_RUN]:
+        return True
+    if min(memory.run[i], memory.run[j]) < 2:
+        return False
+    speed = max(abs(state[i, VX]), abs(state[i, VY]), abs(state[j, VX]), abs(state[j, VY]))
+    return speed < STILL
+
+
+@inlined
 def count_impact(i, time, memory):
     """Counts an impact of ball i at a time (s)."""
     memory.run[i] += 1
@@ -153,7 +167,7 @@ def hit_cushion(i, side, time, state, params, radius, memory, counts):
     speed = sign * state[i, VX if side < 2 else VY]
     end_runs(i, time, speed, params, memory)
     count_impact(i, time, memory)
-    if memory.run[i] > params[LONGEST_RUN]:
+    if is_over(i, i, state, params, memory):
         counts[N_CONTACT_RULE] += 1
         halt(state, i)
         return speed
@@ -188,7 +202,7 @@ def collide(count, time, contacts, state, params, inv_mass, scratch, memory, cou
     too_long = False
     for c in range(count):
         i, j = first[c], second[c]
-        too_long = too_long or max(memory.run[i], memory.run[j]) > params[LONGEST_RUN]
+        too_long = too_long or is_over(i, j, state, params, memory)
         towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
         pressed = min(memory.weak[i], memory.weak[j]) > PRESSED
         contacts.rebound[c] = least_rebound(towards, pressed, params)

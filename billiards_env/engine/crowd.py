@@ -367,12 +367,47 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         if rank == _PAIR:
             count = gather(hi, lo, state, phase, params, radius, limit, q, found, contacts)
             changes = impacts(
-                count, hi, lo, state, phase, params, inv_mass, contacts, scratch, memory, hits, counts, events, used, changed
+                count,
+                hi,
+                lo,
+                state,
+                phase,
+                params,
+                inv_mass,
+                contacts,
+                scratch,
+                memory,
+                hits,
+                counts,
+                events,
+                used,
+                changed,
             )
         else:
-            kind, other = q.own_kind[a, 0], q.own_kind[a, 1]
-            alone(a, kind, other, hi, lo, state, phase, params, radius, pockets, memory, hits, counts, events, used)
-            changed[0], changes = a, 1
+            changes = 0
+            for k in range(soon(hi, q, found)):
+                i = found[k]
+                if q.key[i, 0] == hi and q.key[i, 1] == lo and q.key[i, 2] == rank:
+                    kind, other = q.own_kind[i, 0], q.own_kind[i, 1]
+                    alone(
+                        i,
+                        kind,
+                        other,
+                        hi,
+                        lo,
+                        state,
+                        phase,
+                        params,
+                        radius,
+                        pockets,
+                        memory,
+                        hits,
+                        counts,
+                        events,
+                        used,
+                    )
+                    changed[changes] = i
+                    changes += 1
     return wind_up(hi, state, phase, params, limit, counts)
 
 

@@ -35,7 +35,15 @@ from billiards_env.engine.log import (
     log_segment,
     store,
 )
-from billiards_env.engine.queue import earliest, note, predict_ball, predict_pairs, side_by_side
+from billiards_env.engine.queue import (
+    PAIR_RANK,
+    earliest,
+    note,
+    predict_ball,
+    predict_pairs,
+    rank_of,
+    side_by_side,
+)
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
@@ -188,7 +196,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             predict_pairs(changed[k], hi, lo, state, phase, radius, own, own_kind, limit, queue, touched)
         for k in range(changes):
             touched[changed[k]] = False
-        next_hi, next_lo, a, of_pair = earliest(n, own, own_kind, queue)
+        next_hi, next_lo, rank = earliest(n, own, own_kind, queue)
         if next_hi > limit or next_hi == math.inf:
             break
         if counts[N_EVENTS] >= max_events:
@@ -197,15 +205,49 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                 move(state, phase, i, hi, lo, params)
             return hi
         hi, lo = next_hi, next_lo
-        if of_pair:
+        if rank == PAIR_RANK:
             count = gather(hi, lo, state, phase, radius, params, queue, contacts)
             changes = impacts(
-                count, hi, lo, state, phase, params, inv_mass, contacts, scratch, memory, hits, counts, events, used, changed
+                count,
+                hi,
+                lo,
+                state,
+                phase,
+                params,
+                inv_mass,
+                contacts,
+                scratch,
+                memory,
+                hits,
+                counts,
+                events,
+                used,
+                changed,
             )
         else:
-            kind, other = own_kind[a, 0], own_kind[a, 1]
-            alone(a, kind, other, hi, lo, state, phase, params, radius, pockets, memory, hits, counts, events, used)
-            changed[0], changes = a, 1
+            changes = 0
+            for i in range(n):  # all of one kind, so that their order does not matter
+                if own[i, 0] == hi and own[i, 1] == lo and rank_of(own_kind[i, 0]) == rank:
+                    kind, other = own_kind[i, 0], own_kind[i, 1]
+                    alone(
+                        i,
+                        kind,
+                        other,
+                        hi,
+                        lo,
+                        state,
+                        phase,
+                        params,
+                        radius,
+                        pockets,
+                        memory,
+                        hits,
+                        counts,
+                        events,
+                        used,
+                    )
+                    changed[changes] = i
+                    changes += 1
     return wind_up(hi, state, phase, params, limit, counts)
 
 

@@ -256,22 +256,31 @@ def find_near(i, n, pair, pair_lo, near, near_with):
     near[i, 0], near[i, 1], near_with[i] = t, t_lo, k
 
 
+POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = 0, 1, 2, 3
+"""The order of events at one instant."""
+
+
+@inlined
+def rank_of(kind):
+    """Returns the rank of an event of a ball alone."""
+    return POCKET_RANK if kind == POCKETED else (CUSHION_RANK if kind == CUSHION_HIT else PHASE_RANK)
+
+
 @inlined
 def earliest(n, own, own_kind, queue):
-    """The earliest prediction: (hi, lo, ball, whether of its nearest pair and not of itself)."""
+    """Returns the earliest prediction: (hi, lo, rank)."""
     pair, pair_lo, near, near_with, _, _ = queue
-    hi, lo, a, of_pair = math.inf, 0.0, -1, False
+    hi, lo, rank = math.inf, 0.0, PAIR_RANK
     for i in range(n):
         if not ROWS:
             find_near(i, n, pair, pair_lo, near, near_with)
         if near[i, 0] < hi or (near[i, 0] == hi and near[i, 1] < lo):
-            hi, lo, a, of_pair = near[i, 0], near[i, 1], i, True
-    rank = 1  # of kinds at one instant: pocket 0, ball-ball 1, cushion 2, phase change 3
+            hi, lo = near[i, 0], near[i, 1]
     for i in range(n):
         t, t_lo = own[i, 0], own[i, 1]
         if t > hi or t == math.inf:
             continue
-        r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
+        r = rank_of(own_kind[i, 0])
         if t < hi or t_lo < lo or (t_lo == lo and r < rank):
-            hi, lo, a, of_pair, rank = t, t_lo, i, False, r
-    return hi, lo, a, of_pair
+            hi, lo, rank = t, t_lo, r
+    return hi, lo, rank

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.physics.double_double import add, divide, multiply
+from billiards_env.physics.double_double import add, divide, multiply, two_product, two_sum
 from billiards_env.physics.jit import allocating, inlined, kernel
 
 MOST = 48
@@ -69,9 +69,10 @@ def empty_problem(m):
 
 @inlined
 def _subtract_product(s, e, a, b):
-    """Returns (s, e) - a b; a and b are (2,) arrays."""
-    p, p_lo = multiply(a[0], a[1], b[0], b[1])
-    return add(s, e, -p, -p_lo)
+    """Returns (s, e) - a b, not normalised; a and b are (2,) arrays. As in Ogita, Rump and Oishi (2005), Dot2."""
+    p, p_lo = two_product(a[0], b[0])
+    s, error = two_sum(s, -p)
+    return s, e + (error - (p_lo + (a[0] * b[1] + a[1] * b[0])))
 
 
 @kernel
@@ -85,6 +86,7 @@ def _factorise(m, problem, shift):
                 s, e = add(s, e, shift * s, 0.0)
             for k in range(j):
                 s, e = _subtract_product(s, e, row[k], factor[j, k])
+            s, e = two_sum(s, e)
             if j < i:
                 row[j, 0], row[j, 1] = s, e
                 factor[i, j, 0], factor[i, j, 1] = divide(s, e, pivot[j, 0], pivot[j, 1])
@@ -103,13 +105,13 @@ def _substitute(m, problem):
         s, e = b[index[i], 0], b[index[i], 1]
         for k in range(i):
             s, e = _subtract_product(s, e, factor[i, k], row[k])
-        row[i, 0], row[i, 1] = s, e
+        row[i, 0], row[i, 1] = two_sum(s, e)
     for i in range(m - 1, -1, -1):
         s, e = divide(row[i, 0], row[i, 1], pivot[i, 0], pivot[i, 1])
         for k in range(i + 1, m):
             s, e = _subtract_product(s, e, factor[k, i], row[k])
-        row[i, 0], row[i, 1] = s, e
-        x[index[i], 0], x[index[i], 1] = s, e
+        row[i, 0], row[i, 1] = two_sum(s, e)
+        x[index[i], 0], x[index[i], 1] = row[i, 0], row[i, 1]
 
 
 @inlined

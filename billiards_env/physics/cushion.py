@@ -101,9 +101,7 @@ def reflect(state, i, side, rebound, radius, params):
     turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
     speed = max(0.0, sign * s[n])
     if params[CUSHION] == HAN2005:
-        after = han2005(
-            speed, turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], rebound, params
-        )
+        after = han2005(speed, turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], rebound, params)
         s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
         s[WZ] = after[4] / radius[i]
         return after[5] and rebound > 0.0

@@ -266,23 +266,36 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
                 predict(first[c], hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
                 predict(second[c], hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
             continue
-        kind, other = own_kind[a, 0], own_kind[a, 1]
-        speed = 0.0
-        if kind == POCKETED:
-            move(state, phase, a, hi, lo, params)
-            speed = norm(state[a, VX], state[a, VY])
-            capture(state, phase, a, pockets[other, 0], pockets[other, 1])
-        elif kind == CUSHION_HIT:
-            move(state, phase, a, hi, lo, params)
-            speed = hit_cushion(a, other, hi, state, params, radius, memory, counts)
-            start(state, phase, a, params)
-            hits[a, CUSHIONS] += 1
-        else:
-            finish(state, phase, a, hi, lo, params)
-        counts[N_EVENTS] += 1
-        log_event(events, used, hi, lo, kind, a, other, state, speed, counts[N_CONTACT_RULE] > acts)
-        log_segment(segments, used, state, phase, a)
-        predict(a, hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
+        due = np.zeros(n, np.bool_)
+        for i in range(n):
+            r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
+            due[i] = own[i, 0] == hi and own[i, 1] == lo and r == rank
+        for i in range(n):
+            if not due[i]:
+                continue
+            kind, other = own_kind[i, 0], own_kind[i, 1]
+            acts = counts[N_CONTACT_RULE]
+            speed = 0.0
+            if kind == POCKETED:
+                move(state, phase, i, hi, lo, params)
+                speed = norm(state[i, VX], state[i, VY])
+                capture(state, phase, i, pockets[other, 0], pockets[other, 1])
+            elif kind == CUSHION_HIT:
+                move(state, phase, i, hi, lo, params)
+                speed = hit_cushion(i, other, hi, state, params, radius, memory, counts)
+                start(state, phase, i, params)
+                hits[i, CUSHIONS] += 1
+            else:
+                finish(state, phase, i, hi, lo, params)
+            counts[N_EVENTS] += 1
+            log_event(events, used, hi, lo, kind, i, other, state, speed, counts[N_CONTACT_RULE] > acts)
+            log_segment(segments, used, state, phase, i)
+        for i in range(n):
+            if due[i]:
+                predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
+        for i in range(n):
+            if due[i]:
+                predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
     return hi
 
 

@@ -217,12 +217,23 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
     cos = mpmath.sqrt(1 - sin * sin)
     sx = vx * sin + radius * wy
     sy = -vy - radius * wz * cos + radius * wx * sin
-    normal = (1 + world.e_cushion) * vx * cos
     slipping = norm((sx, sy))
-    if 2 * slipping / 7 <= world.mu_cushion * normal:
-        friction_x, friction_y = 2 * sx / 7, 2 * sy / 7
-    else:
-        friction_x, friction_y = (world.mu_cushion * normal * s / slipping for s in (sx, sy))
+
+    def friction(normal: Real) -> Vector:
+        if 2 * slipping / 7 <= world.mu_cushion * normal:
+            return 2 * sx / 7, 2 * sy / 7
+        return tuple(world.mu_cushion * normal * s / slipping for s in (sx, sy))
+
+    normal = (1 + world.e_cushion) * vx * cos
+    if friction(normal)[0] * sin + normal * cos < vx:
+        # The restitution alone would not stop the ball: the cushion pushes until it does.
+        low, high = normal, vx / cos + slipping
+        for _ in range(4 * mpmath.mp.dps):
+            middle = (low + high) / 2
+            stops = friction(middle)[0] * sin + middle * cos >= vx
+            low, high = (low, middle) if stops else (middle, high)
+        normal = high
+    friction_x, friction_y = friction(normal)
     px = -friction_x * sin - normal * cos
     py = friction_y
     pz = friction_x * cos - normal * sin
