@@ -28,7 +28,7 @@ import numpy as np
 
 from billiards_env.engine.log import N_CONTACT_RULE
 from billiards_env.physics import state as layout
-from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.ball_ball import exchange, kick
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import allocating, inlined, kernel, merged
 from billiards_env.physics.motion import norm
@@ -55,6 +55,9 @@ CONTACT_TIME = 2e-4
 
 PRESSED = 3
 """A ball is pressed after more than this number of weak impacts in a row."""
+
+JAMMED = 20
+"""After more than this number of weak impacts of both at one place and instant the lighter of two balls is jammed."""
 
 RESOLUTION = 1e-9
 """m; pressed balls that would roll less than that far separate for about that distance instead of colliding again."""
@@ -160,6 +163,38 @@ def pressing(i, j, nx, ny, state):
     return -(nx * (state[j, AX] - state[i, AX]) + ny * (state[j, AY] - state[i, AY])) - around * around / distance
 
 
+@kernel
+def jams(contacts, state, inv_mass, memory):
+    """Returns whether the lighter ball of the first contact is jammed between the heavier one and a fixed body.
+
+    It is, after `JAMMED` impacts of both at one place and instant, if they are weak and friction presses the balls
+    together, or if they are too weak to change the heavier ball's velocity in double precision.
+    """
+    i, j, closing = contacts.first[0], contacts.second[0], contacts.closing[0]
+    if min(memory.run[i], memory.run[j]) <= JAMMED:
+        return False
+    if contacts.rebound[0] > 0.0 and min(memory.weak[i], memory.weak[j]) > JAMMED:
+        return True
+    heavier = i if inv_mass[i] < inv_mass[j] else j
+    speed = norm(state[heavier, VX], state[heavier, VY])
+    change = 2.0 * closing * inv_mass[heavier] / (inv_mass[i] + inv_mass[j])
+    return change <= 2.0**-52 * speed and closing <= 2.0**-24 * speed
+
+
+@kernel
+def lift(contacts, state, params, inv_mass):
+    """Separates the heavier ball of the first contact at `rebound` from the lighter one, which does not give way.
+
+    A light ball that a heavy one presses against a fixed body would otherwise need as many impacts to move it as the
+    ratio of their masses.
+    """
+    i, j = contacts.first[0], contacts.second[0]
+    change = contacts.closing[0] + contacts.rebound[0]
+    moves_first = inv_mass[j] == 0.0 or 0.0 < inv_mass[i] <= inv_mass[j]
+    moved, sign = (i, -1.0) if moves_first else (j, 1.0)
+    kick(state, moved, sign * change * contacts.nx[0], sign * change * contacts.ny[0], params)
+
+
 @inlined
 def hit_cushion(i, side, time, state, params, radius, memory, counts):
     """Changes the motion of ball i at cushion `side` (0 to 3: -x, +x, -y, +y). Returns its speed of approach, m/s."""
@@ -211,5 +246,9 @@ def collide(count, time, contacts, state, params, inv_mass, scratch, memory, cou
         for c in range(count):
             halt(state, first[c])
             halt(state, second[c])
+        return
+    if count == 1 and jams(contacts, state, inv_mass, memory):
+        counts[N_CONTACT_RULE] += 1
+        lift(contacts, state, params, inv_mass)
         return
     counts[N_CONTACT_RULE] += exchange(count, contacts, state, params, inv_mass, scratch)

@@ -293,8 +293,8 @@ def test_extreme_mass_ratios_keep_every_digit(heavy, velocities, ratio, e):
         places, np.stack([velocities, np.zeros(n)], 1), inverse, [(k, k + 1) for k in range(n - 1)], e, np.zeros(n - 1)
     )
     for found, exact in zip(got[:, 0], want, strict=True):
-        # Velocities that cancel to less than 1e-24 of the speeds before are zero.
-        assert abs(Fraction(found) - exact) <= abs(exact) * Fraction(1e-14) + Fraction(1e-24)
+        # The second term is the rounding of the fastest ball's velocity, for those that come to rest by cancellation.
+        assert abs(Fraction(found) - exact) <= abs(exact) * Fraction(1e-14) + Fraction(2.0**-53)
     before, after = (
         sum(m * Fraction(v) ** 2 for m, v in zip(exact_masses, row, strict=True)) for row in (want, got[:, 0])
     )
