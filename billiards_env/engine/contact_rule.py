@@ -8,11 +8,11 @@ this takes. It then meets again after about tau, and as tau goes to zero the hop
 pressed together. Rolling resistance presses so weakly that this would take thousands of hops; a ball that has had more
 than `PRESSED` impacts in a row which friction alone explains, slower than A tau with A the largest acceleration by
 friction, separates at A tau / 2. An impact that separates the bodies faster by itself is left alone. Each act of the
-rule adds at most m/2 (A tau)^2 to the energy, with m the reduced mass.
+rule adds at most m/2 (3/2 A tau)^2 to the energy, where m is the heavier ball's mass.
 
 Sequences of impacts whose intervals shrink because of the masses or the restitution, not because of friction, run their
 course: their speeds fall geometrically. The rule ends only those that do not, such as the impacts of an elastic ball
-that fits exactly between two fixed bodies: a ball with more impacts at one place and instant than `LONGEST_RUN`, which
+that fits exactly between two fixed bodies: a ball with more impacts at one place and instant than `longest_run`, which
 grows with the square root of the ratio of masses as the longest finite sequences do, comes to rest together with what it
 touches next.
 
@@ -35,7 +35,6 @@ from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
     AY,
-    CONTACT_GAP,
     IDEAL,
     LONGEST_RUN,
     MOTION,
@@ -57,13 +56,13 @@ PRESSED = 3
 """A ball is pressed after more than this number of weak impacts in a row."""
 
 JAMMED = 20
-"""After more than this number of weak impacts of both at one place and instant the lighter of two balls is jammed."""
+"""One of two balls may be jammed after more than this number of impacts of both at one place and instant."""
+
+WEDGED = 100
+"""After more than this number of weak impacts at one place and instant a ball comes to rest with what it touches."""
 
 RESOLUTION = 1e-9
 """m; pressed balls that would roll less than that far separate for about that distance instead of colliding again."""
-
-RUN_LENGTH = 1_000
-"""`LONGEST_RUN` for equal masses. A ball between a body of r times its mass and a wall has at most about pi sqrt(r)."""
 
 # The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
 # about so much, of either sign; taken for an approach, it would have them repeat without end.
@@ -71,6 +70,18 @@ NOISE = 2.0**-48
 
 STILL = 1e-200
 """m/s. A ball that has slowed down to it in a run of impacts at one place and instant has come to rest."""
+
+
+def longest_run(mass: tuple[float, ...]) -> float:
+    """Returns the number of impacts at one place and instant after which a ball comes to rest.
+
+    A ball between a wall and another ball of r times its mass has at most about pi sqrt(r) impacts before they part.
+
+    Args:
+        mass: Masses of the balls, kg; not all infinite.
+    """
+    finite = [m for m in mass if math.isfinite(m)]
+    return 1_000.0 + 10.0 * math.sqrt(max(finite) / min(finite))
 
 
 class Memory(NamedTuple):
@@ -123,7 +134,7 @@ def least_rebound(towards, pressed, params):
 def end_runs(i, time, speed, params, memory):
     """Ends the runs of ball i that an impact at a time (s) and speed of approach (m/s) does not belong to."""
     since = time - memory.last_impact[i]
-    if since * speed > CONTACT_GAP or since > 0.01 * params[layout.CONTACT_TIME]:
+    if since * speed > RESOLUTION or since > 0.01 * params[layout.CONTACT_TIME]:
         memory.run[i] = 0
     if speed > params[layout.CONTACT_TIME] * friction(params):
         memory.weak[i] = 0
@@ -132,9 +143,10 @@ def end_runs(i, time, speed, params, memory):
 @inlined
 def is_over(i, j, state, params, memory):
     """Returns whether balls i and j, which may be the same, come to rest in this impact."""
-    if max(memory.run[i], memory.run[j]) > params[LONGEST_RUN]:
+    run, weak = memory.run, memory.weak
+    if max(run[i], run[j]) > params[LONGEST_RUN] or max(min(run[i], weak[i]), min(run[j], weak[j])) > WEDGED:
         return True
-    if min(memory.run[i], memory.run[j]) < 2:
+    if min(run[i], run[j]) < 2:
         return False
     speed = max(abs(state[i, VX]), abs(state[i, VY]), abs(state[j, VX]), abs(state[j, VY]))
     return speed < STILL
@@ -164,35 +176,35 @@ def pressing(i, j, nx, ny, state):
 
 
 @kernel
-def jams(contacts, state, inv_mass, memory):
-    """Returns whether the lighter ball of the first contact is jammed between the heavier one and a fixed body.
+def resolve_jam(contacts, state, params, inv_mass, memory):
+    """Resolves the first contact if its balls are jammed. Returns whether they are.
 
-    It is, after `JAMMED` impacts of both at one place and instant, if they are weak and friction presses the balls
-    together, or if they are too weak to change the heavier ball's velocity in double precision.
+    A light ball that a heavy one presses against a fixed body would need as many impacts to move it as the ratio of
+    their masses. After more than `JAMMED` impacts of both at one place and instant, the ball that has had fewer of them
+    moves away from the other, which does not give way, if the impacts are weak and friction presses the balls together,
+    or if they are too weak to change its velocity in double precision. Other weak impacts are plastic then.
     """
-    i, j, closing = contacts.first[0], contacts.second[0], contacts.closing[0]
-    if min(memory.run[i], memory.run[j]) <= JAMMED:
+    i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
+    run, weak = memory.run, memory.weak
+    if min(run[i], run[j]) <= JAMMED:
         return False
-    if contacts.rebound[0] > 0.0 and min(memory.weak[i], memory.weak[j]) > JAMMED:
-        return True
-    heavier = i if inv_mass[i] < inv_mass[j] else j
-    speed = norm(state[heavier, VX], state[heavier, VY])
-    change = 2.0 * closing * inv_mass[heavier] / (inv_mass[i] + inv_mass[j])
-    return change <= 2.0**-52 * speed and closing <= 2.0**-24 * speed
-
-
-@kernel
-def lift(contacts, state, params, inv_mass):
-    """Separates the heavier ball of the first contact at `rebound` from the lighter one, which does not give way.
-
-    A light ball that a heavy one presses against a fixed body would otherwise need as many impacts to move it as the
-    ratio of their masses.
-    """
-    i, j = contacts.first[0], contacts.second[0]
-    change = contacts.closing[0] + contacts.rebound[0]
-    moves_first = inv_mass[j] == 0.0 or 0.0 < inv_mass[i] <= inv_mass[j]
-    moved, sign = (i, -1.0) if moves_first else (j, 1.0)
-    kick(state, moved, sign * change * contacts.nx[0], sign * change * contacts.ny[0], params)
+    moved, sign = (i, -1.0) if run[i] < run[j] else (j, 1.0)
+    lifts = run[i] != run[j] and inv_mass[moved] > 0.0
+    if min(weak[i], weak[j]) > JAMMED:
+        lifts = lifts and rebound > 0.0
+    else:
+        speed = norm(state[moved, VX], state[moved, VY])
+        change = 2.0 * closing * inv_mass[moved] / (inv_mass[i] + inv_mass[j])
+        if not lifts or change > 2.0**-52 * speed or closing > 2.0**-24 * speed:
+            return False
+    nx, ny = contacts.nx[0], contacts.ny[0]
+    if lifts:
+        kick(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, params)
+    else:
+        p = closing / (inv_mass[i] + inv_mass[j])
+        kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
+        kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+    return True
 
 
 @inlined
@@ -205,6 +217,10 @@ def hit_cushion(i, side, time, state, params, radius, memory, counts):
     if is_over(i, i, state, params, memory):
         counts[N_CONTACT_RULE] += 1
         halt(state, i)
+        return speed
+    if min(memory.run[i], memory.weak[i]) > JAMMED:
+        counts[N_CONTACT_RULE] += 1
+        kick(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
         return speed
     towards = sign * state[i, AX if side < 2 else AY]
     rebound = least_rebound(towards, memory.weak[i] > PRESSED, params)
@@ -247,8 +263,7 @@ def collide(count, time, contacts, state, params, inv_mass, scratch, memory, cou
             halt(state, first[c])
             halt(state, second[c])
         return
-    if count == 1 and jams(contacts, state, inv_mass, memory):
+    if count == 1 and resolve_jam(contacts, state, params, inv_mass, memory):
         counts[N_CONTACT_RULE] += 1
-        lift(contacts, state, params, inv_mass)
         return
     counts[N_CONTACT_RULE] += exchange(count, contacts, state, params, inv_mass, scratch)

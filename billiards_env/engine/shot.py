@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 import html
-import math
 import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine import crowd, pic, pit
 from billiards_env.engine.admit import plainly_right
-from billiards_env.engine.contact_rule import CONTACT_TIME, RUN_LENGTH
+from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run
 from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
@@ -351,8 +350,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     params[layout.HALF_LENGTH], params[layout.HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
     params[layout.CUSHION_HEIGHT] = scene.table.cushion_height
     params[layout.CONTACT_TIME] = CONTACT_TIME
-    finite = [m for m in scene.balls.mass if math.isfinite(m)]
-    params[layout.LONGEST_RUN] = RUN_LENGTH * math.sqrt(max(finite) / min(finite))
+    params[layout.LONGEST_RUN] = longest_run(scene.balls.mass)
     params[layout.DT] = 0.0 if dt is None else dt
     params[layout.FIX] = layout.FIXES.index(layout.FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)

@@ -626,7 +626,7 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     acts = set(shot.events["time"][shot.events["rule"]].tolist())
     # An act of the contact-time rule may lend a pair as much as friction takes from it within the contact.
     p = scene.physics
-    act = 0.5 * mass.max() * (CONTACT_TIME * (p.mu_slide if p.motion == "sliding" else p.mu_roll) * p.g) ** 2
+    act = 0.5 * mass.max() * (3.0 * CONTACT_TIME * (p.mu_slide if p.motion == "sliding" else p.mu_roll) * p.g) ** 2
     start = energy(at_time(shot.segments[: scene.n_balls, 2:], shot.segments[: scene.n_balls, 1], 0.0), scene)
     last, rises = start, 0.0
     for t, before, after, _ in instants(shot):

@@ -292,5 +292,5 @@ def run_checked(
         n_events=counts[:, N_EVENTS].copy(),
         n_contact_rule=counts[:, N_CONTACT_RULE].copy(),
         found=found,
-        rise_bound=0.5 * heaviest * (CONTACT_TIME * max(p.mu_slide, p.mu_roll) * p.g) ** 2,
+        rise_bound=0.5 * heaviest * (3.0 * CONTACT_TIME * max(p.mu_slide, p.mu_roll) * p.g) ** 2,
     )
