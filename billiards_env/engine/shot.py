@@ -44,10 +44,11 @@ Floats = NDArray[np.float64]
 # The engines; each module has run_shots with the same signature.
 ENGINES = {"pic": pic.run_shots, "pit": pit.run_shots}
 
-CROWD = 100
-"""From so many balls on PIC runs in `engine.crowd`, which gives the same bits and is the faster one then.
+CROWD = 160
+"""From this number of balls on PIC runs in `engine.crowd`, which gives the same bits.
 
-Where exactly depends on the scene: `benchmarks.growth` measures it for a thin gas.
+It is the number from which that is faster in a thin gas. In a dense one it is from about 110 balls on, in a rack, which
+fills a few cells of the grid, not up to 400.
 """
 
 LEAST_DT = 1e-9

@@ -1,0 +1,143 @@
+"""The contact-time rule acts on what friction presses together, and leaves every other sequence of impacts alone."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from billiards_env.engine import simulate
+from billiards_env.engine.contact_rule import longest_run
+from billiards_env.scene import Balls, Physics, Scene, Table
+
+R = 0.03
+INF = math.inf
+
+
+def world(*masses, radius=None, length=2.0, width=1.0, **physics):
+    """A scene of balls of these masses."""
+    return Scene(Balls(radius or (R,) * len(masses), masses), Table(length, width), Physics(**physics))
+
+
+def ideal(*masses, e=1.0, max_time=10.0, **kwargs):
+    return world(*masses, motion="ideal", cushion="restitution", e_ball=e, e_cushion=e, max_time=max_time, **kwargs)
+
+
+def recurrence(ratio, e):
+    """Velocity of a ball of `ratio` times the mass, after it drove a resting one against a wall at 1 m/s; the light ball
+    meets the heavy one and the wall in turn, until it is too slow to catch up."""
+    heavy, light = -1.0, 0.0
+    while max(abs(heavy), abs(light)) > 1e-12:
+        if heavy < light:
+            impulse = (1 + e) * (light - heavy) / (1 + 1 / ratio)
+            heavy, light = heavy + impulse / ratio, light - impulse
+        elif light < 0:
+            light = -e * light
+        else:
+            break
+    return heavy
+
+
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 100.0, 700.0, 2000.0, 1e4, 1e6])
+@pytest.mark.parametrize("e", [0.5, 0.9, 0.95, 0.99, 0.9999, 1.0])
+@pytest.mark.parametrize("gap", [0.3, 1e-6, 0.0])
+def test_a_heavy_ball_that_drives_a_light_one_against_a_cushion_follows_the_recurrence(ratio, e, gap):
+    """Impacts were elastic after 100 quick ones, and the balls halted after 2,000."""
+    want = recurrence(ratio, e)
+    places = [[R - 400.0 + 2 * R + gap + (0.1 if gap else 0.0), 0.0], [R - 400.0 + gap, 0.0]]
+    scene = ideal(ratio, 1.0, e=e, max_time=100.0 if gap else 1e-3, length=800.0)
+    shot = simulate(scene, places, [-1.0, 0.0])
+    if want < 1e-9:  # they come to rest at the cushion, after infinitely many impacts
+        assert np.abs(shot.velocities).max() < 1e-9
+    else:
+        assert shot.velocities[0, 0] == pytest.approx(want, rel=1e-9)
+        assert shot.n_contact_rule == 0
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
+def test_the_longest_run_is_longer_than_any_between_three_bodies(ratio):
+    assert longest_run((1.0, ratio, INF)) > math.pi * math.sqrt(ratio) + 1
+
+
+def test_an_elastic_ball_wedged_between_a_fixed_one_and_a_cushion_comes_to_rest():
+    shot = simulate(ideal(1.0, INF, e=1.0), [[1.0 - R, 0.0], [1.0 - 3 * R, 0.0]], [1.0, 0.0])
+    assert (shot.status, shot.n_contact_rule) == ("rest", 1)
+    assert shot.n_events < 1.1 * longest_run((1.0, INF))
+
+
+@pytest.mark.parametrize("ratio", [1.0, 30.0, 1e3, 1e5])
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
+def test_a_spinning_ball_that_presses_a_light_one_against_a_cushion_comes_to_rest(ratio, e):
+    """A light ball takes as many impacts to lift a heavy one as the ratio of their masses."""
+    scene = world(ratio, 1.0, e_ball=e, length=2.0)
+    shot = simulate(scene, [[1.0 - 3 * R, 0.0], [1.0 - R, 0.0]], [0.0, 0.0], spins=[0.0, 100.0, 0.0])
+    assert shot.status == "rest"
+    assert shot.n_events < 400_000
+    assert np.abs(shot.positions - [[1.0 - 3 * R, 0.0], [1.0 - R, 0.0]]).max() < 1e-3
+
+
+@pytest.mark.parametrize("e", [0.5, 0.85, 1.0])
+def test_the_rule_counts_only_acts_that_change_something(e):
+    """A bounce that is higher than the rule's hops is not an act, and an act is one impact faster than restitution."""
+    scene = world(1.0, e_cushion=e, cushion="restitution")
+    drop = simulate(scene, [[0.0, 0.0]], [1.0, 0.2], record=True)
+    assert drop.n_contact_rule == 0
+    pressed = simulate(scene, [[1.0 - R, 0.0]], [0.0, 0.0], spins=[0.0, 50.0, 0.0], record=True)
+    assert pressed.events is not None
+    hits = pressed.events[pressed.events["kind"] == "cushion"]
+    assert pressed.n_contact_rule == hits["rule"].sum() > 0
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32), st.integers(3, 12), st.floats(0, 1), st.sampled_from(["ideal", "rolling", "sliding"]))
+def test_renumbering_a_dense_scene_changes_no_bits(seed, n, e, motion):
+    """Of cushion impacts at one instant that of the ball with the lowest number came first."""
+    rng = np.random.default_rng(seed)
+    radius, mass = tuple(rng.uniform(0.02, 0.035, n)), tuple(10.0 ** rng.uniform(-1.5, 1.5, n))
+    limit = {"max_time": 5.0} if motion == "ideal" else {}
+    scene = world(
+        *mass,
+        radius=radius,
+        length=0.5,
+        width=0.4,
+        motion=motion,
+        cushion="han2005" if motion == "sliding" else "restitution",
+        e_ball=e,
+        e_cushion=rng.uniform(0, 1),
+        **limit,
+    )
+    places = touching_places(rng, radius, 0.25, 0.2)
+    velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.4)
+    spins = rng.normal(0, 60, (n, 3)) if motion == "sliding" else None
+    order = rng.permutation(n)
+    renamed = dataclasses.replace(scene, balls=Balls(*(tuple(row[i] for i in order) for row in (radius, mass))))
+    shot = simulate(scene, places, velocities, spins=spins)
+    again = simulate(renamed, places[order], velocities[order], spins=None if spins is None else spins[order])
+    assert np.array_equal(again.positions, shot.positions[order])
+    assert np.array_equal(again.velocities, shot.velocities[order])
+    assert (again.n_events, again.n_contact_rule) == (shot.n_events, shot.n_contact_rule)
+
+
+def touching_places(rng, radius, half_length, half_width):
+    """Random places (n, 2) of balls that mostly touch one or two others, m."""
+    places: list[np.ndarray] = []
+    while len(places) < len(radius):
+        k = len(places)
+        place = rng.uniform(-1, 1, 2) * [half_length - radius[k], half_width - radius[k]]
+        if k and rng.random() < 0.9:
+            a, b = rng.integers(k), rng.integers(k)
+            reach, other = radius[a] + radius[k], radius[b] + radius[k]
+            line = places[b] - places[a]
+            far = math.hypot(*line)
+            angle = rng.uniform(0, 2 * math.pi)
+            place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
+            if abs(reach - other) < far < reach + other:
+                along = (far * far + reach * reach - other * other) / (2 * far)
+                across = math.sqrt(max(0.0, reach * reach - along * along)) * rng.choice([-1, 1])
+                place = places[a] + (along * line + across * np.array([-line[1], line[0]])) / far
+        inside = abs(place[0]) <= half_length - radius[k] and abs(place[1]) <= half_width - radius[k]
+        if inside and all(math.dist(place, q) >= radius[k] + radius[m] - 5e-13 for m, q in enumerate(places)):
+            places.append(place)
+    return np.array(places)
