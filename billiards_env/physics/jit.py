@@ -22,6 +22,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_SOURCES = (
+    "checks.py",
     "physics/*.py",
     "engine/*.py",
     "streams.py",
