@@ -23,6 +23,8 @@ from billiards_env.engine.log import (
     CUSHIONS_BEFORE_HIT,
     ENDED,
     FIRST_HIT,
+    INTERRUPTED,
+    LOOK_AFTER,
     N_CONTACT_RULE,
     N_EVENTS,
     POCKETED,
@@ -38,6 +40,7 @@ from billiards_env.engine.pic import SOON, alone, impacts, join, wind_up
 from billiards_env.engine.queue import predict_ball, solve_pair
 from billiards_env.physics.contact import line_time
 from billiards_env.physics.impulse import impulse_scratch
+from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import move, place, start
 from billiards_env.physics.state import (
@@ -334,6 +337,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     changes = n
     for i in range(n):
         changed[i] = i
+    pause = min(max_events, LOOK_AFTER)
     while True:
         for k in range(changes):
             i = changed[k]
@@ -357,11 +361,15 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                 break
         if next_hi > limit or next_hi == math.inf:
             break
-        if counts[N_EVENTS] >= max_events:
-            counts[ENDED] = AT_EVENT_LIMIT
-            for i in range(n):
-                move(state, phase, i, hi, lo, params)
-            return hi
+        if counts[N_EVENTS] >= pause:
+            if counts[N_EVENTS] >= max_events:
+                counts[ENDED] = AT_EVENT_LIMIT
+                for i in range(n):
+                    move(state, phase, i, hi, lo, params)
+                return hi
+            if interrupted():
+                return INTERRUPTED
+            pause = min(max_events, counts[N_EVENTS] + LOOK_AFTER)
         hi, lo = next_hi, q.key[a, 1]
         if rank == _PAIR:
             count = gather(hi, lo, state, phase, params, radius, limit, q, found, contacts)
@@ -442,11 +450,24 @@ def workspace(scene):
 
 @kernel
 def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
-    """`run_shots` with its working arrays; where none are made, none are counted."""
+    """`run_shots` with its working arrays; where none are made, none are counted.
+
+    Returns whether it was interrupted.
+    """
+    events = 0
     for k in range(begin, end):
         load(shots, k, scene, state, phase)
-        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        time = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        if time == INTERRUPTED:
+            return True
+        shots.times[k] = time
         store(shots, k, scene, state, phase)
+        events += len(phase) + shots.counts[k, N_EVENTS]
+        if events > LOOK_AFTER:
+            if interrupted():
+                return True
+            events = 0
+    return False
 
 
 @entry_point
@@ -454,4 +475,4 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
     arrays, n = SceneArrays(*scene), len(scene[1])
     state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(arrays)
-    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))
+    end_call(run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log)))
