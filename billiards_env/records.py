@@ -39,8 +39,8 @@ from billiards_env.scene import Scene
 VERSION = 1
 """The version of the format that is written, and the newest that is read."""
 
-MAX_BYTES = 64 * 2**20
-"""A larger file is not read. A stroke takes some hundred bytes."""
+MAX_BYTES = 4 * 2**20
+"""A larger file is not read: parsed, it could take thirty times its size. A stroke takes some hundred bytes."""
 
 MAX_BALLS = 1000
 """Nor is a scene of more balls."""
@@ -286,7 +286,7 @@ def load(path: str | os.PathLike[str]) -> Record:
         content = file.read(MAX_BYTES + 1)
     try:
         if len(content) > MAX_BYTES:
-            raise ValueError(f"more than {MAX_BYTES} bytes: expected a smaller file")
+            raise ValueError(f"more than {MAX_BYTES} bytes: expected at most so many")
         return from_json(content.decode("utf-8"))
     except ValueError as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
@@ -335,6 +335,8 @@ def from_json(text: str) -> Record:
     Raises:
         ValueError: As `load` does.
     """
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
     try:
         data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
     except RecursionError:
