@@ -286,7 +286,7 @@ def load(path: str | os.PathLike[str]) -> Record:
         content = file.read(MAX_BYTES + 1)
     try:
         if len(content) > MAX_BYTES:
-            raise ValueError(f"more than {MAX_BYTES} bytes: expected at most so many")
+            raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
         return from_json(content.decode("utf-8"))
     except ValueError as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error

@@ -337,7 +337,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     changes = n
     for i in range(n):
         changed[i] = i
-    pause = min(max_events, LOOK_AFTER)
+    work, in_a_cell = 0, 1 + n // q.head.size  # balls
     while True:
         for k in range(changes):
             i = changed[k]
@@ -348,6 +348,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             predict_crossing(i, hi, lo, state, phase, params, q)
         for k in range(changes):
             meet_neighbours(changed[k], state, phase, radius, limit, q)
+            work += in_a_cell
+            if work > LOOK_AFTER:
+                if interrupted():
+                    return INTERRUPTED
+                work = 0
         while True:
             a = q.heap[0]
             next_hi, rank = q.key[a, 0], q.key[a, 2]
@@ -361,15 +366,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                 break
         if next_hi > limit or next_hi == math.inf:
             break
-        if counts[N_EVENTS] >= pause:
-            if counts[N_EVENTS] >= max_events:
-                counts[ENDED] = AT_EVENT_LIMIT
-                for i in range(n):
-                    move(state, phase, i, hi, lo, params)
-                return hi
-            if interrupted():
-                return INTERRUPTED
-            pause = min(max_events, counts[N_EVENTS] + LOOK_AFTER)
+        if counts[N_EVENTS] >= max_events:
+            counts[ENDED] = AT_EVENT_LIMIT
+            for i in range(n):
+                move(state, phase, i, hi, lo, params)
+            return hi
         hi, lo = next_hi, q.key[a, 1]
         if rank == _PAIR:
             count = gather(hi, lo, state, phase, params, radius, limit, q, found, contacts)

@@ -80,7 +80,7 @@ from billiards_env.physics.state import (
 )
 
 MAX_STEPS = 100_000_000
-"""A shot is given up, with status "step_limit", after this number of timesteps: some seconds with two balls."""
+"""The engine gives up a shot, with status "step_limit", after this number of timesteps: seconds with two balls."""
 
 _LOOK_AFTER = 10_000_000  # units of a step's work, which grows with the pairs of balls: some ten milliseconds
 

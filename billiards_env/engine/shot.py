@@ -84,8 +84,8 @@ class ShotResult:
         potted: (n,) bool: in a pocket, or not in play from the start.
         time: Duration of the shot, s: until every ball rests, or `max_time`.
         n_events: Number of events.
-        status: "rest" or "max_time"; "event_limit" or "step_limit" where the shot was given up (see `MAX_EVENTS` and
-            `MAX_STEPS`).
+        status: "rest", "max_time", or, if the engine gave up the shot, "event_limit" or "step_limit" (see `MAX_EVENTS`
+            and `pit.MAX_STEPS`).
         first_hit: The ball that the cue ball touched first, -1 if none.
         cushions: (n,) int32: each ball's number of cushion contacts.
         cushions_before_hit: (n,) int32: cushion contacts the cue ball had made when it first touched the ball, -1 if
@@ -531,8 +531,8 @@ def simulate(
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. All are by default.
         record: Whether to keep the events and trajectories.
         max_time: The shot ends after so many seconds at the latest; the scene's own limit by default.
-        max_events: The shot is given up, with status "event_limit", after so many events. A shot of "pit" is also
-            given up, with status "step_limit", after `MAX_STEPS` timesteps. No shot goes on without end.
+        max_events: The engine gives up the shot, with status "event_limit", after this number of events. "pit" also
+            gives up a shot, with status "step_limit", after `pit.MAX_STEPS` timesteps. So every shot ends.
 
     Returns:
         The balls at the end of the shot, and what happened.

@@ -150,7 +150,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON.
+    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON. `billiards_env.checks.RANGES` states
+    what each number may be.
 
     | Argument | Type | Default | Description |
     |---|---|---|---|

@@ -243,7 +243,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         stroke = self._stroke(action)
         played = play(self.setup, self.table, stroke)
         shot, verdict = played.shot, played.verdict
-        if shot.status == "event_limit":
+        if shot.status in ("event_limit", "step_limit"):
             warnings.warn(
                 f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "
                 f"setup {self.setup}, positions {self.table.positions.tolist()}, stroke {stroke}",

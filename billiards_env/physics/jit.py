@@ -191,7 +191,10 @@ _with_room.__code__ = _with_room.__code__.replace(co_stacksize=2**17)  # words
 
 
 class _Cache(_FunctionCache):
-    """Numba's cache of a function's machine code on disk, which a damaged or unwritable file does not bring down."""
+    """Numba's cache of a function's machine code on disk.
+
+    A damaged file is discarded, and code that cannot be written is not kept; both with a line on stderr.
+    """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for a signature, or None if it has to be compiled."""
