@@ -21,8 +21,8 @@ import yaml
 from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.checks import choose
 from billiards_env.envs.frames import FRAMES
-from billiards_env.scene import choose
 
 ENV_ID = "Billiards-v0"
 FEATURES = ("raw", "geometry")

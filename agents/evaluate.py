@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import pickle
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -142,7 +141,7 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     try:
         result = evaluate(args.run_dir, args.episodes, args.seed)
-    except (OSError, TypeError, ValueError, pickle.UnpicklingError) as error:
+    except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     print(f"{result['policy']['episodes']} episodes on layouts not trained on, seed {result['seed']}:")
     for name in ("policy", "random"):

@@ -27,12 +27,12 @@ from agents.config import ENV_ID
 from agents.evaluate import play
 from agents.pots import Pots, direct_pots
 from agents.ppo import evaluation_seeds
+from billiards_env.checks import choose
 from billiards_env.engine import spread
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.frames import perturb
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.files import write_json
-from billiards_env.scene import choose
 
 Floats = NDArray[np.float64]
 Player = Callable[[BilliardsEnv, np.random.Generator], Floats]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import pickle
 from pathlib import Path
 from typing import Any, cast
 
@@ -134,9 +135,9 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If the configuration is impossible, or the policy is not one of it.
+        ValueError: If the configuration is impossible, the file holds anything but weights, or the policy is not one
+            of the configuration.
         TypeError: If a value of the configuration is of the wrong type.
-        pickle.UnpicklingError: If the file holds anything but weights.
     """
     path = run_dir / "policy.pt"
     if not (run_dir / "config.yaml").exists():
@@ -152,7 +153,11 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
         **_policy_arguments(config),
     )
     env.close()
-    weights = torch.load(path, map_location="cpu", weights_only=True)
+    try:
+        weights = torch.load(path, map_location="cpu", weights_only=True)
+    except (EOFError, RuntimeError, ValueError, pickle.UnpicklingError) as error:  # empty, cut off, or no such file
+        why = str(error).split("\n", 1)[0] or type(error).__name__
+        raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]

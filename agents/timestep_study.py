@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import pickle
 import re
 import sys
 from collections.abc import Iterator
@@ -159,7 +158,7 @@ def main(arguments: list[str] | None = None) -> None:
         }
         write_json(found, result)
         drawn = study_figures.draw(result, args.images)
-    except (OSError, RuntimeError, TypeError, ValueError, pickle.UnpicklingError) as error:
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from the newest checkpoints", file=sys.stderr)

@@ -22,7 +22,8 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from billiards_env.scene import Balls, Physics, Scene, Table, choose
+from billiards_env.checks import choose
+from billiards_env.scene import Balls, Physics, Scene, Table
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

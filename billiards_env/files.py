@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -40,9 +41,11 @@ def replacing(target: Path) -> Iterator[Path]:
     """A temporary file beside `target` that takes its place if the block ends well, and vanishes if not.
 
     It has the suffix of `target`, which tells some writers what to write, and is on disk before it takes the place, so
-    a crash leaves no half a file either.
+    a crash leaves no half a file either. Its name is random and it is new, so that neither another writer nor a link
+    that somebody has put there is met. The umask gives its permissions.
     """
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    temporary = target.with_name(f".{secrets.token_hex(16)}{target.suffix}")
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
         yield temporary
         with temporary.open("r+b") as file:

@@ -20,8 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import streams
+from billiards_env.checks import choose
+from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import entry_point, kernel
-from billiards_env.scene import Scene, check_positions, choose
+from billiards_env.scene import Scene, check_positions
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +34,7 @@ RACK_GAP = (1e-4, 5e-4)
 """m. Smallest and largest gap between neighbours in a loose rack."""
 
 _TRIES = 10_000
+_LOOK_AFTER = 5000  # balls: a millisecond, or more where there is little room
 
 # World Rules of Carom Billiard (UMB 1989), art. 13: the two starting spots lie 18.25 cm either side of the head spot
 # on a table 1.42 m wide; on other tables they scale with the width.
@@ -342,9 +345,14 @@ def place_midway(stream, order, room, radius, pockets, positions):
 @entry_point
 def lay_out(begin, end, wanted, rows, spots, displacement, order, n_spots, midway, room, radius, pockets, positions):
     """The loop of `draw_tables`; its arguments are those of a `Plan`. Returns a ball that found no room, else -1."""
+    balls = 0
     for table in range(begin, end):
         if not wanted[table]:
             continue
+        balls += len(order)
+        if balls > _LOOK_AFTER:
+            end_call(interrupted())
+            balls = 0
         stream, places = rows[table], positions[table]
         if midway:
             failed = place_midway(stream, order, room, radius, pockets, places)

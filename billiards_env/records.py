@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,8 +28,9 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from billiards_env.checks import Range, real, short, whole
 from billiards_env.engine import MAX_EVENTS, STATUS, ShotResult, check_mode, simulate
-from billiards_env.engine.shot import check_shot, check_whole
+from billiards_env.engine.shot import check_shot
 from billiards_env.files import replacing
 from billiards_env.games.play import History, Setup, Stroke, Table, play, set_table
 from billiards_env.games.rules import State
@@ -39,8 +39,8 @@ from billiards_env.scene import Scene
 VERSION = 1
 """The version of the format that is written, and the newest that is read."""
 
-MAX_BYTES = 64 * 2**20
-"""A larger file is not read. A stroke takes some hundred bytes."""
+MAX_BYTES = 4 * 2**20
+"""A larger file is not read: parsed, it could take thirty times its size. A stroke takes some hundred bytes."""
 
 MAX_BALLS = 1000
 """Nor is a scene of more balls."""
@@ -182,7 +182,7 @@ def record_shot(
         ValueError: As `simulate` does.
     """
     check_mode(mode, dt, fix)
-    check_whole("max_events", max_events, 0)
+    whole("max_events", max_events, "max_events")
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
     given = check_shot(scene, positions, velocities, spins, in_play, max_time)
@@ -286,7 +286,7 @@ def load(path: str | os.PathLike[str]) -> Record:
         content = file.read(MAX_BYTES + 1)
     try:
         if len(content) > MAX_BYTES:
-            raise ValueError(f"more than {MAX_BYTES} bytes: expected a smaller file")
+            raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
         return from_json(content.decode("utf-8"))
     except ValueError as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
@@ -335,20 +335,22 @@ def from_json(text: str) -> Record:
     Raises:
         ValueError: As `load` does.
     """
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
     try:
         data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
     except RecursionError:
         raise ValueError("nested too deeply: expected the JSON of a shot or a game") from None
     kind = _mapping("the file", data).get("format")
     if kind not in (SHOT, GAME):
-        raise ValueError(f"format = {_short(kind)}: expected {SHOT!r} or {GAME!r}")
+        raise ValueError(f"format = {short(kind)}: expected {SHOT!r} or {GAME!r}")
     version = data.get("version")
     if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise ValueError(f"version = {_short(version)}: expected a whole number >= 1")
+        raise ValueError(f"version = {short(version)}: expected a whole number >= 1")
     if version > VERSION:
         raise ValueError(
             f"version = {version}: expected at most {VERSION}; the file is of a newer version of billiards_env "
-            f"({_short(data.get('written_by'))})"
+            f"({short(data.get('written_by'))})"
         )
     try:
         return _shot(data) if kind == SHOT else _game(data)
@@ -373,13 +375,12 @@ def _shot(data: dict[str, Any]) -> ShotRecord:
     velocities = _numbers("velocities", data["velocities"], n, 2)
     spins = None if data["spins"] is None else _numbers("spins", data["spins"], n, 3)
     in_play = _bools("in_play", data["in_play"], n)
-    max_time = None if data["max_time"] is None else _number("max_time", data["max_time"])
-    check_whole("max_events", data["max_events"], 0)
-    max_events = _whole("max_events", data["max_events"], 0, 2**62)
+    max_time = None if data["max_time"] is None else real("max_time", data["max_time"])
+    max_events = whole("max_events", data["max_events"], "max_events")
     check_shot(scene, positions, velocities, spins, in_play, max_time)
     end = _fields("end", data["end"], _SHOT_END)
     if end["status"] not in STATUS:
-        raise ValueError(f"end.status = {_short(end['status'])}: expected one of {', '.join(map(repr, STATUS))}")
+        raise ValueError(f"end.status = {short(end['status'])}: expected one of {', '.join(map(repr, STATUS))}")
     return ShotRecord(
         scene=scene,
         positions=positions,
@@ -393,8 +394,8 @@ def _shot(data: dict[str, Any]) -> ShotRecord:
         max_events=max_events,
         end=ShotEnd(
             status=end["status"],
-            time=_number("end.time", end["time"]),
-            n_events=_whole("end.n_events", end["n_events"], 0, 2**62),
+            time=real("end.time", end["time"]),
+            n_events=whole("end.n_events", end["n_events"], Range(0, 2**62)),
             positions=_numbers("end.positions", end["positions"], n, 2),
             potted=_bools("end.potted", end["potted"], n),
         ),
@@ -411,14 +412,15 @@ def _game(data: dict[str, Any]) -> GameRecord:
     strokes = []
     for i, item in enumerate(_list("strokes", data["strokes"])):
         stroke = _fields(f"strokes[{i}]", item, Stroke._fields)
-        velocity = _pair(f"strokes[{i}].velocity", stroke["velocity"])
-        place = None if stroke["place"] is None else _pair(f"strokes[{i}].place", stroke["place"])
+        velocity = _pair(f"strokes[{i}].velocity", stroke["velocity"], "speed")
+        place = None if stroke["place"] is None else _pair(f"strokes[{i}].place", stroke["place"], "coordinate")
         strokes.append(Stroke(velocity, place))
     end = _fields("end", data["end"], _GAME_END)
-    on_table = [_whole(f"end.on_table[{i}]", v, 0, n - 1) for i, v in enumerate(_list("end.on_table", end["on_table"]))]
-    scores = [_whole(f"end.scores[{i}]", v, -(2**62), 2**62) for i, v in enumerate(_list("end.scores", end["scores"]))]
+    ball, score = Range(0, n - 1), Range(-(2**62), 2**62)
+    on_table = [whole(f"end.on_table[{i}]", v, ball) for i, v in enumerate(_list("end.on_table", end["on_table"]))]
+    scores = [whole(f"end.scores[{i}]", v, score) for i, v in enumerate(_list("end.scores", end["scores"]))]
     if not isinstance(end["over"], bool):
-        raise ValueError(f"end.over = {_short(end['over'])}: expected true or false")
+        raise ValueError(f"end.over = {short(end['over'])}: expected true or false")
     return GameRecord(
         setup=setup,
         positions=positions,
@@ -428,9 +430,9 @@ def _game(data: dict[str, Any]) -> GameRecord:
             positions=_numbers("end.positions", end["positions"], n, 2),
             on_table=tuple(on_table),
             scores=tuple(scores),
-            player=_whole("end.player", end["player"], 0, setup.n_players - 1),
+            player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
             over=end["over"],
-            winner=_whole("end.winner", end["winner"], -1, setup.n_players - 1),
+            winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
         ),
     )
 
@@ -478,7 +480,7 @@ def _compare(recorded: ShotEnd | GameEnd, now: ShotEnd | GameEnd) -> None:
         was, is_now = getattr(recorded, field.name), getattr(now, field.name)
         if repr(was) != repr(is_now):
             raise ValueError(
-                f"the replay ends otherwise than the record: {field.name} = {_short(is_now)}, expected {_short(was)}; "
+                f"the replay ends otherwise than the record: {field.name} = {short(is_now)}, expected {short(was)}; "
                 "a record of another version of the engine may do so"
             )
 
@@ -493,20 +495,11 @@ def _rows(array: Any) -> Rows:
     return tuple(map(tuple, np.asarray(array).tolist()))
 
 
-def _short(value: Any) -> str:
-    """The value's text, cut where it is long."""
-    try:
-        text = repr(value)
-    except (ValueError, RecursionError):  # a number of thousands of digits, a list in lists without end
-        text = f"a {type(value).__name__}"
-    return text if len(text) <= 200 else text[:200] + "..."
-
-
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key, value in pairs:
         if key in data:
-            raise ValueError(f"key {_short(key)} is there twice: expected each once")
+            raise ValueError(f"key {short(key)} is there twice: expected each once")
         data[key] = value
     return data
 
@@ -517,7 +510,7 @@ def _no_constant(name: str) -> float:
 
 def _mapping(name: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ValueError(f"{name} = {_short(value)}: expected a mapping")
+        raise ValueError(f"{name} = {short(value)}: expected a mapping")
     return value
 
 
@@ -526,7 +519,7 @@ def _fields(name: str, value: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
     data = _mapping(name, value)
     for key in data:
         if key not in wanted:
-            raise ValueError(f"key {_short(key)} of {name} is unknown: expected {', '.join(map(repr, wanted))}")
+            raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, wanted))}")
     for key in wanted:
         if key not in data:
             raise ValueError(f"key {key!r} of {name} is missing")
@@ -536,36 +529,18 @@ def _fields(name: str, value: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
 def _list(name: str, value: Any, count: int | None = None) -> list[Any]:
     if not isinstance(value, list) or count not in (None, len(value)):
         wanted = "a list" if count is None else f"a list of {count}"
-        raise ValueError(f"{name} = {_short(value)}: expected {wanted}")
+        raise ValueError(f"{name} = {short(value)}: expected {wanted}")
     return value
 
 
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError(f"{name} = {_short(value)}: expected a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ValueError(f"{name} = {_short(value)}: expected a finite number")
-    return number
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
-        raise ValueError(f"{name} = {_short(value)}: expected a whole number from {least} to {most}")
-    return value
-
-
-def _pair(name: str, value: Any) -> tuple[float, float]:
+def _pair(name: str, value: Any, within: str) -> tuple[float, float]:
     x, y = _list(name, value, 2)
-    return _number(f"{name}[0]", x), _number(f"{name}[1]", y)
+    return real(f"{name}[0]", x, within), real(f"{name}[1]", y, within)
 
 
 def _numbers(name: str, value: Any, count: int, width: int) -> Rows:
     return tuple(
-        tuple(_number(f"{name}[{i}][{j}]", v) for j, v in enumerate(_list(f"{name}[{i}]", row, width)))
+        tuple(real(f"{name}[{i}][{j}]", v) for j, v in enumerate(_list(f"{name}[{i}]", row, width)))
         for i, row in enumerate(_list(name, value, count))
     )
 
@@ -573,21 +548,21 @@ def _numbers(name: str, value: Any, count: int, width: int) -> Rows:
 def _bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
     for i, item in enumerate(_list(name, value, count)):
         if not isinstance(item, bool):
-            raise ValueError(f"{name}[{i}] = {_short(item)}: expected true or false")
+            raise ValueError(f"{name}[{i}] = {short(item)}: expected true or false")
     return tuple(value)
 
 
 def _head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]:
     """What shots and games share: scene, mode, dt and fix."""
     if not isinstance(data["written_by"], str):
-        raise ValueError(f"written_by = {_short(data['written_by'])}: expected a text")
+        raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     scene = Scene.from_dict(data["scene"])
     if scene.n_balls > MAX_BALLS:
         raise ValueError(f"scene.balls: {scene.n_balls} of them, expected at most {MAX_BALLS}")
     mode, dt, fix = data["mode"], data["dt"], data["fix"]
-    dt = None if dt is None else _number("dt", dt)
+    dt = None if dt is None else real("dt", dt)
     for name, value in (("mode", mode), ("fix", fix)):
         if not isinstance(value, str) and not (name == "fix" and value is None):
-            raise ValueError(f"{name} = {_short(value)}: expected a name")
+            raise ValueError(f"{name} = {short(value)}: expected a name")
     check_mode(mode, dt, fix)
     return scene, mode, dt, fix

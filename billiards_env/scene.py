@@ -1,7 +1,8 @@
 """A scene is all that stays the same from shot to shot: table, balls and physics.
 
 Everything is in SI units. The frame's origin is the table's centre, x runs along its length, y along its width. Scenes
-are immutable and are checked on construction, so code further down takes them as they are.
+are immutable and are checked on construction, so code further down takes them as they are; `checks.RANGES` states what
+each number may be.
 
 The defaults, each with its source:
 
@@ -30,13 +31,14 @@ carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import Range, choose, real, whole
 
 MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005")
@@ -53,42 +55,10 @@ _CAROM_LENGTH, _CAROM_WIDTH = 2.84, 1.42
 _CAROM_RADIUS, _CAROM_MASS, _CAROM_CUSHION = 0.03075, 0.21, 0.037
 
 
-def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raises a ValueError that suggests the nearest of `choices` unless `value` is one of them."""
-    if value not in choices:
-        near = difflib.get_close_matches(str(value), choices, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise ValueError(f"{name} = {value!r}: expected one of {', '.join(map(repr, choices))}{hint}")
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} = {value!r}: expected a number, not {type(value).__name__}")
-    if not math.isfinite(value):
-        raise ValueError(f"{name} = {value!r}: expected a finite number")
-    return float(value)
-
-
-def _finite(owner: object, prefix: str, *names: str) -> None:
-    for name in names:
-        object.__setattr__(owner, name, _number(f"{prefix}.{name}", getattr(owner, name)))
-
-
-def _positive(owner: object, prefix: str, *names: str) -> None:
-    _finite(owner, prefix, *names)
-    for name in names:
-        if getattr(owner, name) <= 0:
-            raise ValueError(f"{prefix}.{name} = {getattr(owner, name)!r}: expected a number > 0")
-
-
-def _tuple_of(owner: object, prefix: str, name: str, kind: type | tuple[type, ...]) -> None:
-    values = getattr(owner, name)
-    wanted = kind.__name__ if isinstance(kind, type) else "number"
-    if not isinstance(values, tuple):
-        raise TypeError(f"{prefix}.{name} = {values!r}: expected a tuple, a {wanted} each")
-    for i, value in enumerate(values):
-        if isinstance(value, bool) or not isinstance(value, kind):
-            raise TypeError(f"{prefix}.{name}[{i}] = {value!r}: expected a {wanted}")
+def _check(owner: object, prefix: str, **ranges: str) -> None:
+    """Checks fields of a dataclass, each against its range, and makes floats of them."""
+    for name, within in ranges.items():
+        object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
 
 
 def _sequence(name: str, values: Any) -> tuple[Any, ...]:
@@ -125,8 +95,7 @@ class Pocket:
     radius: float
 
     def __post_init__(self) -> None:
-        _finite(self, "pocket", "x", "y")
-        _positive(self, "pocket", "radius")
+        _check(self, "pocket", x="coordinate", y="coordinate", radius="length")
 
 
 def six_pockets(length: float = _POOL_LENGTH, width: float = _POOL_WIDTH) -> tuple[Pocket, ...]:
@@ -154,8 +123,12 @@ class Table:
     pockets: tuple[Pocket, ...] = ()
 
     def __post_init__(self) -> None:
-        _positive(self, "table", "length", "width", "cushion_height")
-        _tuple_of(self, "table", "pockets", Pocket)
+        _check(self, "table", length="length", width="length", cushion_height="cushion_height")
+        if not isinstance(self.pockets, tuple):
+            raise TypeError(f"table.pockets = {self.pockets!r}: expected a tuple, a Pocket each")
+        for k, p in enumerate(self.pockets):
+            if not isinstance(p, Pocket):
+                raise TypeError(f"table.pockets[{k}] = {p!r}: expected a Pocket")
         for k, p in enumerate(self.pockets):
             if abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius:
                 raise ValueError(
@@ -177,15 +150,18 @@ class Balls:
     mass: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        for name in ("radius", "mass"):
-            _tuple_of(self, "balls", name, (int, float))
-            for i, value in enumerate(getattr(self, name)):
-                if not value > 0 or (name == "radius" and math.isinf(value)):
-                    finite = "" if name == "mass" else "finite "
-                    raise ValueError(f"balls.{name}[{i}] = {value!r}: expected a {finite}number > 0")
-            object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
+        for name, within in (("radius", "length"), ("mass", "mass")):
+            values = getattr(self, name)
+            if not isinstance(values, tuple):
+                raise TypeError(f"balls.{name} = {values!r}: expected a tuple, a number each")
+            checked = (
+                math.inf if name == "mass" and value == math.inf else real(f"balls.{name}[{i}]", value, within)
+                for i, value in enumerate(values)
+            )
+            object.__setattr__(self, name, tuple(checked))
         if not self.radius:
             raise ValueError("balls.radius = (): expected at least one ball, the cue ball")
+        whole("number of balls", len(self.radius), "balls")
         if len(self.radius) != len(self.mass):
             raise ValueError(
                 f"balls.mass has {len(self.mass)} values, balls.radius {len(self.radius)}: expected one of each a ball"
@@ -196,8 +172,7 @@ class Balls:
     @classmethod
     def uniform(cls, count: int, radius: float = _POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
         """`count` like balls of `radius` metres and `mass` kilograms."""
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise ValueError(f"count = {count!r}: expected a whole number of balls >= 1")
+        count = whole("count", count, "balls")
         return cls((radius,) * count, (mass,) * count)
 
     def __len__(self) -> int:
@@ -238,17 +213,10 @@ class Physics:
     def __post_init__(self) -> None:
         choose("physics.motion", self.motion, MOTIONS)
         choose("physics.cushion", self.cushion, CUSHIONS)
-        _positive(self, "physics", "g", "mu_slide", "mu_roll", "spin_decay")
-        for name in ("e_ball", "e_cushion"):
-            value = _number(f"physics.{name}", getattr(self, name))
-            if not 0 <= value <= 1:
-                raise ValueError(f"physics.{name} = {value!r}: expected a restitution from 0 to 1")
-            object.__setattr__(self, name, value)
-        _finite(self, "physics", "mu_cushion")
-        if self.mu_cushion < 0:
-            raise ValueError(f"physics.mu_cushion = {self.mu_cushion!r}: expected a number >= 0")
+        _check(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
+        _check(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
         if self.max_time is not None:
-            _positive(self, "physics", "max_time")
+            _check(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
             raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never comes to rest")
         if self.cushion == "han2005" and self.motion != "sliding":
@@ -320,9 +288,7 @@ class Scene:
         choose("scene", name, tuple(_NAMED))
         build, usual, most = _NAMED[name]
         n = usual if n_object_balls is None else n_object_balls
-        if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or not 0 <= n <= most:
-            raise ValueError(f"n_object_balls = {n!r}: expected a whole number from 0 to {most} for scene {name!r}")
-        return build(int(n) + 1)
+        return build(whole("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:

@@ -1,4 +1,7 @@
 import os
+import stat
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -50,3 +53,39 @@ def test_json_knows_no_nan(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "file", float("nan"))
     assert os.listdir(tmp_path) == []
+
+
+def test_a_link_at_a_guessed_temporary_name_is_not_followed(tmp_path):
+    """Before, the name was known in advance, and what a link of that name led to was overwritten."""
+    path, victim = tmp_path / "game.json", tmp_path / "victim"
+    victim.write_text("precious")
+    for name in (f".game.{os.getpid()}.json", f"game.json.{os.getpid()}", ".game.json.tmp"):
+        (tmp_path / name).symlink_to(victim)
+    write_json(path, 1)
+    assert path.read_text() == "1\n"
+    assert victim.read_text() == "precious"
+
+
+def test_threads_that_save_to_one_path_do_not_meet(tmp_path):
+    """Before, they shared a temporary file, and 307 of 800 saves failed."""
+    path = tmp_path / "file"
+
+    def save(k):
+        write_whole(path, bytes([k]) * 1000)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(save, [1, 2, 3, 4] * 50))
+    content = path.read_bytes()
+    assert content == content[:1] * 1000
+    assert os.listdir(tmp_path) == ["file"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no umask there")
+@pytest.mark.parametrize("mask", [0o022, 0o027])
+def test_a_file_has_the_permissions_of_the_umask(tmp_path, mask):
+    before = os.umask(mask)
+    try:
+        write_whole(tmp_path / "file", b"new")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o666 & ~mask

@@ -201,7 +201,7 @@ def changed(path, value):
         (["balls", "mass"], [1.0, "infinite"], "balls.mass[1] = 'infinite': expected a", TypeError),
         (["physics", "g"], "9.81", "physics.g = '9.81': expected a number, not str", TypeError),
         (["physics", "max_time"], True, "physics.max_time = True: expected a number, not bool", TypeError),
-        (["balls", "radius"], [0.03, "inf"], "balls.radius[1] = inf: expected a finite number > 0", 0),
+        (["balls", "radius"], [0.03, "inf"], "balls.radius[1] = inf: expected a number from 0.0001 to 10000 m", 0),
     ],
 )
 def test_from_dict_refuses(path, value, message, kind):
@@ -228,7 +228,7 @@ def test_scenes_are_immutable_and_hashable():
 @pytest.mark.parametrize("name", ["g", "mu_slide", "mu_roll", "spin_decay", "max_time"])
 @pytest.mark.parametrize("value", [0, -1.0])
 def test_physics_refuses_what_is_not_positive(name, value):
-    with refused(f"physics.{name} = {float(value)}: expected a number > 0"):
+    with refused(f"physics.{name} = {value}: expected a number from "):
         Physics(**{name: value})
 
 
@@ -237,7 +237,7 @@ def test_physics_refuses_what_is_not_positive(name, value):
 )
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_physics_refuses_what_is_not_finite(name, value):
-    with refused(f"physics.{name} = {value}: expected a finite number"):
+    with refused(f"physics.{name} = {value}: expected a number from "):
         Physics(**{name: value})
 
 
@@ -250,7 +250,7 @@ def test_physics_refuses_what_is_no_number(value):
 @pytest.mark.parametrize("name", ["e_ball", "e_cushion"])
 @pytest.mark.parametrize("value", [-0.01, 1.01])
 def test_a_restitution_lies_between_0_and_1(name, value):
-    with refused(f"physics.{name} = {value}: expected a restitution from 0 to 1"):
+    with refused(f"physics.{name} = {value}: expected a number from 0 to 1"):
         Physics(**{name: value})
 
 
@@ -261,7 +261,7 @@ def test_a_restitution_may_be_0_or_1():
 
 def test_a_cushion_may_be_smooth_but_not_less():
     assert Physics(mu_cushion=0).mu_cushion == 0.0
-    with refused("physics.mu_cushion = -0.1: expected a number >= 0"):
+    with refused("physics.mu_cushion = -0.1: expected a number from 0 to 100"):
         Physics(mu_cushion=-0.1)
 
 
@@ -292,10 +292,10 @@ def test_physics_refuses_laws_that_do_not_exist_or_go_together(arguments, messag
 @pytest.mark.parametrize(
     ("arguments", "message", "kind"),
     [
-        ({"length": 0}, "table.length = 0.0: expected a number > 0", 0),
-        ({"width": -1.0}, "table.width = -1.0: expected a number > 0", 0),
-        ({"width": math.nan}, "table.width = nan: expected a finite number", 0),
-        ({"cushion_height": math.inf}, "table.cushion_height = inf: expected a finite number", 0),
+        ({"length": 0}, "table.length = 0: expected a number from 0.0001 to 10000 m", 0),
+        ({"width": -1.0}, "table.width = -1.0: expected a number from 0.0001 to 10000 m", 0),
+        ({"width": math.nan}, "table.width = nan: expected a number from 0.0001 to 10000 m", 0),
+        ({"cushion_height": math.inf}, "table.cushion_height = inf: expected a number from 1e-06 to 10000 m", 0),
         ({"length": True}, "table.length = True: expected a number, not bool", TypeError),
         ({"pockets": [Pocket(1.0, 0.5, 0.05)]}, "expected a tuple, a Pocket each", TypeError),
         ({"pockets": ((1.0, 0.5, 0.05),)}, "table.pockets[0] = (1.0, 0.5, 0.05): expected a Pocket", TypeError),
@@ -311,8 +311,8 @@ def test_table_refuses(arguments, message, kind):
 @pytest.mark.parametrize(
     ("arguments", "message", "kind"),
     [
-        ((0.0, 0.0, 0.0), "pocket.radius = 0.0: expected a number > 0", 0),
-        ((math.nan, 0.0, 0.1), "pocket.x = nan: expected a finite number", 0),
+        ((0.0, 0.0, 0.0), "pocket.radius = 0.0: expected a number from 0.0001 to 10000 m", 0),
+        ((math.nan, 0.0, 0.1), "pocket.x = nan: expected a number from -1e+06 to 1e+06 m", 0),
         ((0.0, "0", 0.1), "pocket.y = '0': expected a number, not str", TypeError),
     ],
 )
@@ -326,11 +326,11 @@ def test_pocket_refuses(arguments, message, kind):
     [
         ((), (), "balls.radius = (): expected at least one ball, the cue ball", 0),
         ((R, R), (1.0,), "balls.mass has 1 values, balls.radius 2: expected one of each a ball", 0),
-        ((R, 0.0), (1.0, 1.0), "balls.radius[1] = 0.0: expected a finite number > 0", 0),
-        ((R, math.inf), (1.0, 1.0), "balls.radius[1] = inf: expected a finite number > 0", 0),
-        ((R, math.nan), (1.0, 1.0), "balls.radius[1] = nan: expected a finite number > 0", 0),
-        ((R, R), (1.0, -1.0), "balls.mass[1] = -1.0: expected a number > 0", 0),
-        ((R, R), (math.nan, 1.0), "balls.mass[0] = nan: expected a number > 0", 0),
+        ((R, 0.0), (1.0, 1.0), "balls.radius[1] = 0.0: expected a number from 0.0001 to 10000 m", 0),
+        ((R, math.inf), (1.0, 1.0), "balls.radius[1] = inf: expected a number from 0.0001 to 10000 m", 0),
+        ((R, math.nan), (1.0, 1.0), "balls.radius[1] = nan: expected a number from 0.0001 to 10000 m", 0),
+        ((R, R), (1.0, -1.0), "balls.mass[1] = -1.0: expected a number from 1e-08 to 1e+08 kg, or inf", 0),
+        ((R, R), (math.nan, 1.0), "balls.mass[0] = nan: expected a number from 1e-08 to 1e+08 kg, or inf", 0),
         ((R, R), (math.inf, 1.0), "balls.mass[0] = inf: expected a finite mass, the cue ball has to move", 0),
         ((R, R), (1.0, True), "balls.mass[1] = True: expected a number", TypeError),
         ((R, "1"), (1.0, 1.0), "balls.radius[1] = '1': expected a number", TypeError),
@@ -344,7 +344,7 @@ def test_balls_refuses(radius, mass, message, kind):
 
 @pytest.mark.parametrize("count", [0, -1, True, 1.0, "2"])
 def test_uniform_balls_are_counted_by_a_whole_number(count):
-    with refused(f"count = {count!r}: expected a whole number of balls >= 1"):
+    with refused(f"count = {count!r}: expected a whole number from 1 to 100000"):
         Balls.uniform(count)
 
 

@@ -23,6 +23,7 @@ except ModuleNotFoundError as error:
         "pygame is not installed; frames and films need it: pip install 'billiards-env[render]'", name="pygame"
     ) from error
 
+from billiards_env.checks import whole
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.style import (
     ARROW,
@@ -73,11 +74,10 @@ class Canvas:
 
     def __init__(self, scene: Scene, width: int = 800) -> None:
         """Prepares to draw a scene in frames of `width` pixels."""
-        if isinstance(width, bool) or not isinstance(width, (int, np.integer)) or not 160 <= width <= 7680:
-            raise ValueError(f"width = {width!r}: expected a whole number of pixels from 160 to 7680")
+        width = whole("width", width, "frame_width")
         pygame.font.init()
         self.scene = scene
-        width = int(width) // 2 * 2
+        width = width // 2 * 2
         self._margin = width // 80
         self._bar = width // 24
         self._rail = RAIL_SHARE * scene.table.length

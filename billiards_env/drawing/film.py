@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.checks import fits
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.files import check_path, replacing
@@ -32,8 +33,8 @@ def frames(
     Raises:
         ValueError: If `fps` or `width` is impossible.
     """
-    if isinstance(fps, bool) or not isinstance(fps, (int, float, np.number)) or not 0 < fps <= 1000:
-        raise ValueError(f"fps = {fps!r}: expected frames a second, a number > 0 and <= 1000")
+    if not fits(fps, "fps"):
+        raise ValueError(f"fps = {fps!r}: expected frames a second, a number from 0.001 to 1000")
     canvas = Canvas(recording.scene, width)
     left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
     return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, left, compare=compare))

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import whole
 from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
@@ -17,7 +18,7 @@ from billiards_env.engine.log import (
     NO_LOG,
     empty_shots,
 )
-from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, check_whole, engine_of, scene_arrays
+from billiards_env.engine.shot import MAX_EVENTS, check_mode, check_shot, engine_of, scene_arrays
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene
 
@@ -89,6 +90,8 @@ def simulate_batch(
 
     Raises:
         ValueError: As `simulate` does, naming the shot.
+        TypeError: As `simulate` does.
+        KeyboardInterrupt: As `simulate` does.
 
     Example:
         >>> scene = Scene.named("ideal")
@@ -97,12 +100,12 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_mode(mode, dt, fix)
-    check_whole("max_events", max_events, 0)
+    whole("max_events", max_events, "max_events")
     positions = np.asarray(positions, dtype=np.float64)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
-        check_whole("threads", threads, 1)
+        whole("threads", threads, "threads")
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
     given = check_shot(scene, positions, velocities, spins, in_play, max_time, shots, threads)

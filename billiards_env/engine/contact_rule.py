@@ -1,20 +1,25 @@
 """The contact-time rule: how impacts end that would follow each other without end.
 
-Bodies that friction presses together would bounce in ever smaller hops, infinitely many in a finite time. After the TC
-model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative hard-sphere gas, impacts
-closer together than the duration tau of a contact are not separate: if a pair, or a ball and a cushion, accelerates
-towards each other at `a` when it collides, it separates at a tau / 2 at least, with the impulse, friction included, that
-this takes. It then meets again after about tau, and as tau goes to zero the hops become the motion of bodies that stay
-pressed together. Rolling resistance presses so weakly that this would take thousands of hops; a ball that has had more
-than `PRESSED` impacts in a row which friction alone explains, slower than A tau with A the largest acceleration by
-friction, separates at A tau / 2. An impact that separates the bodies faster by itself is left alone. Each act of the
-rule adds at most m/2 (3/2 A tau)^2 to the energy, where m is the heavier ball's mass.
+**Pressed bodies.** Bodies that friction presses together would bounce in ever smaller hops, infinitely many in a finite
+time. In the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative hard-sphere
+gas, impacts closer together than the duration tau of a contact are one lasting contact. Here a pair, or a ball and a
+cushion, that accelerates together at `a` when it collides separates at a tau / 2 at least, with the impulse, friction
+included, that this needs. The bodies meet again after about tau. As tau goes to zero, the hops become the motion of
+bodies in lasting contact.
 
-Sequences of impacts whose intervals shrink because of the masses or the restitution, not because of friction, run their
-course: their speeds fall geometrically. The rule ends only those that do not, such as the impacts of an elastic ball
-that fits exactly between two fixed bodies: a ball with more impacts at one place and instant than `longest_run`, which
-grows with the square root of the ratio of masses as the longest finite sequences do, comes to rest together with what it
-touches next.
+An impact is weak if friction alone explains it: its speed of approach is at most A tau, where A is the largest
+acceleration by friction. Rolling resistance presses balls together so weakly that hops of length tau would be thousands.
+After more than `PRESSED` weak impacts in a row a pressed ball separates at A tau / 2. If it is not pressed, it is about
+to stop beside the other; it then separates at the speed at which it rolls no farther than `RESOLUTION`.
+
+An impact that separates the bodies faster by itself is left alone. An act of the rule adds at most m/2 (3/2 A tau)^2 to
+the energy, where m is the mass of the heavier ball.
+
+**Other sequences.** Impacts whose intervals shrink because of masses or restitution run their course: their speeds fall
+geometrically. The rule ends runs of impacts at one place and instant in three cases. A light ball between a heavy one
+and a fixed body is jammed after `JAMMED` weak impacts, see `resolve_jam`. A ball comes to rest, with the ball that it
+touches, after `WEDGED` weak impacts, or after `longest_run` impacts of any speed, which is more than a finite sequence
+of three bodies has: for example, an elastic ball that fits exactly between two fixed bodies.
 
 The kernels change velocities, slip and spin; the caller determines the phase that follows with `motion.start`.
 """

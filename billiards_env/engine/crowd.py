@@ -24,6 +24,8 @@ from billiards_env.engine.log import (
     CUSHIONS_BEFORE_HIT,
     ENDED,
     FIRST_HIT,
+    INTERRUPTED,
+    LOOK_AFTER,
     N_CONTACT_RULE,
     N_EVENTS,
     POCKETED,
@@ -37,8 +39,9 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.pic import SOON, alone, impacts, join, wind_up
 from billiards_env.engine.queue import predict_ball, solve_pair
-from billiards_env.physics.contact import line_time
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.contact import line_time
+from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import move, place, start
 from billiards_env.physics.state import (
@@ -335,6 +338,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     changes = n
     for i in range(n):
         changed[i] = i
+    work, in_a_cell = 0, 1 + n // q.head.size  # balls
     while True:
         for k in range(changes):
             i = changed[k]
@@ -345,6 +349,11 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             predict_crossing(i, hi, lo, state, phase, params, q)
         for k in range(changes):
             meet_neighbours(changed[k], state, phase, radius, limit, q)
+            work += in_a_cell
+            if work > LOOK_AFTER:
+                if interrupted():
+                    return INTERRUPTED
+                work = 0
         while True:
             a = q.heap[0]
             next_hi, rank = q.key[a, 0], q.key[a, 2]
@@ -444,11 +453,24 @@ def workspace(scene):
 
 @kernel
 def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
-    """`run_shots` with its working arrays; where none are made, none are counted."""
+    """`run_shots` with its working arrays; where none are made, none are counted.
+
+    Returns whether it was interrupted.
+    """
+    events = 0
     for k in range(begin, end):
         load(shots, k, scene, state, phase)
-        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        time = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        if time == INTERRUPTED:
+            return True
+        shots.times[k] = time
         store(shots, k, scene, state, phase)
+        events += len(phase) + shots.counts[k, N_EVENTS]
+        if events > LOOK_AFTER:
+            if interrupted():
+                return True
+            events = 0
+    return False
 
 
 @entry_point
@@ -456,4 +478,4 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
     arrays, n = SceneArrays(*scene), len(scene[1])
     state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(arrays)
-    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))
+    end_call(run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log)))

@@ -26,8 +26,14 @@ from billiards_env.physics.state import (
 )
 
 # How a shot ended.
-STATUS = ("rest", "max_time", "event_limit")
-AT_REST, AT_MAX_TIME, AT_EVENT_LIMIT = 0, 1, 2
+STATUS = ("rest", "max_time", "event_limit", "step_limit")
+AT_REST, AT_MAX_TIME, AT_EVENT_LIMIT, AT_STEP_LIMIT = 0, 1, 2, 3
+
+INTERRUPTED = -1.0
+"""s. What an engine returns for the time of a shot that `physics.interrupt` ended; it has no outcome then."""
+
+LOOK_AFTER = 20_000
+"""The event-driven engines call `interrupted` after this number of events: some ten milliseconds."""
 
 # Kinds of events.
 KINDS = ("ball_ball", "cushion", "pocket", "roll", "stop", "spin_stop")

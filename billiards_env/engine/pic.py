@@ -23,6 +23,8 @@ from billiards_env.engine.log import (
     CUSHIONS_BEFORE_HIT,
     ENDED,
     FIRST_HIT,
+    INTERRUPTED,
+    LOOK_AFTER,
     N_CONTACT_RULE,
     N_EVENTS,
     POCKETED,
@@ -45,6 +47,7 @@ from billiards_env.engine.queue import (
     side_by_side,
 )
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import capture, end_phase, move, norm, place, start
 from billiards_env.physics.state import (
@@ -170,7 +173,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         log: A `Log`.
 
     Returns:
-        The time at which the shot ended, s.
+        The time at which the shot ended, s, or INTERRUPTED.
     """
     n = len(phase)
     params, radius, inv_mass, pockets = scene
@@ -184,6 +187,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     changes = n
     for i in range(n):
         changed[i] = i
+    pause = min(max_events, LOOK_AFTER)
     while True:
         for k in range(changes):
             i = changed[k]
@@ -199,11 +203,15 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         next_hi, next_lo, rank = earliest(n, own, own_kind, queue)
         if next_hi > limit or next_hi == math.inf:
             break
-        if counts[N_EVENTS] >= max_events:
-            counts[ENDED] = AT_EVENT_LIMIT
-            for i in range(n):
-                move(state, phase, i, hi, lo, params)
-            return hi
+        if counts[N_EVENTS] >= pause:
+            if counts[N_EVENTS] >= max_events:
+                counts[ENDED] = AT_EVENT_LIMIT
+                for i in range(n):
+                    move(state, phase, i, hi, lo, params)
+                return hi
+            if interrupted():
+                return INTERRUPTED
+            pause = min(max_events, counts[N_EVENTS] + LOOK_AFTER)
         hi, lo = next_hi, next_lo
         if rank == PAIR_RANK:
             count = gather(hi, lo, state, phase, radius, params, queue, contacts)
@@ -277,16 +285,29 @@ def workspace(n):
 
 @kernel
 def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
-    """`run_shots` with its working arrays; where none are made, none are counted."""
+    """`run_shots` with its working arrays; where none are made, none are counted.
+
+    Returns whether it was interrupted.
+    """
+    events = 0
     for k in range(begin, end):
         load(shots, k, scene, state, phase)
-        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        time = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        if time == INTERRUPTED:
+            return True
+        shots.times[k] = time
         store(shots, k, scene, state, phase)
+        events += len(phase) + shots.counts[k, N_EVENTS]
+        if events > LOOK_AFTER:
+            if interrupted():
+                return True
+            events = 0
+    return False
 
 
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch, in place.
+    """Runs shots `begin` to `end` of a batch, in place; one that is interrupted stays as it was.
 
     Args:
         begin: First shot.
@@ -299,4 +320,4 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     """
     arrays, n = SceneArrays(*scene), len(scene[1])
     state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n)
-    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))
+    end_call(run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log)))

@@ -25,12 +25,14 @@ from billiards_env.engine.log import (
     AT_EVENT_LIMIT,
     AT_MAX_TIME,
     AT_REST,
+    AT_STEP_LIMIT,
     BALL_BALL,
     CUSHION_HIT,
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
     FIRST_HIT,
+    INTERRUPTED,
     N_CONTACT_RULE,
     N_EVENTS,
     POCKETED,
@@ -49,6 +51,7 @@ from billiards_env.engine.log import (
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.cushion import reflect
+from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
@@ -76,6 +79,11 @@ from billiards_env.physics.state import (
     later,
     since,
 )
+
+MAX_STEPS = 100_000_000
+"""The engine gives up a shot, with status "step_limit", after this number of timesteps: seconds with two balls."""
+
+_LOOK_AFTER = 10_000_000  # units of a step's work, which grows with the pairs of balls: some ten milliseconds
 
 
 @kernel
@@ -234,7 +242,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
         log: A `Log`.
 
     Returns:
-        The time at which the shot ended, s.
+        The time at which the shot ended, s, or INTERRUPTED.
     """
     n = len(phase)
     params, radius, inv_mass, pockets = scene
@@ -248,6 +256,8 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
     counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
     clear_log(events, used)
     end, step, next_change = 0.0, 0, math.inf
+    between_looks = _LOOK_AFTER // (n * n + 8) + 1
+    pause = min(limit, dt * between_looks)
     any_changed = True
     while True:
         if any_changed:
@@ -292,14 +302,23 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             for i in range(n):
                 move(state, phase, i, end, 0.0, params)
             break
-        if moves == 0 or now > limit:
-            if limit < math.inf:
+        if moves == 0 or now > pause:
+            if moves == 0 or now > limit:
+                if limit < math.inf:
+                    for i in range(n):
+                        if phase[i] != REST and phase[i] != POTTED:
+                            counts[ENDED] = AT_MAX_TIME
+                            move(state, phase, i, limit, 0.0, params)
+                            end = limit
+                break
+            if step > MAX_STEPS:
+                counts[ENDED], end = AT_STEP_LIMIT, now
                 for i in range(n):
-                    if phase[i] != REST and phase[i] != POTTED:
-                        counts[ENDED] = AT_MAX_TIME
-                        move(state, phase, i, limit, 0.0, params)
-                        end = limit
-            break
+                    move(state, phase, i, now, 0.0, params)
+                break
+            if interrupted():
+                return INTERRUPTED
+            pause = min(limit, dt * min(MAX_STEPS, step + between_looks))
 
         for k in range(moves):
             i = moving[k]
@@ -363,11 +382,24 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
 
 @kernel
 def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
-    """`run_shots` with its working arrays; where none are made, none are counted."""
+    """`run_shots` with its working arrays; where none are made, none are counted.
+
+    Returns whether it was interrupted.
+    """
+    steps, between_looks = 0.0, _LOOK_AFTER // (len(phase) * len(phase) + 8)
     for k in range(begin, end):
         load(shots, k, scene, state, phase)
-        shots.times[k] = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        time = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
+        if time == INTERRUPTED:
+            return True
+        shots.times[k] = time
         store(shots, k, scene, state, phase)
+        steps += 1.0 + time / scene.params[DT]
+        if steps > between_looks:
+            if interrupted():
+                return True
+            steps = 0.0
+    return False
 
 
 @entry_point
@@ -375,4 +407,4 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch, in place; see `engine.pic.run_shots`, which takes the same arguments."""
     arrays, n = SceneArrays(*scene), len(scene[1])
     state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n)
-    run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log))
+    end_call(run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log)))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import RANGES, Range, choose, fits, real, short, whole
 from billiards_env.engine import crowd, pic, pit
 from billiards_env.engine.admit import plainly_right
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run
@@ -33,7 +34,7 @@ from billiards_env.engine.sensitivity import Sensitivity, sensitivity_along
 from billiards_env.engine.threads import spread
 from billiards_env.physics import state as layout
 from billiards_env.scene import CUSHIONS as CUSHION_MODELS
-from billiards_env.scene import MOTIONS, Scene, check_positions, choose
+from billiards_env.scene import MOTIONS, Scene, check_positions
 
 if TYPE_CHECKING:
     from billiards_env.drawing.plot import Axes
@@ -50,9 +51,6 @@ CROWD = 160
 It is the number from which that is faster in a thin gas. In a dense one it is from about 110 balls on, in a rack, which
 fills a few cells of the grid, not up to 400.
 """
-
-LEAST_DT = 1e-9
-"""The smallest timestep of PIT, s: with it a shot takes minutes, and below it for ever."""
 
 MAX_EVENTS = 10_000_000
 """A shot is given up, loudly, after so many events.
@@ -88,7 +86,8 @@ class ShotResult:
         potted: (n,) bool: in a pocket, or not in play from the start.
         time: Duration of the shot, s: until every ball rests, or `max_time`.
         n_events: Number of events.
-        status: "rest", "max_time", or "event_limit" where the shot was given up.
+        status: "rest", "max_time", or, if the engine gave up the shot, "event_limit" or "step_limit" (see `MAX_EVENTS`
+            and `pit.MAX_STEPS`).
         first_hit: The ball that the cue ball touched first, -1 if none.
         cushions: (n,) int32: each ball's number of cushion contacts.
         cushions_before_hit: (n,) int32: cushion contacts the cue ball had made when it first touched the ball, -1 if
@@ -372,27 +371,27 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
         if fix is not None:
             raise ValueError(f"fix = {fix!r} with mode='pic': expected None, PIC has no overlaps to fix")
         return
-    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not LEAST_DT <= float(dt) < np.inf:
+    if not fits(dt, "dt"):
+        least, most, unit, _ = RANGES["dt"]
         raise ValueError(
-            f"dt = {dt!r} with mode='pit': expected the timestep in s, a finite number >= {LEAST_DT}, such as 1/60"
+            f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
+            "such as 1/60"
         )
     if fix is not None:
         choose("fix", fix, layout.FIXES)
 
 
-def check_whole(name: str, value: Any, least: int) -> None:
-    """Raises a ValueError unless `value` is a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-        raise ValueError(f"{name} = {value!r}: expected a whole number >= {least}")
-
-
-def _refuse_bad_motion(scene: Scene, name: str, array: Floats) -> None:
-    """Raises a ValueError if a velocity or spin is not finite, or a ball of infinite mass is to move."""
-    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
+def _refuse_bad_motion(scene: Scene, name: str, array: Floats, within: Range) -> None:
+    """Raises a ValueError if a velocity or spin is out of range, or a ball of infinite mass is to move."""
+    most = within.most
+    bad = np.argwhere(~(np.abs(array) <= most).all(axis=-1))
     if len(bad):
         at = tuple(bad[0])
         shot = f"shot {at[0]}, " if len(at) == 2 else ""
-        raise ValueError(f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected finite numbers")
+        raise ValueError(
+            f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected numbers from -{most:g} to {most:g} "
+            f"{within.unit}"
+        )
     for i in np.flatnonzero(np.isinf(scene.balls.mass)):
         if array[..., i, :].any():
             raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")
@@ -482,17 +481,15 @@ def check_shot(
         raise ValueError(
             f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
         )
-    limit = scene.physics.max_time if max_time is None else max_time
+    limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
     if limit is None:
         limit = np.inf
-    elif not 0 <= limit < np.inf:
-        raise ValueError(f"max_time = {max_time!r}: expected a finite number of seconds >= 0")
     _fill(balls[1], "velocities", velocities)
     _fill(balls[2], "spins", spins)
     if not _plainly_right(scene, balls, threads):
         check_positions(scene, balls[0], in_play=balls[3])
-        _refuse_bad_motion(scene, "velocities", balls[1])
-        _refuse_bad_motion(scene, "spins", balls[2])
+        _refuse_bad_motion(scene, "velocities", balls[1], RANGES["speed"])
+        _refuse_bad_motion(scene, "spins", balls[2], RANGES["spin"])
     return ShotInput(*balls, float(limit))
 
 
@@ -538,14 +535,17 @@ def simulate(
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. All are by default.
         record: Whether to keep the events and trajectories.
         max_time: The shot ends after so many seconds at the latest; the scene's own limit by default.
-        max_events: The shot is given up, with status "event_limit", after so many events.
+        max_events: The engine gives up the shot, with status "event_limit", after this number of events. "pit" also
+            gives up a shot, with status "step_limit", after `pit.MAX_STEPS` timesteps. So every shot ends.
 
     Returns:
         The balls at the end of the shot, and what happened.
 
     Raises:
-        ValueError: If balls overlap, lie outside the table or in a pocket, a value is not finite, a ball of infinite
-            mass is to move, or an argument is unknown or of the wrong shape.
+        ValueError: If balls overlap, lie outside the table or in a pocket, a value is outside its range (see
+            `checks.RANGES`), a ball of infinite mass is to move, or an argument is unknown or of the wrong shape.
+        TypeError: If an argument is of the wrong type.
+        KeyboardInterrupt: Within a second of a Ctrl-C; the arguments are unchanged then.
 
     Example:
         >>> scene = Scene.named("ideal")
@@ -554,7 +554,7 @@ def simulate(
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
     check_mode(mode, dt, fix)
-    check_whole("max_events", max_events, 0)
+    whole("max_events", max_events, "max_events")
     if np.ndim(positions) != 2:
         raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
     given = check_shot(scene, positions, velocities, spins, in_play, max_time)

@@ -14,12 +14,13 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
+from billiards_env.checks import choose, real, whole
 from billiards_env.engine import STATUS, ShotInput, check_mode
-from billiards_env.engine.log import CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
+from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, cue_ball_alone, shorten
 from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
-from billiards_env.scene import Scene, check_positions, choose
+from billiards_env.scene import Scene, check_positions
 
 # The layout a game of each task opens with.
 _OPENING = {
@@ -118,7 +119,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|
     | `shot_time` | float | duration of the shot, s |
     | `n_events` | int | events that the engine computed |
-    | `status` | str | why the shot ended: "rest", "max_time" or "event_limit" |
+    | `status` | str | why the shot ended: "rest", "max_time", "event_limit" or "step_limit" |
     | `first_hit` | int | the first ball that the cue ball touched, -1 if none |
     | `cushions` | (n,) int32 | cushion contacts of each ball in this shot |
     | `potted` | (n,) bool | the balls off the table after this shot |
@@ -129,7 +130,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `success` | bool | `pot`: all object balls potted, no scratch; other tasks: at least one point so far |
     | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
 
-    A shot that meets the engine's limit on events raises a `RuntimeWarning` as well; no ordinary shot does.
+    A shot that meets the engine's limit on events, or on timesteps, raises a `RuntimeWarning` as well; no ordinary shot
+    does.
 
     ## Many at Once
 
@@ -148,7 +150,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON.
+    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON. `billiards_env.checks.RANGES` states
+    what each number may be.
 
     | Argument | Type | Default | Description |
     |---|---|---|---|
@@ -213,21 +216,15 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.mode = mode
         self.dt = dt
         self.fix = fix
-        if isinstance(max_shots, bool) or not isinstance(max_shots, (int, np.integer)) or max_shots < 1:
-            raise ValueError(f"max_shots = {max_shots!r}: expected a whole number >= 1")
-        self.max_shots = int(max_shots)
-        self.max_speed = _number("max_speed", max_speed)
-        if self.max_speed <= 0:
-            raise ValueError(f"max_speed = {max_speed!r}: expected a speed > 0 in m/s")
+        self.max_shots = whole("max_shots", max_shots, "max_shots")
+        self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = _OPENING[task] if layout is None else layout
         # One throw-away draw, for a layout that does not suit the scene to be refused here and not at some reset.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         if not isinstance(observe_shots_left, (bool, np.bool_)):
             raise ValueError(f"observe_shots_left = {observe_shots_left!r}: expected True or False")
         self.observe_shots_left = bool(observe_shots_left)
-        self.scratch_penalty = _number("scratch_penalty", scratch_penalty)
-        if self.scratch_penalty < 0:
-            raise ValueError(f"scratch_penalty = {scratch_penalty!r}: expected a number >= 0, it is subtracted")
+        self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
@@ -289,7 +286,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             TypeError: If the options are no mapping.
         """
         placed, goal = placed_by_hand(self.scene, self.task, options)
-        super().reset(seed=seed)
+        super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         tables = self._tables
         tables.shots.positions[0] = layouts.draw_one(tables.plan, self.np_random) if placed is None else placed
         if tables.goal_plan is not None:
@@ -302,6 +299,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
+
+        If it is interrupted (by Ctrl-C), the balls lie where they lay before, and the shot can be played again.
 
         Args:
             action: (2,) the cue ball's velocity over `max_speed`.
@@ -327,7 +326,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         counts = shots.counts[0].tolist()
         points, score, shots_left, success = tables.tally[0].tolist()
         status = STATUS[counts[ENDED]]
-        if status == "event_limit":
+        if counts[ENDED] >= AT_EVENT_LIMIT:
             warn_cut_off(tables, 0, self.scene, aimed)
         info = {
             "shot_time": shots.times.item(),
@@ -534,7 +533,7 @@ def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
 
 
 def warn_cut_off(tables: Tables, k: int, scene: Scene, action: NDArray[np.float64]) -> None:
-    """Warns that the shot on table k met the engine's limit on events."""
+    """Warns that the shot on table k met the engine's limit on events or timesteps."""
     n_events, time = tables.shots.counts[k, N_EVENTS], tables.shots.times[k]
     warnings.warn(
         f"a shot was cut off at the engine's limit, after {n_events} events and {time} s; "
@@ -542,11 +541,3 @@ def warn_cut_off(tables: Tables, k: int, scene: Scene, action: NDArray[np.float6
         RuntimeWarning,
         stacklevel=3,
     )
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{name} = {value!r}: expected a number")
-    if not math.isfinite(value):
-        raise ValueError(f"{name} = {value!r}: expected a finite number")
-    return float(value)

@@ -20,9 +20,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import Range, choose, real, whole
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
-from billiards_env.scene import Scene, choose
+from billiards_env.scene import Scene
 
 FRAMES = ("polar", "cut", "sum_to_three")
 BALLS = ("nearest", "first")
@@ -69,10 +70,9 @@ class Frame:
         choose("frame", name, FRAMES)
         if isinstance(ball, str):
             choose("ball", ball, BALLS)
-        elif isinstance(ball, bool) or not isinstance(ball, (int, np.integer)) or not 1 <= ball < scene.n_balls:
-            raise ValueError(f"ball = {ball!r}: expected 'nearest', 'first' or a number from 1 to {scene.n_balls - 1}")
-        if not 0 <= least_speed <= max_speed:
-            raise ValueError(f"least_speed = {least_speed!r}: expected a speed from 0 to max_speed = {max_speed} m/s")
+        else:
+            whole("ball", ball, Range(1, scene.n_balls - 1, ", 'nearest' or 'first'"))
+        least_speed = real("least_speed", least_speed, Range(0.0, max_speed, "m/s, max_speed"))
         fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1]
         if name == "sum_to_three" and max_speed < fastest:
             raise ValueError(f"max_speed = {max_speed!r} with frame 'sum_to_three': expected at least {fastest} m/s")

@@ -137,6 +137,8 @@ class Tables:
     ) -> None:
         """Plays a shot on each table that is not to keep still, and tells what it was worth.
 
+        If it is interrupted, the balls of these tables lie where they lay before.
+
         Args:
             begin: First table.
             end: One past the last.
@@ -150,7 +152,12 @@ class Tables:
         """
         shots, before = self.shots, self.potted_before
         aim(begin, end, still, actions, max_speed, *self._aimed)
-        self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._plain_shots, NO_LOG)
+        try:
+            self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._plain_shots, NO_LOG)
+        except BaseException:
+            shots.positions[begin:end] = self.starts[begin:end]
+            shots.in_play[begin:end] = ~before[begin:end]
+            raise
         settle(
             begin,
             end,

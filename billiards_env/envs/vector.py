@@ -12,12 +12,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import streams
+from billiards_env.checks import choose, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
 from billiards_env.envs.billiards import BilliardsEnv, goal_circles, placed_by_hand, warn_cut_off
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.envs.tables import POINTS, SCORE, SHOTS_LEFT, SUCCESS
-from billiards_env.scene import choose
 
 Bools = NDArray[np.bool_]
 
@@ -75,11 +75,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         threads: int | None = None,
         **arguments: Any,
     ) -> None:
-        self.num_envs = _count("num_envs", num_envs)
+        self.num_envs = whole("num_envs", num_envs, "num_envs")
         if not isinstance(autoreset_mode, AutoresetMode):
             choose("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.threads = None if threads is None else _count("threads", threads)
+        self.threads = None if threads is None else whole("threads", threads, "threads")
         self.single_env = BilliardsEnv(**arguments)
         env = self.single_env
         self.render_mode = env.render_mode
@@ -171,6 +171,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             tables.draw(begin, end, mask, self._rows, balls=placed is None, goals=goals is None)
             tables.start(begin, end, mask, observations)
 
+        self._begun &= ~mask  # should the work be interrupted
         spread(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
@@ -179,6 +180,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, save those that this step resets.
+
+        A step that is interrupted (by Ctrl-C) leaves the environments as they were before it.
 
         Args:
             actions: (num_envs, 2) the cue balls' velocities over `max_speed`.
@@ -208,7 +211,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         at_once = self.autoreset_mode is AutoresetMode.SAME_STEP
         rewards, potted, seen = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
         over, tally = np.empty(m, np.bool_), np.empty_like(tables.tally)
-        goals = tables.goals[: self._n_shown()].copy()
+        goals = tables.goals if self._renderer is None else tables.goals[: self._n_shown()].copy()
         observations = self._new_observations() if at_once else seen
 
         def work(begin: int, end: int) -> None:
@@ -222,7 +225,16 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 tables.draw(begin, end, over, self._rows)
                 tables.start(begin, end, over, observations)
 
-        spread(work, m, self.threads)
+        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, tables.tally)]
+        if resets or at_once:
+            before += [(array, array.copy()) for array in (self._rows, tables.goals)]
+        try:
+            spread(work, m, self.threads)
+        except BaseException:
+            tables.over[...] = still
+            for array, values in before:
+                array[...] = values
+            raise
         if self._renderer is not None:
             self._renderer.step(
                 [
@@ -230,7 +242,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                     for k in range(self._n_shown())
                 ]
             )
-        cut_off = (shots.counts[:, ENDED] == AT_EVENT_LIMIT) & ~still
+        cut_off = (shots.counts[:, ENDED] >= AT_EVENT_LIMIT) & ~still
         if cut_off.any():
             k = int(np.argmax(cut_off))
             warn_cut_off(tables, k, env.scene, aimed[k])
@@ -306,14 +318,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """One seed an environment, or None."""
         if seed is None:
             return None
-        seeds: Sequence[int | None]
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else list(seed)
+        if isinstance(seed, (int, np.integer)):
+            seed = [int(seed) + i for i in range(self.num_envs)]
+        seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one an environment")
-        for i, value in enumerate(seeds):
-            if value is not None and (not isinstance(value, int) or value < 0):
-                raise ValueError(f"seed of environment {i} = {value!r}: expected a whole number >= 0 or None")
-        return seeds
+        return [v if v is None else whole(f"seed of environment {i}", v, "seed") for i, v in enumerate(seeds)]
 
     def _checked_mask(self, mask: Any) -> Bools:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
@@ -336,12 +346,6 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                     f"action of environment {bad[0]} = {aimed[bad[0]].tolist()}: expected two finite numbers"
                 )
         return aimed
-
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise ValueError(f"{name} = {value!r}: expected a whole number >= 1")
-    return int(value)
 
 
 def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import real
 from billiards_env.envs.frames import Frame, perturb
 
 Floats = NDArray[np.float64]
@@ -155,6 +156,8 @@ class VectorExecutionNoise(VectorWrapper):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Starts episodes; seeds seed the noise as well as the environments."""
+        if isinstance(seed, np.integer):
+            seed = int(seed)
         chosen = np.ones(self.num_envs, np.bool_)
         if options is not None and "reset_mask" in options:
             chosen = np.array(options["reset_mask"])  # before SyncVectorEnv takes it out of the options
@@ -184,10 +187,8 @@ class VectorExecutionNoise(VectorWrapper):
 
 def _scales(angle_std: float, speed_std: float, max_speed: float) -> Floats:
     """The standard deviations, checked, in half turns and shares of `max_speed`."""
-    for name, value in (("angle_std", angle_std), ("speed_std", speed_std)):
-        if not 0 <= value < np.inf:
-            raise ValueError(f"{name} = {value!r}: expected a finite number >= 0")
-    return np.array([angle_std / 180.0, speed_std / max_speed])
+    angle, speed = real("angle_std", angle_std, "angle_std"), real("speed_std", speed_std, "speed_std")
+    return np.array([angle / 180.0, speed / max_speed])
 
 
 def _stream(seed: int | None) -> np.random.Generator:

@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Mapping
 from typing import Any, cast
@@ -26,12 +25,12 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
+from billiards_env.checks import choose, real, whole
 from billiards_env.envs.billiards import cue_velocity, make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
 from billiards_env.games.places import Point, room
 from billiards_env.games.play import History, Played, Setup, Stroke, Table, opening, play, set_table
 from billiards_env.games.rules import RULES
-from billiards_env.scene import choose
 
 try:
     import pettingzoo
@@ -161,12 +160,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.layout = layout
         # One throw-away draw, for a layout that does not suit the game to be refused here and not at some reset.
         opening(self.setup, np.random.default_rng(0), layout)
-        if isinstance(max_shots, bool) or not isinstance(max_shots, (int, np.integer)) or max_shots < 1:
-            raise ValueError(f"max_shots = {max_shots!r}: expected a whole number >= 1")
-        self.max_shots = int(max_shots)
-        if isinstance(max_speed, bool) or not isinstance(max_speed, (int, float)) or not 0 < max_speed < math.inf:
-            raise ValueError(f"max_speed = {max_speed!r}: expected a finite speed > 0 in m/s")
-        self.max_speed = float(max_speed)
+        self.max_shots = whole("max_shots", max_shots, "max_shots")
+        self.max_speed = real("max_speed", max_speed, "max_speed")
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
@@ -248,7 +243,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         stroke = self._stroke(action)
         played = play(self.setup, self.table, stroke)
         shot, verdict = played.shot, played.verdict
-        if shot.status == "event_limit":
+        if shot.status in ("event_limit", "step_limit"):
             warnings.warn(
                 f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "
                 f"setup {self.setup}, positions {self.table.positions.tolist()}, stroke {stroke}",

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
+from billiards_env.checks import Range, choose, real, whole
 from billiards_env.engine import ShotInput, ShotResult, check_mode, run_checked
 from billiards_env.games.places import Point, cue_place, spot_place
 from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, State, Verdict, after, facts_of
-from billiards_env.scene import Scene, check_positions, choose
+from billiards_env.scene import Scene, check_positions
 
 LAYOUTS = ("rack", "tight_rack", "random")
 """The layouts that a game of pockets may open with; a carom game opens with its own."""
@@ -26,12 +27,6 @@ _DECIDES = {"eight_ball": (8,), "nine_ball": (9,)}
 
 SCORES = 1_000_000
 """No score is larger, nor smaller than minus that."""
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise ValueError(f"{name} = {value!r}: expected a whole number from {least} to {most}")
-    return int(value)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -75,7 +70,7 @@ class Setup:
         for i, mass in enumerate(self.scene.balls.mass):
             if math.isinf(mass):
                 raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected balls that can move")
-        object.__setattr__(self, "n_players", _whole("n_players", self.n_players, *rules.n_players))
+        object.__setattr__(self, "n_players", whole("n_players", self.n_players, Range(*rules.n_players)))
         if rules.target is None:
             if self.target is not None:
                 raise ValueError(
@@ -83,7 +78,7 @@ class Setup:
                 )
         else:
             target = rules.target if self.target is None else self.target
-            object.__setattr__(self, "target", _whole("target", target, 0, SCORES))
+            object.__setattr__(self, "target", whole("target", target, Range(0, SCORES)))
         check_mode(self.mode, self.dt, self.fix)
         if self.dt is not None:
             object.__setattr__(self, "dt", float(self.dt))
@@ -259,8 +254,8 @@ def set_table(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | Non
         choose("key of state", key, tuple(sorted(fields)))
     values: dict[str, Any] = {name: given.get(name, getattr(start, name)) for name in fields}
     n, players = setup.scene.n_balls, setup.n_players
-    _whole("state.player", values["player"], 0, players - 1)
-    _whole("state.solids", values["solids"], -1, players - 1 if setup.rules == "eight_ball" else -1)
+    whole("state.player", values["player"], Range(0, players - 1))
+    whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
     for name, kind in (
         ("scores", (list, tuple)),
         ("on_table", (list, tuple, set, frozenset)),
@@ -270,7 +265,7 @@ def set_table(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | Non
             raise ValueError(f"state.{name} = {values[name]!r}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
             limits = (-SCORES, SCORES) if name == "scores" else (0, n - 1)
-            _whole(f"state.{name}[{i}]", value, *limits)
+            whole(f"state.{name}[{i}]", value, Range(*limits))
     if len(values["scores"]) != players:
         raise ValueError(f"state.scores = {values['scores']!r}: expected {players}, one a player")
     if setup.target and max(values["scores"]) >= setup.target:
@@ -313,7 +308,8 @@ def play(setup: Setup, table: Table, stroke: Stroke) -> Played:
         The table after it, and what happened.
 
     Raises:
-        ValueError: If the game is over, a number is not finite, or a place is missing or is not asked for.
+        ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), or a place is missing or
+            is not asked for.
     """
     state = table.state
     if state.over:
@@ -321,9 +317,12 @@ def play(setup: Setup, table: Table, stroke: Stroke) -> Played:
     if (stroke.place is None) != (state.in_hand == "no"):
         wanted = "None, the cue ball is not in hand" if state.in_hand == "no" else "a place, the cue ball is in hand"
         raise ValueError(f"stroke.place = {stroke.place!r}: expected {wanted}")
-    for name, pair in zip(stroke._fields, stroke, strict=True):
-        if pair is not None and not (len(pair) == 2 and all(map(math.isfinite, pair))):
-            raise ValueError(f"stroke.{name} = {pair!r}: expected two finite numbers")
+    for name, pair, within in zip(stroke._fields, stroke, ("speed", "coordinate"), strict=True):
+        if pair is not None:
+            if len(pair) != 2:
+                raise ValueError(f"stroke.{name} = {pair!r}: expected two numbers")
+            for i, value in enumerate(pair):
+                real(f"stroke.{name}[{i}]", value, within)
     scene, cue, n = setup.scene, state.cue_balls[0], setup.scene.n_balls
     positions = table.positions.copy()
     if stroke.place is not None:

@@ -269,7 +269,7 @@ def solve_plastic(count, contacts, inv_mass, scratch):
 @inlined
 def _changed(value, change, change_lo, residue):
     """Returns value + change, rounded once, and zero where it is no more than the residue of terms that cancel."""
-    x, x_lo = add(value, 0.0, change, change_lo)
+    x = add(value, 0.0, change, change_lo)[0]
     if abs(x) < 2.0**50 * residue:
         shift = 1.5 * 2.0**52 * residue
         x = (x + shift) - shift

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -16,12 +17,14 @@ from typing import Any, TypeVar
 import numba
 from numba.core import config as _numba_config
 from numba.core import event as _event
+from numba.core.caching import FunctionCache as _FunctionCache
 from numba.core.registry import CPUDispatcher as _CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 KERNEL_SOURCES = (
+    "checks.py",
     "physics/*.py",
     "engine/*.py",
     "streams.py",
@@ -57,13 +60,29 @@ def _writable(folder: Path) -> bool:
 def cache_folder() -> Path | None:
     """Where compiled kernels are kept, or None if no such place can be written.
 
-    In turn: the environment's `NUMBA_CACHE_DIR`, the package's `__pycache__`, the user's cache folder.
+    In turn: the environment's `NUMBA_CACHE_DIR`, the package's `__pycache__`, the user's cache folder. Warns if it is
+    not the first.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
-    places = [Path(given)] if given else [_PACKAGE / "__pycache__", user]
+    places = [*([Path(given)] if given else []), _PACKAGE / "__pycache__", user]
     name = f"kernels-{source_hash()}"
-    return next((place / name for place in places if _writable(place / name)), None)
+    found = next((place / name for place in places if _writable(place / name)), None)
+    if found is None:
+        warnings.warn(
+            "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "
+            "they are compiled anew in every process",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    elif given and found.parent != Path(given):
+        warnings.warn(
+            f"NUMBA_CACHE_DIR = {given!r}: expected a folder that can be written; billiards_env keeps its compiled "
+            f"kernels in {found}",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+    return found
 
 
 _FOLDER = cache_folder()
@@ -171,6 +190,34 @@ def _with_room(function: Callable[..., Any], *args: Any) -> Any:
 _with_room.__code__ = _with_room.__code__.replace(co_stacksize=2**17)  # words
 
 
+class _Cache(_FunctionCache):
+    """Numba's cache of a function's machine code on disk.
+
+    A damaged file is discarded, and code that cannot be written is not kept; both with a line on stderr.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The machine code for a signature, or None if it has to be compiled."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # unpickling half a file may raise any
+            self._say("discards a damaged cache file", error)
+            with contextlib.suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keeps the machine code for a signature, if it can."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:  # such as a full disk
+            self._say("cannot keep compiled code", error)
+
+    def _say(self, what: str, error: Exception) -> None:
+        function = f"{self._py_func.__module__}.{self._py_func.__qualname__}"
+        print(f"billiards_env: {what}: {function} in {self.cache_path} ({error!r})", file=sys.stderr)
+
+
 _ENTRY_POINTS: set[Callable[..., Any]] = set()
 _event.register("numba:compile", _Announcer())
 
@@ -184,18 +231,13 @@ def _compiled_with_room(dispatcher: Any) -> Any:
 def entry_point(function: F) -> F:
     """A kernel that Python calls, and that may make arrays: its machine code, callees included, is cached on disk."""
     _ENTRY_POINTS.add(function)
-    if _FOLDER is None:
-        warnings.warn(
-            "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "
-            "they are compiled anew in every process",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-        return _compiled_with_room(_jit(**_OPTIONS)(function))
-    # numba reads the folder when the function is decorated; other packages' kernels keep theirs.
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = str(_FOLDER)
-    try:
-        return _compiled_with_room(_jit(**_OPTIONS, cache=True)(function))
-    finally:
-        _config.CACHE_DIR = before
+    dispatcher = _jit(**_OPTIONS)(function)
+    if _FOLDER is not None and not _config.DISABLE_JIT:
+        # numba reads the folder when the cache is made; other packages' kernels keep theirs.
+        before = _config.CACHE_DIR
+        _config.CACHE_DIR = str(_FOLDER)
+        try:
+            dispatcher._cache = _Cache(function)
+        finally:
+            _config.CACHE_DIR = before
+    return _compiled_with_room(dispatcher)

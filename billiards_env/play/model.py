@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.checks import MAX_SPEED, Range, real
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import ShotResult, run_checked
@@ -185,9 +186,13 @@ def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt
         The model.
 
     Raises:
-        ValueError: If there are not as many players as in the game, or a stroke cannot be played.
+        ValueError: If there are not as many players as in the game, a stroke cannot be played, or a number is outside
+            its range.
     """
     setup = history.setup
+    max_speed = real("max_speed", max_speed, Range(LEAST_SPEED, MAX_SPEED, "m/s"))
+    ghost_dt = real("dt", ghost_dt, "dt")
+    pace = real("pace", pace, Range(1e-3, 1e3))
     if len(players) != setup.n_players:
         raise ValueError(f"{len(players)} players: expected {setup.n_players}, as the game has")
     tables, last = [history.opening], None

@@ -1,5 +1,4 @@
 import json
-import pickle
 import shutil
 
 import gymnasium as gym
@@ -165,9 +164,21 @@ def test_loading_runs_no_code_from_the_file(trained, tmp_path):
     shutil.copytree(trained, tmp_path / "run")
     weights = torch.load(trained / "policy.pt")
     torch.save({**weights, "log_std": Pickled(tmp_path / "ran")}, tmp_path / "run" / "policy.pt")
-    with pytest.raises(pickle.UnpicklingError):
+    with pytest.raises(ValueError, match=r"policy.pt does not hold a policy's weights: Weights only load failed"):
         load_policy(tmp_path / "run")
     assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_policy_that_is_cut_off_is_refused_with_its_file(trained, tmp_path, share):
+    """Before, an empty file ended in a bare EOFError."""
+    shutil.copytree(trained, tmp_path / "run")
+    content = (trained / "policy.pt").read_bytes()
+    (tmp_path / "run" / "policy.pt").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ValueError, match=r"run.policy.pt does not hold a policy's weights: \w"):
+        load_policy(tmp_path / "run")
+    with pytest.raises(SystemExit, match=r"error: .*run.policy.pt does not hold a policy's weights"):
+        main([str(tmp_path / "run")])
 
 
 @pytest.mark.parametrize(

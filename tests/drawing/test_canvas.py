@@ -168,7 +168,7 @@ def test_odd_tables_fit():
 
 @pytest.mark.parametrize("width", [0, 159, 10**5, 320.0, True, "wide"])
 def test_impossible_widths_are_refused(width):
-    with pytest.raises(ValueError, match=r"width = .*: expected a whole number of pixels from 160 to 7680"):
+    with pytest.raises(ValueError, match=r"width = .*: expected a whole number from 160 to 7680 pixels"):
         Canvas(Scene.named("pool"), width)
 
 

@@ -213,11 +213,11 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
 
     hi = lo = 0.0
     while True:
-        next_hi, next_lo, a, b = math.inf, 0.0, -1, -1
+        next_hi, next_lo, b = math.inf, 0.0, -1
         for i in range(n):
             for j in range(i + 1, n):
                 if pair[i, j] < next_hi or (pair[i, j] == next_hi and pair_lo[i, j] < next_lo):
-                    next_hi, next_lo, a, b = pair[i, j], pair_lo[i, j], i, j
+                    next_hi, next_lo, b = pair[i, j], pair_lo[i, j], j
         rank = 1  # of kinds at one instant: pocket 0, ball-ball 1, cushion 2, phase change 3
         for i in range(n):
             t, t_lo = own[i, 0], own[i, 1]
@@ -225,7 +225,7 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
                 continue
             r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
             if t < next_hi or t_lo < next_lo or (t_lo == next_lo and r < rank):
-                next_hi, next_lo, a, b, rank = t, t_lo, i, -1, r
+                next_hi, next_lo, b, rank = t, t_lo, -1, r
         if next_hi > limit:
             if limit < math.inf:
                 for i in range(n):

@@ -26,8 +26,9 @@ def ideal(*masses, e=1.0, max_time=10.0, **kwargs):
 
 
 def recurrence(ratio, e):
-    """Velocity of a ball of `ratio` times the mass, after it drove a resting one against a wall at 1 m/s; the light ball
-    meets the heavy one and the wall in turn, until it is too slow to catch up."""
+    """Velocity of a heavy ball that drove a resting one, of 1/ratio its mass, against a wall at 1 m/s.
+
+    The light ball meets the heavy one and the wall in turn, until it is too slow to catch up."""
     heavy, light = -1.0, 0.0
     while max(abs(heavy), abs(light)) > 1e-12:
         if heavy < light:

@@ -155,10 +155,10 @@ def test_leading_axes_do_not_matter_and_actions_are_clipped(frame):
     [
         (("cute",), r"frame = 'cute': expected one of .* \(did you mean 'cut'\?\)"),
         (("cut", "near"), r"ball = 'near': expected one of"),
-        (("cut", 0), "ball = 0: expected 'nearest', 'first' or a number from 1 to 1"),
+        (("cut", 0), "ball = 0: expected a whole number from 1 to 1, 'nearest' or 'first'"),
         (("cut", 2), "ball = 2"),
         (("cut", True), "ball = True"),
-        (("polar", "nearest", 4.1), "least_speed = 4.1: expected a speed from 0 to max_speed = 4.0 m/s"),
+        (("polar", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),
         (("polar", "nearest", -1.0), "least_speed = -1.0"),
         (("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
     ],
@@ -348,7 +348,7 @@ def test_seeds_of_a_list_and_of_a_mask_seed_the_noise(build):
 
 @pytest.mark.parametrize("scales", [(-0.1, 0.0), (0.0, np.nan), (np.inf, 0.0)])
 def test_impossible_noise_is_refused(scales):
-    with pytest.raises(ValueError, match=r"_std = .*: expected a finite number >= 0"):
+    with pytest.raises(ValueError, match=r"_std = .*: expected a number from 0 to "):
         ExecutionNoise(make(), *scales)
-    with pytest.raises(ValueError, match=r"_std = .*: expected a finite number >= 0"):
+    with pytest.raises(ValueError, match=r"_std = .*: expected a number from 0 to "):
         VectorExecutionNoise(gym.make_vec("Billiards-v0", 2), *scales)

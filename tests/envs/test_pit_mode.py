@@ -170,9 +170,9 @@ def test_its_arguments_survive_json():
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
-        ({"mode": "pit"}, "dt = None with mode='pit': expected the timestep in s"),
-        ({"mode": "pit", "dt": 0}, "dt = 0 with mode='pit': expected the timestep in s"),
-        ({"mode": "pit", "dt": "1/60"}, "dt = '1/60' with mode='pit': expected the timestep in s"),
+        ({"mode": "pit"}, "dt = None with mode='pit': expected the timestep, a number from 1e-09"),
+        ({"mode": "pit", "dt": 0}, "dt = 0 with mode='pit': expected the timestep, a number from 1e-09"),
+        ({"mode": "pit", "dt": "1/60"}, "dt = '1/60' with mode='pit': expected the timestep, a number from 1e-09"),
         ({"mode": "pit", "dt": 0.1, "fix": "moveback"}, "fix = 'moveback': expected one of .*did you mean 'move_back'"),
         ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
         ({"fix": "none"}, "fix = 'none' with mode='pic': expected None"),

@@ -16,6 +16,7 @@ from gymnasium.wrappers import vector as wrappers
 
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, tables
 from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.wrappers import VectorExecutionNoise
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene
 
@@ -288,11 +289,11 @@ def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
 @pytest.mark.parametrize(
     ("kwargs", "error", "message"),
     [
-        ({"num_envs": 0}, ValueError, "num_envs = 0: expected a whole number >= 1"),
-        ({"num_envs": 1.5}, ValueError, "num_envs = 1.5: expected a whole number >= 1"),
-        ({"threads": 0}, ValueError, "threads = 0: expected a whole number >= 1"),
+        ({"num_envs": 0}, ValueError, "num_envs = 0: expected a whole number from 1 to 10000000"),
+        ({"num_envs": 1.5}, ValueError, "num_envs = 1.5: expected a whole number from 1 to 10000000"),
+        ({"threads": 0}, ValueError, "threads = 0: expected a whole number from 1 to 1024"),
         ({"autoreset_mode": "SameStp"}, ValueError, "autoreset_mode = 'SameStp': .*did you mean 'SameStep'"),
-        ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number >= 1"),
+        ({"max_shots": 0}, ValueError, "max_shots = 0: expected a whole number from 1 to 1000000000"),
         ({"scene": "pol"}, ValueError, "did you mean 'pool'"),
         ({"max_shot": 1}, TypeError, "max_shot"),
         ({"render_mode": "ansi"}, ValueError, "render_mode = 'ansi'"),
@@ -389,3 +390,19 @@ def test_ten_million_steps_take_no_more_memory_than_a_million():
             envs.step(actions[k % 16])
         most.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     assert most[1] <= 1.01 * most[0]
+
+
+def test_a_seed_may_be_a_whole_number_of_numpy():
+    """Before, `reset(seed=np.int64(3))` failed."""
+
+    def first(wrap=lambda envs: envs, **given):
+        return wrap(gym.make_vec("Billiards-v0", num_envs=2)).reset(**given)[0].tobytes()
+
+    for wrap in (lambda envs: envs, VectorExecutionNoise):
+        assert first(wrap, seed=np.int64(3)) == first(wrap, seed=3)
+        assert first(wrap, seed=[np.int64(3), np.uint8(4)]) == first(wrap, seed=3)
+    env: Any = gym.make("Billiards-v0").unwrapped
+    assert env.reset(seed=np.int64(3))[0].tobytes() == env.reset(seed=3)[0].tobytes()
+    for seed in (np.float64(3), [True, 2], [np.int64(-1), 2]):
+        with pytest.raises((TypeError, ValueError)):
+            first(seed=seed)

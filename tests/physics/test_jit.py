@@ -61,12 +61,17 @@ def test_the_cache_lies_in_the_package_under_the_sources_hash(package):
     assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
 
 
-def test_the_environment_s_folder_is_used_alone(package, monkeypatch, tmp_path):
+def test_the_environment_s_folder_comes_first(package, monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
     assert jit.cache_folder() == tmp_path / "given" / f"kernels-{jit.source_hash()}"
+
+
+def test_an_environment_s_folder_that_cannot_be_written_falls_back_to_the_others(package, monkeypatch, tmp_path):
+    """Before, nothing was kept then."""
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    assert jit.cache_folder() is None
+    with pytest.warns(RuntimeWarning, match=r"NUMBA_CACHE_DIR = .*file': expected a folder that can be written"):
+        assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
 
 
 def test_a_package_that_cannot_be_written_falls_back_to_the_user_s_cache(package):
@@ -77,10 +82,10 @@ def test_a_package_that_cannot_be_written_falls_back_to_the_user_s_cache(package
 def test_without_a_folder_kernels_still_compile_and_a_warning_says_so(package, monkeypatch):
     (package / "__pycache__").touch()
     (package / "user").touch()
-    assert jit.cache_folder() is None
-    monkeypatch.setattr(jit, "_FOLDER", None)
     with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR to one"):
-        double = jit.entry_point(lambda x: 2 * x)
+        assert jit.cache_folder() is None
+    monkeypatch.setattr(jit, "_FOLDER", None)
+    double = jit.entry_point(lambda x: 2 * x)
     assert double(3) == 6
 
 
@@ -133,6 +138,50 @@ def double(x):
     return 2 * x
 assert double(3) == 6
 """
+
+
+def shoot(tmp_path, cache):
+    """Runs SHOOTS with a cache folder; returns what it says on stderr, line by line."""
+    (tmp_path / "shoots.py").write_text(SHOOTS)
+    root = Path(jit.__file__).parents[2]
+    env = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}"}
+    start = [sys.executable, "-m", "shoots"]
+    return subprocess.run(start, env=env, check=True, capture_output=True, text=True).stderr.splitlines()
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_truncated_cache_is_discarded_with_one_line(tmp_path, suffix, share):
+    """Before, numba's EOFError or UnpicklingError ended every process until the folder was deleted."""
+    assert shoot(tmp_path, tmp_path / "cache") == []
+    (path,) = (tmp_path / "cache").glob(f"kernels-*/**/*.{suffix}")
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    (line,) = shoot(tmp_path, tmp_path / "cache")
+    assert line.startswith("billiards_env: discards a damaged cache file: __main__.double in ")
+    assert shoot(tmp_path, tmp_path / "cache") == []
+    assert path.stat().st_size > 0
+
+
+def test_a_cache_that_cannot_be_written_to_is_mentioned_and_the_call_goes_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(jit, "_FOLDER", tmp_path)
+
+    def fail(self, key, data):
+        raise OSError("disk full")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", fail)
+    assert calling(jit.kernel(lambda x: 2 * x))(3) == 7
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("billiards_env: cannot keep compiled code: ")
+
+
+def test_one_process_warns_once_of_a_cache_folder_that_cannot_be_written(tmp_path):
+    """Before, each of the entry points repeated it."""
+    (tmp_path / "file").touch()
+    code = "import warnings; warnings.simplefilter('always'); from billiards_env import engine, envs"
+    env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "file"), "PYTHONPATH": str(Path(jit.__file__).parents[2])}
+    done = subprocess.run([sys.executable, "-c", code], env=env, check=True, capture_output=True, text=True)
+    assert done.stderr.count("RuntimeWarning") == done.stderr.count("NUMBA_CACHE_DIR = ") == 1
 
 
 def test_processes_that_compile_at_once_share_one_cache(tmp_path):
@@ -216,7 +265,6 @@ def test_entry_points_are_compiled_with_room(monkeypatch):
     roomy = []
     monkeypatch.setattr(jit, "_with_room", lambda function, *args: roomy.append(args) or function(*args))
     monkeypatch.setattr(jit, "_FOLDER", None)
-    with pytest.warns(RuntimeWarning, match="compiled anew"):
-        twice = jit.entry_point(lambda x: 2 * x)
+    twice = jit.entry_point(lambda x: 2 * x)
     assert twice(3) == 6
     assert len(roomy) == 1

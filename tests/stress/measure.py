@@ -90,7 +90,8 @@ def blocks(k: int, wall: str = "cushion") -> int:
     The wall is a cushion or a ball of infinite mass. There are floor(pi 10^k) collisions.
     """
     radius, heavy = 0.03125, 1
-    masses, x = (1.0, 100.0**k), [-31.5, -31.0]
+    unit = 2.0**-20  # kg, as `checks.RANGES` allows no 10^10; a power of two, so nothing is rounded otherwise
+    masses, x = (unit, unit * 100.0**k), [-31.5, -31.0]
     if wall == "ball":
         masses, x = (*masses, math.inf), [-0.5, 0.0, -1.0]
     scene = gas(len(masses), 64.0, 1.0, radius, masses)  # room to the right for slow last collisions

@@ -1,0 +1,196 @@
+"""Ctrl-C during long calls. The calls run in a process of their own, which this file is the program of."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.engine import simulate, simulate_batch
+from billiards_env.engine.shot import CROWD
+from billiards_env.scene import Balls, Physics, Scene, Table
+
+LONG = 10**9  # events
+REACTS = 10.0  # s; it is hundredths of that, but the machine may be busy
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no process can be sent a Ctrl-C there")
+
+
+def gas(n: int) -> tuple[Scene, np.ndarray, np.ndarray]:
+    """Elastic, frictionless balls on a lattice that never come to rest: scene, positions and velocities."""
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=1e9)
+    columns = int(np.ceil(np.sqrt(n)))
+    side = 0.2 * columns
+    scene = Scene(Balls.uniform(n, 0.03), Table(side, side), physics)
+    places = np.array([(i % columns, i // columns) for i in range(n)]) * 0.2 + 0.1 - side / 2
+    return scene, places, np.random.default_rng(0).normal(size=(n, 2))
+
+
+def run_one(n: int, **options: Any) -> None:
+    """Runs one long shot, and checks that it leaves its arguments alone and that the next one works."""
+    scene, places, velocities = gas(n)
+    before = places.copy(), velocities.copy()
+    expected = simulate(scene, places, velocities, max_time=0.1).positions
+    try:
+        simulate(scene, places, velocities, max_events=LONG, **options)
+    finally:
+        assert (places == before[0]).all()
+        assert (velocities == before[1]).all()
+        assert (simulate(scene, places, velocities, max_time=0.1).positions == expected).all()
+
+
+def run_batch(m: int, n: int, threads: int | None, max_time: float, **options: Any) -> None:
+    """Runs m shots, and checks the same."""
+    scene, places, velocities = gas(n)
+    many = np.tile(places, (m, 1, 1)), np.tile(velocities, (m, 1, 1))
+    expected = simulate(scene, places, velocities, max_time=0.1).positions
+    try:
+        simulate_batch(scene, *many, threads=threads, max_time=max_time, max_events=LONG, **options)
+    finally:
+        assert (many[0] == places).all()
+        assert (many[1] == velocities).all()
+        again = simulate_batch(scene, many[0][:4], many[1][:4], threads=threads, max_time=0.1)
+        assert (again.positions == expected).all()
+
+
+def step_one(**options: Any) -> None:
+    """Plays a long shot in the environment, and checks that the balls lie where they lay."""
+    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom", "max_shots": 3, **options}
+    env: Any = gym.make("Billiards-v0", **arguments).unwrapped
+    env.reset(seed=0)
+    before = env.positions, env.potted
+    try:
+        env.step([1.0, 0.3])
+    finally:
+        assert (env.positions == before[0]).all()
+        assert (env.potted == before[1]).all()
+        assert not env._tables.over[0]
+        env.reset(seed=0)
+        assert (env.positions == before[0]).all()
+
+
+def step_many(num_envs: int, threads: int | None, mode: str) -> None:
+    """Plays long shots in the vector environment, and checks that it is as it was."""
+    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom"}
+    envs: Any = gym.make_vec(
+        "Billiards-v0", num_envs, vectorization_mode=None, threads=threads, autoreset_mode=mode, **arguments
+    )
+    envs.reset(seed=0)
+
+    def now() -> list[Any]:
+        tables = envs._tables
+        return [a.copy() for a in (envs.positions, envs.potted, tables.tally, tables.over, envs._rows)]
+
+    before = now()
+    actions = np.tile([1.0, 0.3], (num_envs, 1))
+    actions[: num_envs // 10] = 0.0  # these shots are over at once
+    try:
+        envs.step(actions)
+    finally:
+        for was, is_now in zip(before, now(), strict=True):
+            assert (was == is_now).all()
+        envs.reset(seed=0)
+        assert (envs.positions == before[0]).all()
+
+
+class Alarm(Exception):
+    """What a signal handler of the user raises."""
+
+
+def run_until_alarm() -> None:
+    """Runs a long shot until a handler of the user raises an exception of its own."""
+
+    def ring(*_: Any) -> None:
+        raise Alarm
+
+    signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    try:
+        run_one(2)
+    except Alarm:
+        run_one(2)  # until Ctrl-C
+
+
+SMALL_STEPS = {"mode": "pit", "dt": 1e-7}
+CALLS: dict[str, Callable[[], None]] = {
+    "one shot": lambda: run_one(2),
+    "one recorded shot": lambda: run_one(2, record=True),
+    "one shot of many balls": lambda: run_one(CROWD),
+    "one shot of pit": lambda: run_one(30, **SMALL_STEPS),
+    "one recorded shot of pit": lambda: run_one(30, record=True, **SMALL_STEPS),
+    "long shots, 1 thread": lambda: run_batch(4, 2, 1, 1e9),
+    "long shots, 2 threads": lambda: run_batch(4, 2, 2, 1e9),
+    "long shots, all threads": lambda: run_batch(40, 2, None, 1e9),
+    "many shots, 1 thread": lambda: run_batch(100_000, 2, 1, 1e3),
+    "many shots, 2 threads": lambda: run_batch(100_000, 2, 2, 1e3),
+    "many shots of pit, 1 thread": lambda: run_batch(100_000, 2, 1, 10.0, mode="pit", dt=1e-3),
+    "many shots of pit, 2 threads": lambda: run_batch(100_000, 2, 2, 10.0, mode="pit", dt=1e-3),
+    "a step": step_one,
+    "a step of many, 1 thread": lambda: step_many(4, 1, "NextStep"),
+    "a step of many, 2 threads": lambda: step_many(40, 2, "SameStep"),
+    "another signal": run_until_alarm,
+}
+
+
+def serve() -> None:
+    """Makes the calls whose names come in, and says what became of them."""
+    for n in (2, CROWD):  # compiles the engines
+        for options in ({}, SMALL_STEPS):
+            simulate(*gas(n), max_time=1e-6, **options)
+    for line in sys.stdin:
+        call = CALLS[line.strip()]
+        try:
+            print("begins", flush=True)
+            call()
+            print("ended by itself", flush=True)
+        except KeyboardInterrupt:
+            print("interrupted", flush=True)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[subprocess.Popen[str]]:
+    root = str(Path(__file__).parents[2])
+    process = subprocess.Popen(
+        [sys.executable, __file__],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": root},
+        cwd=root,
+    )
+    with process:
+        yield process
+        process.kill()
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_long_call_reacts_to_ctrl_c_and_loses_nothing(server, name):
+    """Before, such a call went on for minutes, or for ever, and kept the signal waiting."""
+    watchdog = threading.Timer(120.0, server.kill)  # compiling takes a while
+    watchdog.start()
+    try:
+        server.stdin.write(f"{name}\n")
+        server.stdin.flush()
+        assert server.stdout.readline() == "begins\n"
+        time.sleep(0.7)
+        server.send_signal(signal.SIGINT)
+        begin = time.perf_counter()
+        assert server.stdout.readline() == "interrupted\n"
+        assert time.perf_counter() - begin < REACTS
+    finally:
+        watchdog.cancel()
+
+
+if __name__ == "__main__":
+    serve()

@@ -1,0 +1,180 @@
+"""What each number may be, and that every way in says so."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env.checks import RANGES, Range, choose, fits, real, whole
+from billiards_env.engine import simulate, simulate_batch
+from billiards_env.engine.pit import MAX_STEPS
+from billiards_env.games import Setup, Stroke, opening, play
+from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+
+PLACES = [[-0.6, 0.0], [0.6, 0.3]]
+
+
+def refused(message: str, kind: type[Exception] = ValueError) -> Any:
+    return pytest.raises(kind, match=re.escape(message))
+
+
+def test_every_range_has_a_reason():
+    for name, (least, most, _, reason) in RANGES.items():
+        assert reason, name
+        assert most is None or least < most, name
+
+
+FIELDS = {
+    "table.length": ("length", lambda v: Table(length=v)),
+    "table.width": ("length", lambda v: Table(width=v)),
+    "table.cushion_height": ("cushion_height", lambda v: Table(cushion_height=v)),
+    "pocket.x": ("coordinate", lambda v: Pocket(v, 0.0, 0.1)),
+    "pocket.y": ("coordinate", lambda v: Pocket(0.0, v, 0.1)),
+    "pocket.radius": ("length", lambda v: Pocket(0.0, 0.0, v)),
+    "balls.radius[1]": ("length", lambda v: Balls((0.03, v), (1.0, 1.0))),
+    "balls.mass[1]": ("mass", lambda v: Balls((0.03, 0.03), (1.0, v))),
+    "physics.g": ("g", lambda v: Physics(g=v)),
+    "physics.mu_slide": ("friction", lambda v: Physics(mu_slide=v)),
+    "physics.mu_roll": ("friction", lambda v: Physics(mu_roll=v)),
+    "physics.mu_cushion": ("mu_cushion", lambda v: Physics(mu_cushion=v)),
+    "physics.spin_decay": ("spin_decay", lambda v: Physics(spin_decay=v)),
+    "physics.e_ball": ("restitution", lambda v: Physics(e_ball=v)),
+    "physics.e_cushion": ("restitution", lambda v: Physics(e_cushion=v)),
+    "physics.max_time": ("max_time", lambda v: Physics(max_time=v)),
+    "max_speed": ("max_speed", lambda v: gym.make("Billiards-v0", max_speed=v)),
+    "max_shots": ("max_shots", lambda v: gym.make("Billiards-v0", max_shots=v)),
+    "scratch_penalty": ("scratch_penalty", lambda v: gym.make("Billiards-v0", scratch_penalty=v)),
+    "dt": ("dt", lambda v: gym.make("Billiards-v0", mode="pit", dt=v)),
+    "max_events": ("max_events", lambda v: simulate(Scene.named("pool"), PLACES, [0.0, 0.0], max_events=v)),
+    "threads": ("threads", lambda v: simulate_batch(Scene.named("pool"), [PLACES], [[0.0, 0.0]], threads=v)),
+}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_number_may_be_as_its_range_says_and_no_other(name):
+    key, take = FIELDS[name]
+    least, most, *_ = RANGES[key]
+    assert most is not None
+    beyond = [least - 1, most + 1, -(10**400), 10**400]
+    if isinstance(least, float):
+        beyond += [math.nextafter(least, -math.inf), math.nextafter(most, math.inf), math.nan, 1e300, -1e300]
+    for value in (least, most):
+        take(value)
+    for value in beyond:
+        with refused(f"{name} = "):
+            take(value)
+
+
+def test_infinite_masses_are_allowed_and_any_ratio_up_to_1e16():
+    assert Balls((0.03,) * 3, (1e-8, 1e8, math.inf)).mass == (1e-8, 1e8, math.inf)
+
+
+# What once ran for minutes or gave nonsense
+
+
+@pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1 / 60}])
+@pytest.mark.parametrize("velocity", [[1e200, 0.0], [0.0, -1000.1], [math.inf, 0.0]])
+def test_a_velocity_that_would_run_for_minutes_is_refused(mode, velocity):
+    scene = Scene.named("pool")
+    message = f"velocities: ball 0 has {velocity}: expected numbers from -1000 to 1000 m/s"
+    with refused(message):
+        simulate(scene, PLACES, velocity, **mode)
+    with refused(message.replace("ball", "shot 1, ball")):
+        simulate_batch(scene, [PLACES] * 2, [[1.0, 0.0], velocity], **mode)
+    simulate(scene, PLACES, [1000.0, -1000.0], **mode)
+
+
+def test_a_spin_that_would_take_a_ball_off_the_table_is_refused():
+    scene = Scene.named("pool")
+    for spin in ([0.0, 1e300, 0.0], [0.0, 0.0, -1.1e6]):
+        with refused("spins: ball 0 has "):
+            simulate(scene, PLACES, [1.0, 0.0], spins=spin)
+    shot = simulate(scene, PLACES, [1.0, 0.0], spins=[-1e6, 1e6, 1e6])
+    assert (np.abs(shot.positions) <= [1.27, 0.635]).all()
+
+
+@pytest.mark.parametrize("mass", [1e-301, 1e-310, 5e-324, 1e301])
+def test_a_mass_that_would_make_velocities_nan_is_refused(mass):
+    with refused(f"balls.mass[1] = {mass}: expected a number from 1e-08 to 1e+08 kg, or inf"):
+        Balls((0.03, 0.03), (0.2, mass))
+
+
+def test_a_max_speed_that_would_leave_the_ball_where_it_is_is_refused():
+    with refused("max_speed = 1e+200: expected a number from 1e-06 to 1000 m/s"):
+        gym.make("Billiards-v0", max_speed=1e200)
+    with refused("max_speed = 1e+200: expected a number from 1e-06 to 1000 m/s"):
+        gym.make_vec("Billiards-v0", max_speed=1e200)
+
+
+def test_a_limit_on_shots_beyond_int64_is_refused():
+    """Before, an OverflowError at the first reset."""
+    with refused(f"max_shots = {10**30}: expected a whole number from 1 to 1000000000"):
+        gym.make("Billiards-v0", max_shots=10**30)
+    env = gym.make("Billiards-v0", max_shots=10**9)
+    env.reset(seed=0)
+    assert env.step(np.zeros(2, np.float32))[4]["shots_left"] == 10**9 - 1
+
+
+def test_a_stroke_of_a_game_has_the_same_bounds():
+    setup = Setup("nine_ball", Scene.named("pool", 9))
+    table = opening(setup, np.random.default_rng(0))
+    with refused("stroke.velocity[1] = 1e+200: expected a number from -1000 to 1000 m/s"):
+        play(setup, table, Stroke((0.0, 1e200), (-0.8, 0.0)))
+    with refused("stroke.place[0] = nan: expected a number from -1e+06 to 1e+06 m"):
+        play(setup, table, Stroke((1.0, 0.0), (math.nan, 0.0)))
+
+
+def test_a_shot_of_pit_is_given_up_after_so_many_steps():
+    scene = Scene(Balls.uniform(1), physics=Physics(motion="rolling", cushion="restitution"))
+    shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], mode="pit", dt=1e-9)
+    assert (shot.status, shot.n_events) == ("step_limit", 0)
+    assert shot.time == pytest.approx(MAX_STEPS * 1e-9, rel=1e-6)
+    assert shot.positions[0, 0] == pytest.approx(shot.time - 0.5 * 0.0981 * shot.time**2)
+    assert 0 < shot.velocities[0, 0] < 1
+    least, *_ = RANGES["dt"]
+    assert least == 1e-9
+
+
+# The checks themselves
+
+
+def test_a_real_number_comes_back_as_a_float():
+    for value in (2, 2.0, np.float32(2), np.int64(2), np.uint8(2)):
+        assert type(real("x", value)) is float
+        assert real("x", value, "length") == 2.0
+
+
+@pytest.mark.parametrize("value", ["2", None, [2.0], 2j, True, np.bool_(True)])
+def test_what_is_no_number_is_refused(value):
+    with refused(f"x = {value!r}: expected a number, not {type(value).__name__}", TypeError):
+        real("x", value, "length")
+    assert not fits(value, "length")
+    with refused(f"x = {value!r}: expected a whole number from 1 to 9"):
+        whole("x", value, Range(1, 9))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
+def test_a_number_without_a_range_has_to_be_finite(value):
+    with refused("x = "):
+        real("x", value)
+
+
+def test_a_whole_number_is_one_of_python_or_numpy():
+    assert (whole("n", np.int64(3), Range(0, 5)), whole("n", 10**30, "seed")) == (3, 10**30)
+    for value in (3.0, np.float64(3), 10**5000):
+        with refused("n = "):
+            whole("n", value, Range(0, 5, "of them"))
+    with refused("n = -1: expected a whole number >= 0"):
+        whole("n", -1, "seed")
+
+
+def test_a_name_is_refused_with_the_nearest_one():
+    choose("mode", "pic", ("pic", "pit"))
+    with refused("mode = 'pick': expected one of 'pic', 'pit' (did you mean 'pic'?)"):
+        choose("mode", "pick", ("pic", "pit"))
