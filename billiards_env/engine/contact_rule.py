@@ -8,7 +8,7 @@ included, that this needs. The bodies meet again after about tau. As tau goes to
 bodies in lasting contact.
 
 An impact is weak if friction alone explains it: its speed of approach is at most A tau, where A is the largest
-acceleration by friction. Rolling resistance presses balls together so weakly that hops of length tau would be thousands.
+acceleration by friction. Rolling resistance presses balls together so weakly that there would be thousands of hops.
 After more than `PRESSED` weak impacts in a row a pressed ball separates at A tau / 2. If it is not pressed, it is about
 to stop beside the other; it then separates at the speed at which it rolls no farther than `RESOLUTION`.
 
