@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, breaks
 from billiards_env.engine import MAX_EVENTS, pic
-from billiards_env.engine.contact_rule import CONTACT_TIME
+from billiards_env.engine.contact_rule import CONTACT_TIME, set_rule
 from billiards_env.engine.log import NO_LOG, empty_shots
 from billiards_env.engine.shot import check_shot, scene_arrays
 from billiards_env.engine.threads import spread
 from billiards_env.files import write_json
-from billiards_env.physics import state as layout
 
 FACTORS = (0.25, 0.5, 2.0, 5.0)
 MOVES = (1e-12, 1e-8)
@@ -45,7 +44,7 @@ def run(case: Case, contact_time: float = CONTACT_TIME, moved: float = 0.0) -> E
     given = check_shot(case.scene, positions, case.velocities, None, None, None, shots)
     arrays = scene_arrays(case.scene)
     params = arrays.params.copy()
-    params[layout.CONTACT_TIME] = contact_time
+    set_rule(params, case.scene.balls.mass, contact_time)
     scene = tuple(arrays._replace(params=params))
     spread(
         lambda begin, end: pic.run_shots(begin, end, scene, given.limit, MAX_EVENTS, tuple(shots), NO_LOG),

@@ -30,10 +30,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from billiards_env.engine.log import N_CONTACT_RULE
 from billiards_env.physics import state as layout
-from billiards_env.physics.ball_ball import exchange, kick
+from billiards_env.physics.ball_ball import exchange, exchange_pair, kick
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import allocating, inlined, kernel, merged
 from billiards_env.physics.motion import norm
@@ -50,6 +51,7 @@ from billiards_env.physics.state import (
     UY,
     VX,
     VY,
+    WEAK_SPEED,
     X,
     Y,
 )
@@ -66,7 +68,7 @@ JAMMED = 20
 WEDGED = 100
 """After more than this number of weak impacts at one place and instant a ball comes to rest with what it touches."""
 
-RESOLUTION = 1e-9
+RESOLUTION = 1e-8
 """m; pressed balls that would roll less than that far separate for about that distance instead of colliding again."""
 
 # The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
@@ -87,6 +89,20 @@ def longest_run(mass: tuple[float, ...]) -> float:
     """
     finite = [m for m in mass if math.isfinite(m)]
     return 1_000.0 + 10.0 * math.sqrt(max(finite) / min(finite))
+
+
+def set_rule(params: NDArray[np.float64], mass: tuple[float, ...], contact_time: float = CONTACT_TIME) -> None:
+    """Sets the entries of `params` that the rule reads; those of the law of motion are set already.
+
+    Args:
+        params: (N_PARAMS,) float64, in place.
+        mass: Masses of the balls, kg.
+        contact_time: tau, s.
+    """
+    friction = {IDEAL: 0.0, SLIDING_AND_ROLLING: params[SLIDE]}.get(int(params[MOTION]), params[ROLL])
+    params[layout.CONTACT_TIME] = contact_time
+    params[WEAK_SPEED] = contact_time * 2.0 * friction  # of two balls
+    params[LONGEST_RUN] = longest_run(mass)
 
 
 class Memory(NamedTuple):
@@ -118,21 +134,21 @@ def forget(memory):
 
 
 @inlined
-def friction(params):
-    """Returns the largest acceleration of two balls towards each other by friction, m/s^2."""
-    if params[MOTION] == IDEAL:
+def least_rebound(speed, towards, pressed, params):
+    """Returns the least speed at which the rule lets two bodies separate, m/s.
+
+    Args:
+        speed: Speed of approach, m/s.
+        towards: Acceleration towards each other, m/s^2.
+        pressed: Whether the balls have had more than `PRESSED` weak impacts in a row.
+        params: (N_PARAMS,) float64.
+    """
+    if speed > params[WEAK_SPEED] or params[MOTION] == IDEAL:
         return 0.0
-    return 2.0 * (params[SLIDE] if params[MOTION] == SLIDING_AND_ROLLING else params[ROLL])
-
-
-@inlined
-def least_rebound(towards, pressed, params):
-    """Returns the least speed of separation of bodies that accelerate towards each other at `towards` m/s^2, m/s."""
-    if not pressed or params[MOTION] == IDEAL:
-        return 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
-    if towards > 0.0:
-        return 0.5 * params[layout.CONTACT_TIME] * max(towards, friction(params))
-    return math.sqrt(2.0 * params[ROLL] * RESOLUTION)
+    least = 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
+    if not pressed:
+        return least
+    return max(least, 0.5 * params[WEAK_SPEED]) if towards > 0.0 else math.sqrt(2.0 * params[ROLL] * RESOLUTION)
 
 
 @inlined
@@ -141,7 +157,7 @@ def end_runs(i, time, speed, params, memory):
     since = time - memory.last_impact[i]
     if since * speed > RESOLUTION or since > 0.01 * params[layout.CONTACT_TIME]:
         memory.run[i] = 0
-    if speed > params[layout.CONTACT_TIME] * friction(params):
+    if speed > params[WEAK_SPEED]:
         memory.weak[i] = 0
 
 
@@ -162,6 +178,19 @@ def count_impact(i, time, memory):
     """Counts an impact of ball i at a time (s)."""
     memory.run[i] += 1
     memory.weak[i] += 1
+    memory.last_impact[i] = time
+
+
+@inlined
+def is_ordinary(i, time, speed, params, memory):
+    """Returns whether an impact of ball i is neither weak nor soon after the last, so that the rule leaves it alone."""
+    return speed > params[WEAK_SPEED] and time - memory.last_impact[i] > 0.01 * params[layout.CONTACT_TIME]
+
+
+@inlined
+def count_ordinary(i, time, memory):
+    """Counts an ordinary impact of ball i at a time (s): it ends all runs."""
+    memory.run[i] = memory.weak[i] = 1
     memory.last_impact[i] = time
 
 
@@ -212,25 +241,60 @@ def resolve_jam(contacts, state, params, inv_mass, memory):
     return True
 
 
-@inlined
-def hit_cushion(i, side, time, state, params, radius, memory, counts):
-    """Changes the motion of ball i at cushion `side` (0 to 3: -x, +x, -y, +y). Returns its speed of approach, m/s."""
+@kernel
+def _hit_cushion_again(i, side, time, speed, state, params, radius, memory):
+    """`hit_cushion` for an impact that is not ordinary. Returns whether the rule acts."""
     sign = 1.0 if side % 2 else -1.0
-    speed = sign * state[i, VX if side < 2 else VY]
     end_runs(i, time, speed, params, memory)
     count_impact(i, time, memory)
     if is_over(i, i, state, params, memory):
-        counts[N_CONTACT_RULE] += 1
         halt(state, i)
-        return speed
+        return True
     if min(memory.run[i], memory.weak[i]) > JAMMED:
-        counts[N_CONTACT_RULE] += 1
         kick(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
-        return speed
+        return True
     towards = sign * state[i, AX if side < 2 else AY]
-    rebound = least_rebound(towards, memory.weak[i] > PRESSED, params)
-    counts[N_CONTACT_RULE] += reflect(state, i, side, rebound, radius, params)
+    rebound = least_rebound(speed, towards, memory.weak[i] > PRESSED, params)
+    return reflect(state, i, side, rebound, radius, params)
+
+
+@inlined
+def hit_cushion(i, side, time, state, params, radius, memory, counts):
+    """Changes the motion of ball i at cushion `side` (0 to 3: -x, +x, -y, +y). Returns its speed of approach, m/s."""
+    speed = state[i, VX if side < 2 else VY] if side % 2 else -state[i, VX if side < 2 else VY]
+    if is_ordinary(i, time, speed, params, memory):
+        count_ordinary(i, time, memory)
+        reflect(state, i, side, 0.0, radius, params)
+    else:
+        counts[N_CONTACT_RULE] += _hit_cushion_again(i, side, time, speed, state, params, radius, memory)
     return speed
+
+
+@kernel
+def _collide_again(count, time, contacts, state, params, inv_mass, scratch, memory):
+    """`collide` for impacts that are not all ordinary. Returns the number of acts of the rule."""
+    first, second, closing = contacts.first, contacts.second, contacts.closing
+    for c in range(count):  # all runs end before any impact counts, whatever the order of the contacts
+        end_runs(first[c], time, closing[c], params, memory)
+        end_runs(second[c], time, closing[c], params, memory)
+    for c in range(count):
+        count_impact(first[c], time, memory)
+        count_impact(second[c], time, memory)
+    over = False
+    for c in range(count):
+        i, j = first[c], second[c]
+        over = over or is_over(i, j, state, params, memory)
+        towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
+        pressed = min(memory.weak[i], memory.weak[j]) > PRESSED
+        contacts.rebound[c] = least_rebound(closing[c], towards, pressed, params)
+    if over:
+        for c in range(count):
+            halt(state, first[c])
+            halt(state, second[c])
+        return 1
+    if count == 1 and resolve_jam(contacts, state, params, inv_mass, memory):
+        return 1
+    return exchange(count, contacts, state, params, inv_mass, scratch)
 
 
 @merged
@@ -248,27 +312,11 @@ def collide(count, time, contacts, state, params, inv_mass, scratch, memory, cou
         memory: The `Memory`.
         counts: (N_COUNTS,) int64.
     """
-    first, second, closing = contacts.first, contacts.second, contacts.closing
-    for c in range(count):  # all runs end before any impact counts, whatever the order of the contacts
-        end_runs(first[c], time, closing[c], params, memory)
-        end_runs(second[c], time, closing[c], params, memory)
-    for c in range(count):
-        count_impact(first[c], time, memory)
-        count_impact(second[c], time, memory)
-    too_long = False
-    for c in range(count):
-        i, j = first[c], second[c]
-        too_long = too_long or is_over(i, j, state, params, memory)
-        towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
-        pressed = min(memory.weak[i], memory.weak[j]) > PRESSED
-        contacts.rebound[c] = least_rebound(towards, pressed, params)
-    if too_long:
-        counts[N_CONTACT_RULE] += 1
-        for c in range(count):
-            halt(state, first[c])
-            halt(state, second[c])
-        return
-    if count == 1 and resolve_jam(contacts, state, params, inv_mass, memory):
-        counts[N_CONTACT_RULE] += 1
-        return
-    counts[N_CONTACT_RULE] += exchange(count, contacts, state, params, inv_mass, scratch)
+    i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
+    if count == 1 and is_ordinary(i, time, speed, params, memory) and is_ordinary(j, time, speed, params, memory):
+        count_ordinary(i, time, memory)
+        count_ordinary(j, time, memory)
+        contacts.rebound[0] = 0.0
+        exchange_pair(contacts, state, params, inv_mass)
+    else:
+        counts[N_CONTACT_RULE] += _collide_again(count, time, contacts, state, params, inv_mass, scratch, memory)

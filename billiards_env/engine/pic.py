@@ -200,7 +200,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             predict_pairs(changed[k], hi, lo, state, phase, radius, own, own_kind, limit, queue, touched)
         for k in range(changes):
             touched[changed[k]] = False
-        next_hi, next_lo, rank = earliest(n, own, own_kind, queue)
+        next_hi, next_lo, rank, first, last = earliest(n, own, own_kind, queue)
         if next_hi > limit or next_hi == math.inf:
             break
         if counts[N_EVENTS] >= pause:
@@ -234,7 +234,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             )
         else:
             changes = 0
-            for i in range(n):  # all of one kind, so that their order does not matter
+            for i in range(first, last + 1):  # all of one kind, so that their order does not matter
                 if own[i, 0] == hi and own[i, 1] == lo and rank_of(own_kind[i, 0]) == rank:
                     kind, other = own_kind[i, 0], own_kind[i, 1]
                     alone(

@@ -268,9 +268,12 @@ def rank_of(kind):
 
 @inlined
 def earliest(n, own, own_kind, queue):
-    """Returns the earliest prediction: (hi, lo, rank)."""
+    """Returns the earliest prediction: (hi, lo, rank, first, last).
+
+    Unless it is of a pair, the balls that it concerns are among `first` to `last`.
+    """
     pair, pair_lo, near, near_with, _, _ = queue
-    hi, lo, rank = math.inf, 0.0, PAIR_RANK
+    hi, lo, rank, first, last = math.inf, 0.0, PAIR_RANK, 0, -1
     for i in range(n):
         if not ROWS:
             find_near(i, n, pair, pair_lo, near, near_with)
@@ -282,5 +285,7 @@ def earliest(n, own, own_kind, queue):
             continue
         r = rank_of(own_kind[i, 0])
         if t < hi or t_lo < lo or (t_lo == lo and r < rank):
-            hi, lo, rank = t, t_lo, r
-    return hi, lo, rank
+            hi, lo, rank, first, last = t, t_lo, r, i, i
+        elif t_lo == lo and r == rank:
+            last = i
+    return hi, lo, rank, first, last

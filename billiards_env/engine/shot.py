@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import RANGES, Range, choose, fits, real, short, whole
 from billiards_env.engine import crowd, pic, pit
 from billiards_env.engine.admit import plainly_right
-from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run
+from billiards_env.engine.contact_rule import set_rule
 from billiards_env.engine.log import (
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
@@ -349,8 +349,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     params[layout.E_BALL], params[layout.E_CUSHION], params[layout.MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
     params[layout.HALF_LENGTH], params[layout.HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
     params[layout.CUSHION_HEIGHT] = scene.table.cushion_height
-    params[layout.CONTACT_TIME] = CONTACT_TIME
-    params[layout.LONGEST_RUN] = longest_run(scene.balls.mass)
+    set_rule(params, scene.balls.mass)
     params[layout.DT] = 0.0 if dt is None else dt
     params[layout.FIX] = layout.FIXES.index(layout.FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import add
-from billiards_env.physics.jit import kernel, merged
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
 
 
@@ -53,7 +53,22 @@ def _exchange_many(count, contacts, state, params, inv_mass, scratch):
     return acts
 
 
-@merged
+@inlined
+def exchange_pair(contacts, state, params, inv_mass):
+    """`exchange` for one contact."""
+    i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
+    raised = params[E_BALL] * closing < rebound
+    if raised:
+        p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
+    else:
+        p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
+    nx, ny = contacts.nx[0], contacts.ny[0]
+    kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
+    kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+    return raised
+
+
+@kernel
 def exchange(count, contacts, state, params, inv_mass, scratch):
     """Changes the velocities of the balls in `count` impacts at one instant.
 
@@ -70,13 +85,4 @@ def exchange(count, contacts, state, params, inv_mass, scratch):
     """
     if count > 1:
         return _exchange_many(count, contacts, state, params, inv_mass, scratch)
-    i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
-    p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
-    acts = 0
-    if params[E_BALL] * closing < rebound:
-        p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
-        acts = 1
-    nx, ny = contacts.nx[0], contacts.ny[0]
-    kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
-    kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
-    return acts
+    return 1 if exchange_pair(contacts, state, params, inv_mass) else 0

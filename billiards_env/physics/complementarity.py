@@ -85,11 +85,14 @@ def _factorise(m, problem, shift):
             if j == i:
                 s, e = add(s, e, shift * s, 0.0)
             for k in range(j):
-                s, e = _subtract_product(s, e, row[k], factor[j, k])
+                if row[k, 0] != 0.0:  # most contacts share no ball
+                    s, e = _subtract_product(s, e, row[k], factor[j, k])
             s, e = two_sum(s, e)
             if j < i:
                 row[j, 0], row[j, 1] = s, e
-                factor[i, j, 0], factor[i, j, 1] = divide(s, e, pivot[j, 0], pivot[j, 1])
+                factor[i, j, 0], factor[i, j, 1] = 0.0, 0.0
+                if s != 0.0:
+                    factor[i, j, 0], factor[i, j, 1] = divide(s, e, pivot[j, 0], pivot[j, 1])
             else:
                 pivot[i, 0], pivot[i, 1] = s, e
         if not pivot[i, 0] > (_SINGULAR if shift == 0.0 else 0.0) * a[index[i], index[i], 0]:

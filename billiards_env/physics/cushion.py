@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -18,6 +18,26 @@ from billiards_env.physics.state import (
     VY,
     WZ,
 )
+
+
+@inlined
+def _squeeze(needed, sx, sy, sin, cos, mu):
+    """Returns the friction and the normal impulse (pxe, pye, pze) of a given horizontal impulse, per mass, m/s.
+
+    Args:
+        needed: Impulse away from the cushion, per mass, m/s.
+        sx: Slip at the point of contact, m/s.
+        sy: See sx.
+        sin: Of the angle of the point of contact above the ball's centre.
+        cos: See sin.
+        mu: Coefficient of friction.
+    """
+    slip = math.sqrt(sx * sx + sy * sy)
+    resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
+    pze = needed / resistance if resistance > 0.0 else math.inf
+    if slip * (2.0 / 7.0) <= mu * pze:  # friction sticks
+        return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
+    return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
 
 
 @kernel
@@ -60,16 +80,8 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
     if raised:
-        # The horizontal impulse vn + rebound, as the sum of the normal impulse and friction that slides or sticks.
-        needed = vn + rebound
-        resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
-        pze = needed / resistance if resistance > 0.0 else math.inf
-        if slip * (2.0 / 7.0) <= mu * pze:
-            pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
-            pze = max(0.0, (needed - pxe * sin) / cos)
-        else:
-            pxe, pye = mu * pze * (sx / slip), mu * pze * (sy / slip)
-        px = -needed
+        px = -(vn + rebound)
+        pxe, pye, pze = _squeeze(vn + rebound, sx, sy, sin, cos, mu)
     pz = pxe * cos - pze * sin
     vn_after = -rebound if raised else vn + px
     vt += pye

@@ -37,8 +37,8 @@ SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
 DT, FIX = 11, 12  # of PIT: its timestep, s, and what it does about overlaps
-CONTACT_TIME, LONGEST_RUN = 13, 14  # of the contact-time rule, see engine.contact_rule
-N_PARAMS = 15
+CONTACT_TIME, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # s, m/s and a number, of the contact-time rule
+N_PARAMS = 16
 
 # m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
 CONTACT_GAP = 1e-12
