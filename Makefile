@@ -34,6 +34,7 @@ bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and writ
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.pressed
+	$(BIN)/python -m benchmarks.contact_rule
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.rendering

@@ -52,7 +52,6 @@ SAVINGS = (
     Saving("out of reach, not solved", "billiards_env.engine.queue", "SKIP"),
     Saving("several balls at once", "billiards_env.engine.queue", "SIDE_BY_SIDE"),
     Saving("nearest of each row", "billiards_env.engine.queue", "ROWS"),
-    Saving("direct joint impulses", "billiards_env.physics.impulse", "DIRECT", same_bits=False),
 )
 
 
