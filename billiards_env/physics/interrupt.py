@@ -1,7 +1,7 @@
 """Ctrl-C during a long call of compiled code.
 
-Python handles a signal between two of its own instructions, so it handles none while compiled code runs. A loop that can
-run long therefore calls `interrupted` from time to time. That makes Python handle its signals and, in a thread that
+Python handles a signal between two of its own instructions, so it handles none while compiled code runs. A loop that
+can run long therefore calls `interrupted` from time to time. That makes Python handle its signals and, in a thread that
 helps with a call, checks whether the call has ended. If it returns True, a Python exception is set: the loop returns
 without a result, and the entry point raises the exception with `end_call`.
 
