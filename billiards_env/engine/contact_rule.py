@@ -10,7 +10,7 @@ bodies in lasting contact.
 An impact is weak if friction alone explains it: its speed of approach is at most A tau, where A is the largest
 acceleration by friction. Rolling resistance presses balls together so weakly that there would be thousands of hops.
 After more than `PRESSED` weak impacts in a row a pressed ball separates at A tau / 2. If it is not pressed, it is about
-to stop beside the other; it then separates at the speed at which it rolls no farther than `RESOLUTION`.
+to stop beside the other; the impact is elastic then, if the balls roll no farther than `RESOLUTION` after it, and separates them a little.
 
 An impact that separates the bodies faster by itself is left alone. An act of the rule adds at most m/2 (3/2 A tau)^2 to
 the energy, where m is the mass of the heavier ball.
@@ -69,7 +69,7 @@ WEDGED = 100
 """After more than this number of weak impacts at one place and instant a ball comes to rest with what it touches."""
 
 RESOLUTION = 1e-8
-"""m; pressed balls that would roll less than that far separate for about that distance instead of colliding again."""
+"""m. Weak impacts after which balls roll no farther are elastic."""
 
 # The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
 # about so much, of either sign; taken for an approach, it would have them repeat without end.
@@ -148,7 +148,10 @@ def least_rebound(speed, towards, pressed, params):
     least = 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
     if not pressed:
         return least
-    return max(least, 0.5 * params[WEAK_SPEED]) if towards > 0.0 else math.sqrt(2.0 * params[ROLL] * RESOLUTION)
+    if towards > 0.0:
+        return max(least, 0.5 * params[WEAK_SPEED])
+    most = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # with it a ball rolls that far
+    return min(max(speed, 0.01 * most), most)
 
 
 @inlined
@@ -223,15 +226,17 @@ def resolve_jam(contacts, state, params, inv_mass, memory):
     if min(run[i], run[j]) <= JAMMED:
         return False
     moved, sign = (i, -1.0) if run[i] < run[j] else (j, 1.0)
+    nx, ny = contacts.nx[0], contacts.ny[0]
+    jammed = i + j - moved
+    along = abs(nx * state[jammed, VX] + ny * state[jammed, VY])  # a jammed ball hardly moves along the normal
     lifts = run[i] != run[j] and inv_mass[moved] > 0.0
     if min(weak[i], weak[j]) > JAMMED:
-        lifts = lifts and rebound > 0.0
+        lifts = lifts and rebound > 0.0 and along <= params[WEAK_SPEED]
     else:
         speed = norm(state[moved, VX], state[moved, VY])
         change = 2.0 * closing * inv_mass[moved] / (inv_mass[i] + inv_mass[j])
-        if not lifts or change > 2.0**-52 * speed or closing > 2.0**-24 * speed:
+        if not lifts or change > 2.0**-52 * speed or max(closing, along) > 2.0**-24 * speed:
             return False
-    nx, ny = contacts.nx[0], contacts.ny[0]
     if lifts:
         kick(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, params)
     else:
