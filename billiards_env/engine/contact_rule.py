@@ -10,7 +10,7 @@ bodies in lasting contact.
 An impact is weak if friction alone explains it: its speed of approach is at most A tau, where A is the largest
 acceleration by friction. Rolling resistance presses balls together so weakly that there would be thousands of hops.
 After more than `PRESSED` weak impacts in a row a pressed ball separates at A tau / 2. If it is not pressed, it is about
-to stop beside the other; the impact is elastic then, if the balls roll no farther than `RESOLUTION` after it, and separates them a little.
+to stop beside the other; it then separates at the speed at which it rolls no farther than `RESOLUTION`.
 
 An impact that separates the bodies faster by itself is left alone. An act of the rule adds at most m/2 (3/2 A tau)^2 to
 the energy, where m is the mass of the heavier ball.
@@ -69,7 +69,7 @@ WEDGED = 100
 """After more than this number of weak impacts at one place and instant a ball comes to rest with what it touches."""
 
 RESOLUTION = 1e-8
-"""m. Weak impacts after which balls roll no farther are elastic."""
+"""m. Balls that are about to stop beside each other separate by about that distance."""
 
 # The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
 # about so much, of either sign; taken for an approach, it would have them repeat without end.
@@ -134,24 +134,26 @@ def forget(memory):
 
 
 @inlined
-def least_rebound(speed, towards, pressed, params):
+def least_rebound(speed, towards, weak, params):
     """Returns the least speed at which the rule lets two bodies separate, m/s.
 
     Args:
         speed: Speed of approach, m/s.
         towards: Acceleration towards each other, m/s^2.
-        pressed: Whether the balls have had more than `PRESSED` weak impacts in a row.
+        weak: Number of weak impacts in a row, the least of the balls'.
         params: (N_PARAMS,) float64.
     """
     if speed > params[WEAK_SPEED] or params[MOTION] == IDEAL:
         return 0.0
     least = 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
-    if not pressed:
+    if weak <= PRESSED:
         return least
     if towards > 0.0:
         return max(least, 0.5 * params[WEAK_SPEED])
-    most = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # with it a ball rolls that far
-    return min(max(speed, 0.01 * most), most)
+    least = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # with it a ball rolls that far
+    if weak <= JAMMED:
+        return least
+    return min(max(speed, 0.01 * least), least)  # to separate the balls again and again must not keep them moving
 
 
 @inlined
@@ -259,7 +261,7 @@ def _hit_cushion_again(i, side, time, speed, state, params, radius, memory):
         kick(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
         return True
     towards = sign * state[i, AX if side < 2 else AY]
-    rebound = least_rebound(speed, towards, memory.weak[i] > PRESSED, params)
+    rebound = least_rebound(speed, towards, memory.weak[i], params)
     return reflect(state, i, side, rebound, radius, params)
 
 
@@ -290,8 +292,7 @@ def _collide_again(count, time, contacts, state, params, inv_mass, scratch, memo
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, params, memory)
         towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
-        pressed = min(memory.weak[i], memory.weak[j]) > PRESSED
-        contacts.rebound[c] = least_rebound(closing[c], towards, pressed, params)
+        contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), params)
     if over:
         for c in range(count):
             halt(state, first[c])
