@@ -1,9 +1,9 @@
 """What the contact-time rule costs: `python -m benchmarks.contact_rule`.
 
 The rule's contact time is a model parameter, so breaks are run with other values of it, and each ball's end position is
-compared with that of the usual value. Beside it stands the change by moving the cue ball a little, which no measurement
-on a table could exclude. The change of a shot is the largest over its balls; a ball that is potted in one run only
-changes the potted set and is left out of the distances.
+compared with that of the usual value. For comparison, the table shows the change when the cue ball moves by a distance
+too small to measure. The change of a shot is the largest over its balls. A ball that is potted in either run is left
+out of the distances.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ def run(case: Case, contact_time: float = CONTACT_TIME, moved: float = 0.0) -> E
 
 
 def difference(usual: Ends, other: Ends) -> dict[str, float]:
-    """Median and 99th percentile of the change of end positions, m, and the share of changed potted sets."""
+    """Returns the median and 99th percentile of the change, m, and the shares of equal ends and changed potted sets."""
     both = ~(usual.potted | other.potted)
     distances = np.hypot(*np.moveaxis(other.positions - usual.positions, -1, 0))
     change = np.where(both, distances, 0.0).max(axis=1)
     return {
         "median": float(np.median(change)),
         "percentile_99": float(np.quantile(change, 0.99)),
-        "unchanged": float((change == 0).mean()),
+        "unchanged": float(((change == 0) & (usual.potted == other.potted).all(axis=1)).mean()),
         "potted_sets_changed": float((usual.potted != other.potted).any(axis=1).mean()),
     }
 

@@ -1,25 +1,27 @@
-"""The contact-time rule: how impacts end that would follow each other without end.
+"""The contact-time rule, which ends infinite sequences of impacts.
 
 **Pressed bodies.** Bodies that friction presses together would bounce in ever smaller hops, infinitely many in a finite
 time. In the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative hard-sphere
-gas, impacts closer together than the duration tau of a contact are one lasting contact. Here a pair, or a ball and a
-cushion, that accelerates together at `a` when it collides separates at a tau / 2 at least, with the impulse, friction
-included, that this needs. The bodies meet again after about tau. As tau goes to zero, the hops become the motion of
-bodies in lasting contact.
+gas, impacts closer together than the duration tau of a contact are one lasting contact. Here the rule acts on weak
+impacts: those whose speed of approach is at most A tau, where A is the largest acceleration by friction. In a weak
+impact, bodies that accelerate towards each other at `a` separate at a tau / 2 at least. The rule applies the impulse
+that this needs, with its friction. The bodies meet again after about tau. As tau goes to zero, the hops become the
+motion of bodies in lasting contact.
 
-An impact is weak if friction alone explains it: its speed of approach is at most A tau, where A is the largest
-acceleration by friction. Rolling resistance presses balls together so weakly that there would be thousands of hops.
-After more than `PRESSED` weak impacts in a row a pressed ball separates at A tau / 2. If it is not pressed, it is about
-to stop beside the other; it then separates at the speed at which it rolls no farther than `RESOLUTION`.
+Rolling resistance presses balls together so weakly that there would be thousands of hops. After more than `PRESSED`
+weak impacts in a row, bodies that accelerate towards each other separate at A tau / 2 at least. Balls that do not are
+about to stop beside each other. They separate at the speed at which a ball rolls as far as `RESOLUTION`; after `JAMMED`
+weak impacts, no faster than they approached, or at 1 % of that speed if this is more.
 
 An impact that separates the bodies faster by itself is left alone. An act of the rule adds at most m/2 (3/2 A tau)^2 to
 the energy, where m is the mass of the heavier ball.
 
 **Other sequences.** Impacts whose intervals shrink because of masses or restitution run their course: their speeds fall
-geometrically. The rule ends runs of impacts at one place and instant in three cases. A light ball between a heavy one
-and a fixed body is jammed after `JAMMED` weak impacts, see `resolve_jam`. A ball comes to rest, with the ball that it
-touches, after `WEDGED` weak impacts, or after `longest_run` impacts of any speed, which is more than a finite sequence
-of three bodies has: for example, an elastic ball that fits exactly between two fixed bodies.
+geometrically. The rule ends a run of impacts at one place and instant as follows. After `JAMMED` weak impacts a light
+ball between a heavy one and a fixed body is jammed, see `resolve_jam`, and a weak impact with a cushion is plastic. All
+balls of an impact come to rest if one of them has had more than `WEDGED` weak impacts, or more than `longest_run`
+impacts of any speed, or if they are slower than `STILL`. `longest_run` is more than a finite sequence of three bodies
+has; an elastic ball that fits exactly between two fixed bodies exceeds it.
 
 The kernels change velocities, slip and spin; the caller determines the phase that follows with `motion.start`.
 """
@@ -60,19 +62,19 @@ CONTACT_TIME = 2e-4
 """s; tau, 200 to 300 microseconds for billiard balls (Marlow 1995)."""
 
 PRESSED = 3
-"""A ball is pressed after more than this number of weak impacts in a row."""
+"""Number of weak impacts in a row after which bodies separate faster."""
 
 JAMMED = 20
 """One of two balls may be jammed after more than this number of impacts of both at one place and instant."""
 
 WEDGED = 100
-"""After more than this number of weak impacts at one place and instant a ball comes to rest with what it touches."""
+"""After more than this number of weak impacts at one place and instant a ball comes to rest."""
 
 RESOLUTION = 1e-8
 """m. Balls that are about to stop beside each other separate by about that distance."""
 
-# The rounding of a velocity that several impulses have made, relative to it. Plastic impacts leave a normal velocity of
-# about so much, of either sign; taken for an approach, it would have them repeat without end.
+# The rounding of a velocity that several impulses have made, relative to it. A plastic impact leaves a normal velocity
+# of about this size, of either sign. If it counted as an approach, the impact would repeat without end.
 NOISE = 2.0**-48
 
 STILL = 1e-200
@@ -82,7 +84,8 @@ STILL = 1e-200
 def longest_run(mass: tuple[float, ...]) -> float:
     """Returns the number of impacts at one place and instant after which a ball comes to rest.
 
-    A ball between a wall and another ball of r times its mass has at most about pi sqrt(r) impacts before they part.
+    A ball between a wall and another ball of r times its mass has at most about pi sqrt(r) impacts before they part,
+    if the impacts are elastic and nothing presses the balls.
 
     Args:
         mass: Masses of the balls, kg; not all infinite.
@@ -111,7 +114,7 @@ class Memory(NamedTuple):
     Attributes:
         last_impact: (n,) float64, time of each ball's last impact, s.
         run: (n,) int64, number of impacts that the ball has had at the same place and instant.
-        weak: (n,) int64, number of impacts in a row that friction alone explains.
+        weak: (n,) int64, number of impacts since the last one that was not weak, that one included.
     """
 
     last_impact: Any
@@ -150,10 +153,10 @@ def least_rebound(speed, towards, weak, params):
         return least
     if towards > 0.0:
         return max(least, 0.5 * params[WEAK_SPEED])
-    least = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # with it a ball rolls that far
+    least = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # a ball with this speed rolls RESOLUTION
     if weak <= JAMMED:
         return least
-    return min(max(speed, 0.01 * least), least)  # to separate the balls again and again must not keep them moving
+    return min(max(speed, 0.01 * least), least)  # repeated separations must not keep balls moving
 
 
 @inlined
@@ -218,10 +221,11 @@ def pressing(i, j, nx, ny, state):
 def resolve_jam(contacts, state, params, inv_mass, memory):
     """Resolves the first contact if its balls are jammed. Returns whether they are.
 
-    A light ball that a heavy one presses against a fixed body would need as many impacts to move it as the ratio of
-    their masses. After more than `JAMMED` impacts of both at one place and instant, the ball that has had fewer of them
-    moves away from the other, which does not give way, if the impacts are weak and friction presses the balls together,
-    or if they are too weak to change its velocity in double precision. Other weak impacts are plastic then.
+    If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift it is about
+    the ratio of their masses. After more than `JAMMED` impacts of both balls at one place and instant, the ball that
+    has had fewer of them moves away from the other, which keeps its velocity. This happens in two cases: the impacts
+    are weak and the other ball moves along the normal no faster than a weak impact; or the impact changes the velocity
+    by less than its rounding, and both speeds along the normal are below 2^-24 of it. Other weak impacts are plastic.
     """
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     run, weak = memory.run, memory.weak

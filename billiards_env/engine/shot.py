@@ -92,9 +92,9 @@ class ShotResult:
         cushions: (n,) int32: each ball's number of cushion contacts.
         cushions_before_hit: (n,) int32: cushion contacts the cue ball had made when it first touched the ball, -1 if
             it never did.
-        n_contact_rule: How often the contact-time rule acted (see `engine.pic`): where balls come to lie against each
-            other or a cushion and impacts would follow each other without end. 0 in nearly all shots at a few balls; in
-            every other break some pair rolls on in contact.
+        n_contact_rule: How often the contact-time rule acted (see `engine.contact_rule`): where friction presses balls
+            against each other or a cushion, and impacts would follow each other without end. 0 in nearly all shots at
+            a few balls; it acts in every other break.
         events: Structured array, or None if the shot was not recorded. Fields: time (s), kind ("ball_ball", "cushion",
             "pocket", "roll", "stop" or "spin_stop"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y,
             +y, the pocket, or -1), x and y (m, the ball's place), speed (m/s, at which ball and other approached) and

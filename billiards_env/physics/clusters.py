@@ -4,7 +4,8 @@ The changes of velocity are the smallest, in the norm of the kinetic energy, aft
 impact, a linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0 for the impulses p
 along the contact normals N. Multiplied by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf
 and Grinspun (2012), Reflections on Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all
-contacts alike. The result does not depend on how balls and contacts are numbered and mirrors bit for bit.
+contacts alike. The result does not depend on how balls and contacts are numbered and mirrors bit for bit. Up to `MOST`
+contacts are solved directly in double-double arithmetic, more of them by iteration in double precision.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class Scratch(NamedTuple):
         change: (n, 4) float64, double-double: changes of velocity along x and y, m/s.
         problem: The `Problem` of up to `MOST` contacts.
         descent: (4, most) float64, of `_descend`.
-        dv: (n, 2) float64, changes of velocity, m/s.
+        dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
         done: (n,) bool, False between calls.
     """
 
@@ -194,7 +195,7 @@ def _descend(count, contacts, inv_mass, scratch):
 
 @kernel
 def _quantum(largest, n_terms):
-    """Returns a number that, added and subtracted, rounds values so that n_terms of up to `largest` sum exactly."""
+    """Returns a q for which (x + q) - q rounds x, so that n_terms such values of up to `largest` sum exactly."""
     _, exponent = math.frexp(largest)
     _, spare = math.frexp(float(n_terms))
     return math.ldexp(1.5, exponent + max(2, spare - 1))
@@ -202,7 +203,7 @@ def _quantum(largest, n_terms):
 
 @kernel
 def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
-    """Computes the velocity changes that impulses times scale along the contacts' normals make, in any order alike.
+    """Computes the changes of velocity by the impulses `impulse * scale`; the order of the contacts does not matter.
 
     More than two terms are rounded to a common multiple before they are added (Demmel and Nguyen 2013, Fast
     Reproducible Floating-Point Summation), which makes the sum exact.

@@ -2,8 +2,8 @@
 
 The active set is found by block principal pivoting (Judice and Pires 1994), and each linear system by an LDL^T
 factorisation in double-double arithmetic. Rounding errors are then about 1e-32 of the largest term: a matrix may have a
-condition number of 1e16, as between balls whose masses differ by that factor, and the order of the unknowns does not
-show in a result that is rounded to double precision.
+condition number of 1e16; balls whose masses differ by this factor give such a matrix. The order of the unknowns does
+not change the result after rounding to double precision.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ def solve_complementarity(n, problem):
                 if x[i, 0] < 0.0:
                     x[i, 0] = x[i, 1] = 0.0
             return True
-        # All are exchanged while their number falls; else only the last, which is certain to end (Murty 1974).
+        # All are exchanged until their number has not fallen three times, then only the last, which ends (Murty 1974).
         if wrong < fewest:
             fewest, patience = wrong, 3
         else:

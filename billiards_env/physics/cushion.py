@@ -46,9 +46,8 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
 
     The cushion's nose touches the ball at height h, an angle theta above its centre with sin(theta) = h/R - 1. At the
     point of contact friction either stops the slip or acts against it throughout (his equations 14 to 23). The ball
-    stays on the table: its vertical velocity is dropped, as his carom model does. Where the ball would leave more
-    slowly than `rebound`, or not at all, the normal impulse is the one that makes it leave at that speed, with the
-    friction that goes with it.
+    stays on the table: its vertical velocity is dropped, as his carom model does. If the ball would leave more slowly
+    than `rebound`, the normal impulse and its friction are raised until the ball leaves at `rebound`.
 
     Args:
         vn: Velocity into the cushion, >= 0, m/s.
@@ -61,8 +60,8 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
         params: (N_PARAMS,) float64.
 
     Returns:
-        (vn, vt, un, ut, rwz, raised) after the impact; vn <= -rebound, and `raised` is whether that needed more than
-        the restitution.
+        (vn, vt, un, ut, rwz, raised) after the impact; vn <= -rebound, and `raised` is whether `rebound` raised the
+        impulse.
     """
     mu = params[MU_CUSHION]
     sin = params[CUSHION_HEIGHT] / radius - 1.0
