@@ -1,8 +1,9 @@
 """Checks of numbers and names, with one style of message: `name = value: expected ...`.
 
-`RANGES` holds the range of each number of a scene, a shot, an environment or a picture, and of seeds. The ranges contain
-everything that happens on a table, with room to spare. Within them the engines' arithmetic does not overflow, and every
-shot ends: one of PIC after at most `max_events` events, one of PIT also after at most `pit.MAX_STEPS` timesteps.
+`RANGES` holds the range of each number of a scene, a shot, an environment or a picture, and of seeds. The ranges
+contain everything that happens on a table, with room to spare. Within them the engines' arithmetic does not overflow,
+and every shot ends: one of PIC after at most `max_events` events, one of PIT also after at most `pit.MAX_STEPS`
+timesteps.
 """
 
 from __future__ import annotations
