@@ -42,7 +42,7 @@ WRONG_LINE = 1.0
 DEEP = 0.1
 """How far beyond a cushion a ball may be found, as a share of its radius."""
 
-_NEAR = 4  # steps; the two runs of a shot have a contact within so many of each other, as long as they agree
+_NEAR = 4  # steps; two runs of a shot agree if their contacts are at most this far apart
 
 
 class Contact(NamedTuple):

@@ -314,7 +314,7 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
     """A dataclass from plain data, as read from YAML.
 
     Args:
-        kind: The dataclass; its fields are numbers, texts, tuples of such, or dataclasses themselves.
+        kind: The dataclass; its fields are numbers, strings, tuples of these, or dataclasses.
         name: What the data is called in messages; "" for the whole of it.
         data: A mapping of the dataclass's fields.
 

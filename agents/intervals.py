@@ -107,7 +107,7 @@ def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
 
 
 def as_percent(value: Mapping[str, Any]) -> str:
-    """A share and its interval as `over_seeds` gives them; of the interval only what is possible is told.
+    """Returns the text of a share and its interval from `over_seeds`, the interval cut to 0 to 100 %.
 
     Example:
         >>> as_percent({"mean": 0.93, "interval": [0.85, 1.01]})

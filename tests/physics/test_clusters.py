@@ -314,3 +314,23 @@ def test_the_least_speed_of_separation_is_reached_and_nothing_approaches(seed, n
             assert normal @ (after[j] - after[i]) >= rebound - 1e-13 * np.abs(after).max()
     drift = ((after - velocities) / inverse[:, None]).sum(axis=0)
     assert drift == pytest.approx([0, 0], abs=1e-12 * (np.abs(after).max() / inverse.min()))
+
+
+@pytest.mark.parametrize("rows", [4, 5, 8])
+@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("e", [0.0, 0.95, 1.0])
+def test_renumbering_a_frozen_rack_changes_no_bits(rows, alike, e):
+    """A rack has more contacts than it needs, so that its impulses are not unique; its velocities are."""
+    spots = np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
+    n, frozen = triangle(rows)
+    pairs = [(i, j) for i, j, _ in frozen]
+    for seed in range(20 if rows < 8 else 3):
+        rng = np.random.default_rng(seed)
+        velocities = rng.normal(size=(n, 2))
+        inverse = np.full(n, 1 / 0.17) if alike else rng.uniform(0.5, 5, n)
+        found = collided(spots, velocities, inverse, pairs, e, np.zeros(len(pairs)))
+        names, order = rng.permutation(n), rng.permutation(len(pairs))
+        back = np.argsort(names)
+        renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
+        again = collided(spots[names], velocities[names], inverse[names], renamed, e, np.zeros(len(pairs)))
+        assert np.array_equal(again, found[names])
