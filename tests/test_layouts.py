@@ -193,7 +193,7 @@ def test_no_straight_path_of_a_snookered_cue_ball_meets_ball_1_first(scene, seed
     velocity = speed * math.cos(angle), speed * math.sin(angle)
     shot = simulate(scene, places, velocity, record=True)
     assert shot.events is not None
-    touched = shot.events[shot.events["kind"] != "roll"][0]
+    touched = shot.events[shot.events["kind"] != "sliding_rolling"][0]
     assert (touched["kind"], touched["ball"], touched["other"]) == ("ball_ball", 0, 2)
 
 

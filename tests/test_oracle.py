@@ -22,7 +22,12 @@ from tests.oracle.roots import Real, first_entry, first_possible_entry, real_roo
 
 DIGITS = 50
 R = 0.03125  # m, a power of two: sums and halves of it are exact
-NAMES = {"slide-roll": "roll", "roll-stop": "stop", "ball-cushion": "cushion", "ball-ball": "ball_ball"}
+NAMES = {
+    "slide-roll": "sliding_rolling",
+    "roll-stop": "rolling_rest",
+    "ball-cushion": "cushion",
+    "ball-ball": "ball_ball",
+}
 
 
 @pytest.fixture(autouse=True)
@@ -152,7 +157,7 @@ def test_a_struck_ball_slides_rolls_and_stops_where_the_closed_form_says():
     mu, roll, g = mpf(p.mu_slide), mpf(p.mu_roll), mpf(p.g)
     slide_end, rolling = 2 * v / (7 * mu * g), 5 * v / 7
     stop = slide_end + rolling / (roll * g)
-    assert kinds(shot) == [("roll", 0, -1), ("stop", 0, -1)]
+    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
     assert close([e.time for e in shot.events], [slide_end, stop])
     assert close(shot.positions_at(slide_end)[0], (12 * v * v / (49 * mu * g), 0))
     assert close(shot.velocities_at(slide_end)[0], (rolling, 0))
@@ -174,7 +179,7 @@ def test_a_ball_that_slides_to_a_halt_stops_without_rolling():
     # u = 7/2 v is used up when v is, up to rounding
     vx, vy = mpf(1) / 3, mpf(2) / 7
     shot = run(scene, [[0.0, 0.0]], [vx, vy], [vy * 5 / (2 * R), -vx * 5 / (2 * R), mpf(0)])
-    assert kinds(shot) == [("stop", 0, -1)]
+    assert kinds(shot) == [("rolling_rest", 0, -1)]
 
 
 def test_a_rolling_ball_rolls_from_the_start():
@@ -182,25 +187,25 @@ def test_a_rolling_ball_rolls_from_the_start():
     v, radius = (mpf("0.3"), mpf("-0.4")), mpf(0.028575)
     shot = run(scene, [[0.0, 0.0]], v, (-v[1] / radius, v[0] / radius, mpf(0)))
     distance = mpf("0.25") / (2 * mpf(0.01) * mpf(9.81))
-    assert kinds(shot) == [("stop", 0, -1)]
+    assert kinds(shot) == [("rolling_rest", 0, -1)]
     assert close(shot.positions[0], (mpf("0.6") * distance, mpf("-0.8") * distance))
 
 
 def test_a_spin_about_z_decays_by_itself_and_outlasts_the_roll():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64), Physics(spin_decay=1.0))
     shot = run(scene, [[0.0, 0.0]], [0.5, 0.0], [0.0, 0.0, -40.0])
-    assert kinds(shot) == [("roll", 0, -1), ("stop", 0, -1), ("spin_stop", 0, -1)]
+    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1), ("spinning_rest", 0, -1)]
     assert close(shot.time, mpf(40))
     assert close(shot.spins_at(10)[0][2], mpf(-30))
     short = run(scene, [[0.0, 0.0]], [0.5, 0.0], [0.0, 0.0, 0.25])
-    assert kinds(short) == [("roll", 0, -1), ("stop", 0, -1)]
+    assert kinds(short) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
     assert short.spins_at(0.5)[0][2] == 0
 
 
 def test_rolling_motion_heeds_no_spin():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64), Physics(motion="rolling", cushion="restitution"))
     shot = run(scene, [[0.0, 0.0]], [0.5, 0.0], [0.0, -40.0, 9.0])
-    assert kinds(shot) == [("stop", 0, -1)]
+    assert kinds(shot) == [("rolling_rest", 0, -1)]
     assert close(shot.positions[0], (mpf("0.25") / (2 * mpf(0.01) * mpf(9.81)), 0))
 
 
@@ -559,7 +564,7 @@ def test_the_shots_of_an_independent_simulator():
         found = sorted(
             (e.kind, tuple(sorted((e.ball, e.other))) if e.kind == "ball_ball" else (e.ball,), float(e.time))
             for e in shot.events
-            if e.kind != "spin_stop"
+            if e.kind != "spinning_rest"
         )
         expected = sorted(
             (NAMES[kind], tuple(sorted(balls)) if kind == "ball-ball" else (balls[0],), time)

@@ -39,7 +39,7 @@ from billiards_env.scene import Scene
 MARKS = {
     "ball_ball": ("*", 11, "ball hits ball"),
     "cushion": ("s", 4.5, "ball hits cushion"),
-    "roll": ("o", 3.5, "slides until here, then rolls"),
+    "sliding_rolling": ("o", 3.5, "slides until here, then rolls"),
     "pocket": ("D", 5, "potted"),
 }
 """Marker, its size in points, and what it means."""
@@ -117,7 +117,7 @@ def legend_handles() -> list[Line2D]:
     """Entries of a legend that says what the balls and marks mean."""
     marks = [("o", 9, "#e9c98a", "#c78a00", "start"), ("o", 9, "#e69f00", INK, "end")]
     for kind, (marker, size, label) in MARKS.items():
-        fill = CHALK if kind == "roll" else INK if kind == "ball_ball" else "#888888"
+        fill = CHALK if kind == "sliding_rolling" else INK if kind == "ball_ball" else "#888888"
         marks.append((marker, size, fill, INK, label))
     return [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
@@ -187,12 +187,12 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
         elif kind == "pocket":
             pocket = scene.table.pockets[other]
             place, edge = np.array([pocket.x, pocket.y]), CHALK
-        elif kind == "roll":
+        elif kind == "sliding_rolling":
             fill = CHALK
         marker, size, _ = MARKS[kind]
         ax.plot(*place, marker, markersize=size, color=fill, markeredgecolor=edge, markeredgewidth=0.7, zorder=7)
         near = any(abs(x - place[0]) < 2 * room and abs(y - place[1]) < room for x, y in labelled)
-        if kind != "roll" and not near:
+        if kind != "sliding_rolling" and not near:
             labelled.append(place.tolist())
             _label(ax, kind, other, place, f"{time:.2f} s")
 

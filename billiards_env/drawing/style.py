@@ -29,9 +29,9 @@ KINDS = {
     "ball_ball": "hits ball",
     "cushion": "hits a cushion",
     "pocket": "is potted",
-    "roll": "begins to roll",
-    "stop": "stops",
-    "spin_stop": "stops spinning",
+    "sliding_rolling": "begins to roll",
+    "rolling_rest": "stops",
+    "spinning_rest": "stops spinning",
 }
 """What an event of a kind is called, with its ball for the subject."""
 

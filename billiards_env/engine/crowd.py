@@ -19,7 +19,8 @@ from billiards_env.engine.contact_rule import empty_memory, forget
 from billiards_env.engine.log import (
     AT_EVENT_LIMIT,
     AT_REST,
-    CUSHION_HIT,
+    BALL_CUSHION,
+    BALL_POCKET,
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
@@ -28,7 +29,6 @@ from billiards_env.engine.log import (
     LOOK_AFTER,
     N_CONTACT_RULE,
     N_EVENTS,
-    POCKETED,
     Log,
     SceneArrays,
     Shots,
@@ -114,7 +114,7 @@ def file(i, q):
     """Files ball i in the heap under the earliest of its events (Williams 1964)."""
     hi, lo = q.own[i, 0], q.own[i, 1]
     kind = q.own_kind[i, 0]
-    rank = _POCKET if kind == POCKETED else (_CUSHION if kind == CUSHION_HIT else _CHANGE)
+    rank = _POCKET if kind == BALL_POCKET else (_CUSHION if kind == BALL_CUSHION else _CHANGE)
     m, m_lo = q.meeting[i, 0], q.meeting[i, 1]
     if m < hi or (m == hi and (m_lo < lo or (m_lo == lo and rank > _PAIR))):
         hi, lo, rank = m, m_lo, _PAIR

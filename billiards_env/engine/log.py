@@ -36,8 +36,8 @@ LOOK_AFTER = 20_000
 """The event-driven engines call `interrupted` after this number of events: some ten milliseconds."""
 
 # Kinds of events.
-KINDS = ("ball_ball", "cushion", "pocket", "roll", "stop", "spin_stop")
-BALL_BALL, CUSHION_HIT, POCKETED, ROLLS, STOPS, SPIN_STOPS = 0, 1, 2, 3, 4, 5
+KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest")
+BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_REST = 0, 1, 2, 3, 4, 5
 
 # Entries of `counts`, a shot's counters.
 N_EVENTS, ENDED, FIRST_HIT, N_CONTACT_RULE = 0, 1, 2, 3

@@ -18,7 +18,8 @@ from billiards_env.engine.log import (
     AT_MAX_TIME,
     AT_REST,
     BALL_BALL,
-    CUSHION_HIT,
+    BALL_CUSHION,
+    BALL_POCKET,
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
@@ -27,7 +28,6 @@ from billiards_env.engine.log import (
     LOOK_AFTER,
     N_CONTACT_RULE,
     N_EVENTS,
-    POCKETED,
     Log,
     SceneArrays,
     Shots,
@@ -132,11 +132,11 @@ def alone(i, kind, other, hi, lo, state, phase, params, radius, pockets, memory,
     """Carries out and logs what happens to ball i alone at (hi, lo), see `queue.predict_ball`."""
     acts = counts[N_CONTACT_RULE]
     speed = 0.0
-    if kind == POCKETED:
+    if kind == BALL_POCKET:
         move(state, phase, i, hi, lo, params)
         speed = norm(state[i, VX], state[i, VY])
         capture(state, phase, i, pockets[other, 0], pockets[other, 1])
-    elif kind == CUSHION_HIT:
+    elif kind == BALL_CUSHION:
         move(state, phase, i, hi, lo, params)
         speed = hit_cushion(i, other, hi, state, params, radius, memory, counts)
         hits[i, CUSHIONS] += 1

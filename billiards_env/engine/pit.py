@@ -27,7 +27,8 @@ from billiards_env.engine.log import (
     AT_REST,
     AT_STEP_LIMIT,
     BALL_BALL,
-    CUSHION_HIT,
+    BALL_CUSHION,
+    BALL_POCKET,
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
@@ -35,10 +36,9 @@ from billiards_env.engine.log import (
     INTERRUPTED,
     N_CONTACT_RULE,
     N_EVENTS,
-    POCKETED,
-    ROLLS,
-    SPIN_STOPS,
-    STOPS,
+    ROLLING_REST,
+    SLIDING_ROLLING,
+    SPINNING_REST,
     Log,
     SceneArrays,
     Shots,
@@ -284,7 +284,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
             for i in range(1, n):
                 if change[i, 0] < change[a, 0] or (change[i, 0] == change[a, 0] and change[i, 1] < change[a, 1]):
                     a = i
-            kind = ROLLS if phase[a] == SLIDING else (STOPS if phase[a] == ROLLING else SPIN_STOPS)
+            kind = SLIDING_ROLLING if phase[a] == SLIDING else (ROLLING_REST if phase[a] == ROLLING else SPINNING_REST)
             end, lo = change[a, 0], change[a, 1]
             finish(state, phase, a, end, lo, params)
             counts[N_EVENTS] += 1
@@ -330,7 +330,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                     move(state, phase, i, now, 0.0, params)
                     capture(state, phase, i, pockets[q, 0], pockets[q, 1])
                     counts[N_EVENTS] += 1
-                    log_event(events, used, now, 0.0, POCKETED, i, q, state, norm(here[i, 2], here[i, 3]), False)
+                    log_event(events, used, now, 0.0, BALL_POCKET, i, q, state, norm(here[i, 2], here[i, 3]), False)
                     changed[i] = any_changed = True
                     end = now
                     break
@@ -375,7 +375,7 @@ def run(state, phase, space, scene, limit, max_events, hits, counts, log):
                 if speed > 0.0:
                     hits[i, CUSHIONS] += 1
                     counts[N_EVENTS] += 1
-                    log_event(events, used, now, 0.0, CUSHION_HIT, i, side, state, speed, False)
+                    log_event(events, used, now, 0.0, BALL_CUSHION, i, side, state, speed, False)
                     end = now
     return end
 

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from billiards_env.engine.contact_rule import NOISE
-from billiards_env.engine.log import CUSHION_HIT, POCKETED, ROLLS, SPIN_STOPS, STOPS
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import norm, place
@@ -69,11 +69,11 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
         return
     s = state[i]
     end = s[LASTS]
-    kind, other = SPIN_STOPS, -1
+    kind, other = SPINNING_REST, -1
     if p == SLIDING:
-        kind = ROLLS
+        kind = SLIDING_ROLLING
     elif p == ROLLING:
-        kind = STOPS
+        kind = ROLLING_REST
     if p >= ROLLING:
         x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
         room = params[HALF_LENGTH] - radius[i]
@@ -81,15 +81,15 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
             for k in range(2):
                 sign = 1.0 if k else -1.0
                 t = line_time(room - sign * x, sign * vx, sign * ax, end)
-                if t < end or (t == end and kind != CUSHION_HIT and t < math.inf):
-                    end, kind, other = t, CUSHION_HIT, k
+                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                    end, kind, other = t, BALL_CUSHION, k
         room = params[HALF_WIDTH] - radius[i]
         if not (SKIP and stays_within(y, vy, ay, end, room)):
             for k in range(2):
                 sign = 1.0 if k else -1.0
                 t = line_time(room - sign * y, sign * vy, sign * ay, end)
-                if t < end or (t == end and kind != CUSHION_HIT and t < math.inf):
-                    end, kind, other = t, CUSHION_HIT, 2 + k
+                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                    end, kind, other = t, BALL_CUSHION, 2 + k
         bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # how far off its tangent the path ends, times the speed
         vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
         way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
@@ -103,8 +103,8 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
                 if abs(dx) > wide + way_x or abs(dy) > wide + way_y:
                     continue
             t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, 0.0)
-            if t < end or (t == end and kind != POCKETED and t < math.inf):
-                end, kind, other = t, POCKETED, k
+            if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
+                end, kind, other = t, BALL_POCKET, k
     if end < math.inf:
         own[i, 0], own[i, 1] = later(s[T0], s[T0_LO], end)
         own_kind[i, 0], own_kind[i, 1] = kind, other
@@ -115,7 +115,7 @@ def solve_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit):
     """When balls i < j next meet, looking from (hi, lo), the time of the last event of either: (hi, lo)."""
     # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
     for k in (i, j):
-        if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
+        if own[k, 0] <= hi and own_kind[k, 0] in (SLIDING_ROLLING, ROLLING_REST):
             return math.inf, 0.0
     end = min(min(own[i, 0], own[j, 0]), limit) - hi
     ti = since(hi, lo, state[i, T0], state[i, T0_LO])
@@ -263,7 +263,7 @@ POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = 0, 1, 2, 3
 @inlined
 def rank_of(kind):
     """Returns the rank of an event of a ball alone."""
-    return POCKET_RANK if kind == POCKETED else (CUSHION_RANK if kind == CUSHION_HIT else PHASE_RANK)
+    return POCKET_RANK if kind == BALL_POCKET else (CUSHION_RANK if kind == BALL_CUSHION else PHASE_RANK)
 
 
 @inlined

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.log import BALL_BALL, CUSHION_HIT, POCKETED, ROLLS, STOPS
+from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING
 from billiards_env.physics import state as layout
 from billiards_env.physics.state import (
     CUSHION,
@@ -215,26 +215,26 @@ def _alone(before: _Ball, after: _Ball, kind: int, other: int, radius: float, pa
     """A ball's tangent after a cushion, a pocket or a change of phase."""
     row, tangent = before.row, before.tangent
     v, u = row[[layout.VX, layout.VY]], row[[layout.UX, layout.UY]]
-    if kind == POCKETED:  # it stays at the pocket's centre, wherever it fell in
+    if kind == BALL_POCKET:  # it stays at the pocket's centre, wherever it fell in
         return _Ball(after.row, after.phase, np.zeros_like(tangent))
-    if kind == CUSHION_HIT:
+    if kind == BALL_CUSHION:
         axis = 0 if other < 2 else 1
         shift = -tangent[axis] / v[axis] if v[axis] else np.zeros(tangent.shape[1])
-    elif kind == ROLLS:
+    elif kind == SLIDING_ROLLING:
         # |u| falls at 7/2 mu_s g; at its end only its direction at the start of the slide is left to go by.
         direction = -row[[layout.AX, layout.AY]] / params[SLIDE]
         shift = direction @ tangent[_U] / (3.5 * params[SLIDE])
-    elif kind == STOPS:
+    elif kind == ROLLING_REST:
         direction = -row[[layout.AX, layout.AY]] / params[ROLL]
         shift = direction @ tangent[_V] / params[ROLL]
     else:
         shift = np.zeros(tangent.shape[1])
     at = tangent + np.outer(_rate(before, params), shift)
-    if kind == CUSHION_HIT:
+    if kind == BALL_CUSHION:
         at = _cushion_jump(v, u, float(row[layout.WZ]), other, radius, params) @ at
-    elif kind == ROLLS:
+    elif kind == SLIDING_ROLLING:
         at[_U] = 0.0
-    elif kind == STOPS:
+    elif kind == ROLLING_REST:
         at[_V] = 0.0
     else:
         at[_WZ] = 0.0

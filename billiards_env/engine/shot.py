@@ -96,7 +96,7 @@ class ShotResult:
             against each other or a cushion, and impacts would follow each other without end. 0 in nearly all shots at
             a few balls; it acts in every other break.
         events: Structured array, or None if the shot was not recorded. Fields: time (s), kind ("ball_ball", "cushion",
-            "pocket", "roll", "stop" or "spin_stop"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y,
+            "pocket", "sliding_rolling", "rolling_rest" or "spinning_rest"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y,
             +y, the pocket, or -1), x and y (m, the ball's place), speed (m/s, at which ball and other approached) and
             rule (whether the contact-time rule acted).
         segments: (k, SEGMENT_WIDTH) float64, the pieces of the trajectories in the order in which they begin (see

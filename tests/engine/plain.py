@@ -16,17 +16,17 @@ from billiards_env.engine.log import (
     AT_MAX_TIME,
     AT_REST,
     BALL_BALL,
-    CUSHION_HIT,
+    BALL_CUSHION,
+    BALL_POCKET,
     CUSHIONS,
     CUSHIONS_BEFORE_HIT,
     ENDED,
     FIRST_HIT,
     N_CONTACT_RULE,
     N_EVENTS,
-    POCKETED,
-    ROLLS,
-    SPIN_STOPS,
-    STOPS,
+    ROLLING_REST,
+    SLIDING_ROLLING,
+    SPINNING_REST,
     SceneArrays,
     Shots,
     load,
@@ -72,11 +72,11 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
         return
     s = state[i]
     end = s[LASTS]
-    kind, other = SPIN_STOPS, -1
+    kind, other = SPINNING_REST, -1
     if p == SLIDING:
-        kind = ROLLS
+        kind = SLIDING_ROLLING
     elif p == ROLLING:
-        kind = STOPS
+        kind = ROLLING_REST
     if p >= ROLLING:
         room_x, room_y = params[HALF_LENGTH] - radius[i], params[HALF_WIDTH] - radius[i]
         for k in range(4):
@@ -85,13 +85,13 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
                 t = line_time(room_x - sign * s[X], sign * s[VX], sign * s[AX], end)
             else:
                 t = line_time(room_y - sign * s[Y], sign * s[VY], sign * s[AY], end)
-            if t < end or (t == end and kind != CUSHION_HIT and t < math.inf):
-                end, kind, other = t, CUSHION_HIT, k
+            if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                end, kind, other = t, BALL_CUSHION, k
         for k in range(len(pockets)):
             dx, dy = pockets[k, 0] - s[X], pockets[k, 1] - s[Y]
             t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pockets[k, 2], end, 0.0)
-            if t < end or (t == end and kind != POCKETED and t < math.inf):
-                end, kind, other = t, POCKETED, k
+            if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
+                end, kind, other = t, BALL_POCKET, k
     if end < math.inf:
         own[i, 0], own[i, 1] = later(s[T0], s[T0_LO], end)
         own_kind[i, 0], own_kind[i, 1] = kind, other
@@ -107,7 +107,7 @@ def predict_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit, pair,
         return
     # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
     for k in (i, j):
-        if own[k, 0] <= hi and own_kind[k, 0] in (ROLLS, STOPS):
+        if own[k, 0] <= hi and own_kind[k, 0] in (SLIDING_ROLLING, ROLLING_REST):
             return
     end = min(min(own[i, 0], own[j, 0]), limit) - hi
     ti = since(hi, lo, state[i, T0], state[i, T0_LO])
@@ -223,7 +223,7 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
             t, t_lo = own[i, 0], own[i, 1]
             if t > next_hi or t == math.inf:
                 continue
-            r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
+            r = 0 if own_kind[i, 0] == BALL_POCKET else (2 if own_kind[i, 0] == BALL_CUSHION else 3)
             if t < next_hi or t_lo < next_lo or (t_lo == next_lo and r < rank):
                 next_hi, next_lo, b, rank = t, t_lo, -1, r
         if next_hi > limit:
@@ -268,7 +268,7 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
             continue
         due = np.zeros(n, np.bool_)
         for i in range(n):
-            r = 0 if own_kind[i, 0] == POCKETED else (2 if own_kind[i, 0] == CUSHION_HIT else 3)
+            r = 0 if own_kind[i, 0] == BALL_POCKET else (2 if own_kind[i, 0] == BALL_CUSHION else 3)
             due[i] = own[i, 0] == hi and own[i, 1] == lo and r == rank
         for i in range(n):
             if not due[i]:
@@ -276,11 +276,11 @@ def run(state, phase, scene, limit, max_events, hits, counts, log):
             kind, other = own_kind[i, 0], own_kind[i, 1]
             acts = counts[N_CONTACT_RULE]
             speed = 0.0
-            if kind == POCKETED:
+            if kind == BALL_POCKET:
                 move(state, phase, i, hi, lo, params)
                 speed = norm(state[i, VX], state[i, VY])
                 capture(state, phase, i, pockets[other, 0], pockets[other, 1])
-            elif kind == CUSHION_HIT:
+            elif kind == BALL_CUSHION:
                 move(state, phase, i, hi, lo, params)
                 speed = hit_cushion(i, other, hi, state, params, radius, memory, counts)
                 start(state, phase, i, params)

@@ -171,7 +171,7 @@ def test_a_struck_ball_slides_rolls_and_stops_where_the_closed_form_says():
     shot = simulate(world(1, SLIDING), [[0.0, 0.0]], [0.6 * v, -0.8 * v], record=True)
     slide, roll = 2 * v / (7 * mu), 5 * v / 7
     distance = 12 * v * v / (49 * mu)
-    assert kinds(shot) == [("roll", 0, -1), ("stop", 0, -1)]
+    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
     assert shot.events["time"] == pytest.approx([slide, slide + roll / (ROLL * G)], rel=1e-14)
     assert shot.at(slide)[0] == pytest.approx(np.array([0.6, -0.8]) * distance, rel=1e-13)
     assert velocity(shot, 0, 1) == pytest.approx(np.array([0.6, -0.8]) * roll, rel=1e-14)
@@ -183,7 +183,7 @@ def test_a_struck_ball_slides_rolls_and_stops_where_the_closed_form_says():
 
 def test_a_ball_with_natural_roll_never_slides():
     shot = simulate(world(1, SLIDING), [[0.0, 0.0]], [1.0, 0.0], spins=[0.0, 1.0 / R, 0.0], record=True)
-    assert kinds(shot) == [("stop", 0, -1)]
+    assert kinds(shot) == [("rolling_rest", 0, -1)]
     assert shot.positions[0, 0] == pytest.approx(1 / (2 * ROLL * G), rel=1e-14)
 
 
@@ -213,11 +213,11 @@ def test_after_a_full_hit_the_cue_ball_stops_follows_or_draws(spin, direction):
 
 def test_a_stopped_ball_spins_on_until_its_spin_has_decayed():
     shot = simulate(world(1, SLIDING, spin_decay=2.0), [[0.0, 0.0]], [0.1, 0.0], spins=[0.0, 0.0, -40.0], record=True)
-    assert kinds(shot) == [("roll", 0, -1), ("stop", 0, -1), ("spin_stop", 0, -1)]
+    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1), ("spinning_rest", 0, -1)]
     assert shot.time == pytest.approx(20.0)
     assert shot.positions[0, 1] == 0.0
     short = simulate(world(1, SLIDING, spin_decay=2.0), [[0.0, 0.0]], [0.1, 0.0], spins=[0.0, 0.0, 0.5], record=True)
-    assert kinds(short) == [("roll", 0, -1), ("stop", 0, -1)]
+    assert kinds(short) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
     half = simulate(world(1, SLIDING, spin_decay=2.0), [[0.0, 0.0]], [0.1, 0.0], spins=[0.0, 0.0, -40.0], max_time=5.0)
     assert half.spins[0, 2] == pytest.approx(-30.0)
     assert half.status == "max_time"
@@ -333,8 +333,12 @@ def test_a_captured_ball_is_out_of_the_way():
 def test_a_ball_frozen_to_a_pocket_s_edge_falls_if_it_moves_in():
     table = Table(2.0, 2.0, pockets=(Pocket(0.0, 0.0, 0.125),))
     assert kinds(simulate(world(1, ROLLING, table), [[-0.125, 0.0]], [1.0, 0.0], record=True)) == [("pocket", 0, 0)]
-    assert kinds(simulate(world(1, ROLLING, table), [[-0.125, 0.0]], [0.0, 0.3], record=True)) == [("stop", 0, -1)]
-    assert kinds(simulate(world(1, ROLLING, table), [[-0.125, 0.0]], [-0.3, 0.0], record=True)) == [("stop", 0, -1)]
+    assert kinds(simulate(world(1, ROLLING, table), [[-0.125, 0.0]], [0.0, 0.3], record=True)) == [
+        ("rolling_rest", 0, -1)
+    ]
+    assert kinds(simulate(world(1, ROLLING, table), [[-0.125, 0.0]], [-0.3, 0.0], record=True)) == [
+        ("rolling_rest", 0, -1)
+    ]
 
 
 def test_a_pocket_comes_before_a_cushion_and_an_impact_of_the_same_instant():

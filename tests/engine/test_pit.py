@@ -75,7 +75,7 @@ def test_without_contacts_pit_has_the_bits_of_pic(physics, seed):
 def test_phases_change_and_balls_come_to_rest_at_their_own_instants():
     v, mu, roll = 3.0, 0.2 * 9.81, 0.01 * 9.81
     shot = pit(world(1, SLIDING), [[0.0, 0.0]], [v, 0.0], record=True, dt=0.5)
-    assert kinds(shot) == [("roll", 0, -1), ("stop", 0, -1)]
+    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
     assert shot.events["time"] == pytest.approx([2 * v / (7 * mu), 2 * v / (7 * mu) + 5 * v / 7 / roll], rel=1e-14)
     assert shot.time == shot.events["time"][-1]
     assert (shot.status, shot.velocities.any(), shot.spins.any()) == ("rest", False, False)
@@ -97,7 +97,7 @@ def test_a_ball_that_only_spins_needs_no_steps():
     spins = [[0.0, 0.0, 40.0], [0.0, 0.0, -200.0]]
     places = [[0.0, 0.0], [1.0, 0.0]]
     shot = pit(scene, places, [0.0, 0.0], spins=spins, dt=1e-9, record=True)
-    assert kinds(shot) == [("spin_stop", 0, -1), ("spin_stop", 1, -1)]
+    assert kinds(shot) == [("spinning_rest", 0, -1), ("spinning_rest", 1, -1)]
     assert shot.events["time"].tolist() == [20.0, 100.0]
     assert (shot.status, shot.time) == ("rest", 100.0)
     cut = pit(scene, places, [0.0, 0.0], spins=spins, dt=1e-9, max_time=50.0)
@@ -260,7 +260,7 @@ def test_a_ball_is_potted_at_a_frame_or_not_at_all():
     assert simulate(scene, [[0.0, 0.0]], [1.0, 0.0]).time == pytest.approx(0.4)
     assert not pit(scene, [[0.0, 0.0]], [1.0, 0.0], dt=0.35, max_time=1.0).potted.any()
     resting = pit(world(1, ROLLING, table), [[0.0, 0.0]], [math.sqrt(2 * 0.0981 * 0.45), 0.0], dt=100.0, record=True)
-    assert [kind for kind, _, _ in kinds(resting)] == ["stop", "pocket"]
+    assert [kind for kind, _, _ in kinds(resting)] == ["rolling_rest", "pocket"]
 
 
 def test_a_potted_ball_is_out_of_the_way():

@@ -15,7 +15,12 @@ simulate: Any = engine.simulate  # what it records is there wherever it is asked
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
 SHOTS = REFERENCE["shots"]
-NAMES = {"ball-ball": "ball_ball", "ball-cushion": "cushion", "slide-roll": "roll", "roll-stop": "stop"}
+NAMES = {
+    "ball-ball": "ball_ball",
+    "ball-cushion": "cushion",
+    "slide-roll": "sliding_rolling",
+    "roll-stop": "rolling_rest",
+}
 TIME, PLACE = 1e-5, 1e-4  # s, m: how well pooltool's spaced contacts are to be met
 NUDGE = 1e-9  # m; also the distance that pooltool moves balls apart by at a contact
 
@@ -30,7 +35,7 @@ def play(shot):
 
 def of_interest(result):
     """The events that the reference lists: a ball that spins on the spot is none."""
-    return result.events[result.events["kind"] != "spin_stop"]
+    return result.events[result.events["kind"] != "spinning_rest"]
 
 
 def in_order(events):

@@ -70,7 +70,7 @@ def test_events_come_in_order_with_their_place_and_speed(recorded):
         if event["kind"] != "pocket":
             assert recorded.at(event["time"])[event["ball"]] == pytest.approx(place, abs=1e-14)
     assert (events["speed"][np.isin(events["kind"], ["ball_ball", "cushion", "pocket"])] >= 0).all()
-    assert not events["speed"][np.isin(events["kind"], ["roll", "stop", "spin_stop"])].any()
+    assert not events["speed"][np.isin(events["kind"], ["sliding_rolling", "rolling_rest", "spinning_rest"])].any()
 
 
 def test_the_position_of_an_early_event_is_known_in_closed_form():

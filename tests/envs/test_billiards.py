@@ -359,7 +359,7 @@ def test_the_start_of_sum_to_three_slides_without_spin():
     shot = simulate(game.scene, game.positions, velocity, record=True)
     slip = 2 / 7 * velocity[0] / (0.5 * 9.81)  # until it rolls, if it sets out without spin
     assert shot.events is not None
-    assert (shot.events["kind"][0], shot.events["time"][0]) == ("roll", pytest.approx(slip, rel=1e-14))
+    assert (shot.events["kind"][0], shot.events["time"][0]) == ("sliding_rolling", pytest.approx(slip, rel=1e-14))
     env.step([0.0, 0.0])
     assert np.array_equal(game.positions, shot.positions)
 

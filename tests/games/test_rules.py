@@ -25,7 +25,7 @@ from billiards_env.games.rules import (
 
 
 def events(*rows, times=None):
-    """An event log: ("hit", a, b), ("cushion", ball), ("pocket", ball) or ("roll", ball), a second apart."""
+    """An event log: ("hit", a, b), ("cushion", ball), ("pocket", ball) or ("sliding_rolling", ball), a second apart."""
     log = np.zeros(len(rows), EVENT_DTYPE)
     for k, (kind, ball, *other) in enumerate(rows):
         log[k]["time"] = k if times is None else times[k]
@@ -90,7 +90,7 @@ def test_the_ball_that_is_struck_need_not_be_ball_0():
 
 
 def test_other_events_change_nothing():
-    assert facts(("roll", 0), ("stop", 0), ("spin_stop", 0)) == Facts()
+    assert facts(("sliding_rolling", 0), ("rolling_rest", 0), ("spinning_rest", 0)) == Facts()
 
 
 def test_facts_of_a_real_shot():

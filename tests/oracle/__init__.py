@@ -7,7 +7,7 @@ ever serve to show, with a margin far above their rounding, that a pair cannot m
 >>> from billiards_env.scene import Scene
 >>> shot = run(Scene.named("carom", 0), [[0.0, 0.0]], [1.0, 0.0])
 >>> [event.kind for event in shot.events], shot.status
-(['roll', 'cushion', 'roll', 'stop'], 'rest')
+(['sliding_rolling', 'cushion', 'sliding_rolling', 'rolling_rest'], 'rest')
 """
 
 from tests.oracle.simulate import CollapseError, Event, OracleError, OracleShot, RestingContactError, run

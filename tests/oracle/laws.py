@@ -178,7 +178,7 @@ def segment(
 
 
 def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
-    """The event kind ("roll", "stop" or "spin_stop") at the end of a segment, and the segment that follows."""
+    """The event kind ("sliding_rolling", "rolling_rest" or "spinning_rest") at the end of a segment, and the segment that follows."""
     zero = mpmath.mpf(0)
     position, velocity, spin = (old.position_at(old.end), old.velocity_at(old.end), old.spin_at(old.end))
     noise = max(old.noise, world.tiny * norm(old.velocity))
@@ -191,8 +191,8 @@ def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
         spin = (-velocity[1] / radius, velocity[0] / radius, spin[2])
     new = segment(world, ball, old.end, position, velocity, spin, noise)
     if old.phase == "spinning":
-        return "spin_stop", new
-    return ("roll" if new.phase == "rolling" else "stop"), new
+        return "spinning_rest", new
+    return ("sliding_rolling" if new.phase == "rolling" else "rolling_rest"), new
 
 
 def bounce(world: World, ball: int, side: int, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:

@@ -32,7 +32,7 @@ class Event(NamedTuple):
     """What happened when, and to which ball.
 
     `other` is the other ball, the cushion (0 is -x, 1 +x, 2 -y, 3 +y), the pocket, or -1. `kind` is "ball_ball",
-    "cushion", "pocket", "roll" (the ball stops sliding), "stop" (friction has stopped it) or "spin_stop" (friction has
+    "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or "spinning_rest" (friction has
     stopped the spin of a ball that stands still).
     """
 

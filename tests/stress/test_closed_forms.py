@@ -16,7 +16,7 @@ def test_a_rolling_ball_passes_its_velocity_to_the_next():
     gap, v = 0.5, 0.4
     shot = run(scene, [[-gap - 2 * R, 0.0], [0.0, 0.0]], [v, 0.0])
     left = v * v / (2 * ROLL * G) - gap  # the way still to go
-    assert kinds(shot) == [("ball_ball", 0, 1), ("stop", 1, -1)]
+    assert kinds(shot) == [("ball_ball", 0, 1), ("rolling_rest", 1, -1)]
     assert shot.positions[:, 0] == pytest.approx([-2 * R, left], rel=1e-14)
     assert shot.time == pytest.approx(v / (ROLL * G), rel=1e-14)
 
