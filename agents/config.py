@@ -22,7 +22,7 @@ from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.checks import choose
-from billiards_env.envs.frames import FRAMES
+from billiards_env.envs.action_frames import FRAMES
 
 ENV_ID = "Billiards-v0"
 FEATURES = ("raw", "geometry")

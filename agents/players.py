@@ -30,7 +30,7 @@ from agents.ppo import evaluation_seeds
 from billiards_env.checks import choose
 from billiards_env.engine import spread
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.frames import perturb
+from billiards_env.envs.action_frames import perturb
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.files import write_json
 

@@ -32,7 +32,7 @@ from agents.train import learning_curve, versions
 from billiards_env.engine import simulate
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.billiards import cue_velocity
-from billiards_env.envs.frames import Frame
+from billiards_env.envs.action_frames import ActionTransform
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -143,7 +143,7 @@ def _shots(run_dir: Path, observations: NDArray[np.float32], positions: Floats, 
     actions = np.asarray(deterministic(policy)(observations), np.float64)
     if config.frame is not None:
         f = config.frame
-        frame = Frame(f.name, env.scene, env.targets, env.max_speed, f.ball, f.least_speed)
+        frame = ActionTransform(f.name, env.scene, env.targets, env.max_speed, f.ball, f.least_speed)
         return frame.velocities(actions, positions, np.zeros(positions.shape[:2], np.bool_)) / env.max_speed
     return actions
 

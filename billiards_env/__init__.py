@@ -11,7 +11,7 @@ import gymnasium
 from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
-    from billiards_env.engine import simulate, simulate_batch
+    from billiards_env.simulation import simulate, simulate_batch
 
 __version__ = "0.1.0"
 
@@ -27,9 +27,9 @@ gymnasium.register(
 def __getattr__(name: str) -> Any:
     if name not in ("simulate", "simulate_batch"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from billiards_env import engine
+    from billiards_env import simulation
 
-    return getattr(engine, name)
+    return getattr(simulation, name)
 
 
 def __dir__() -> list[str]:

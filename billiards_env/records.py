@@ -29,8 +29,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.checks import Range, real, short, whole
-from billiards_env.engine import MAX_EVENTS, STATUS, ShotResult, check_mode, simulate
-from billiards_env.engine.shot import check_shot
+from billiards_env.engine import MAX_EVENTS, STATUS, check_mode
+from billiards_env.engine.inputs import check_shot
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import simulate
 from billiards_env.files import replacing
 from billiards_env.games.play import History, Setup, Stroke, Table, play, set_table
 from billiards_env.games.rules import State

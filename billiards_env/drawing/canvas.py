@@ -145,8 +145,8 @@ class Canvas:
             rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
             self.draw_path(base, self.pixels_of(rim), INK)
         if arrow and recording.gone[0] > 0:
-            first = int(np.flatnonzero(recording.ball == 0)[0])
-            self.draw_arrow(base, 0, recording.position[first], recording.velocity[first])
+            paths = recording.trajectory
+            self.draw_arrow(base, 0, paths.position[0], paths.velocity[0])
         tracks = []
         for shot in shots:
             ring = shot is compare

@@ -91,12 +91,13 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
 
 
 def _run(recording: Recording) -> dict[str, Any]:
-    columns = (recording.start, recording.lasts, recording.position, recording.velocity, recording.acceleration)
-    rows = np.column_stack(columns)
+    paths = recording.trajectory
+    lasts = np.minimum(paths.lasts, recording.time)
+    rows = np.column_stack((paths.start, lasts, paths.position, paths.velocity, paths.acceleration))
     return {
         "label": recording.label,
         "time": recording.time,
-        "pieces": [rows[recording.ball == i].tolist() for i in range(recording.scene.n_balls)],
+        "pieces": [rows[paths.ball == i].tolist() for i in range(recording.scene.n_balls)],
         "gone": [t if math.isfinite(t) else None for t in recording.gone.tolist()],
         "events": [
             [e["time"].item(), str(e["kind"]), *(e[k].item() for k in ("ball", "other", "x", "y", "speed"))]

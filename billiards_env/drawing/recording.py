@@ -8,67 +8,46 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.scene import Scene
+from billiards_env.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 
 
 class Recording(NamedTuple):
-    """A shot's trajectories and events.
-
-    Piece k is the path of ball `ball[k]` from `start[k]` on: its place is position + velocity t + acceleration t^2 / 2,
-    t the time since, `lasts[k]` at most. The last piece that has begun is the one that counts; those of a ball stand in
-    the order in which they begin.
+    """A recorded shot.
 
     Attributes:
         scene: The scene.
         time: Duration of the shot, s.
-        label: How the shot was run, such as "PIC".
-        ball: (k,) int.
-        start: (k,) s.
-        lasts: (k,) s; 0 for a ball that does not move.
-        position: (k, 2) m.
-        velocity: (k, 2) m/s.
-        acceleration: (k, 2) m/s^2.
-        gone: (n,) s, when each ball was potted; 0 if it was not in play, inf if it stayed on the table.
+        label: The engine, such as "PIC".
+        trajectory: The paths of the balls.
         events: Structured array, as in `ShotResult.events`.
     """
 
     scene: Scene
     time: float
     label: str
-    ball: NDArray[np.intp]
-    start: Floats
-    lasts: Floats
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-    gone: Floats
+    trajectory: Trajectory
     events: NDArray[Any]
 
+    @property
+    def gone(self) -> Floats:
+        """(n,) Time at which each ball was potted, s: 0 if it was not in play, infinite if it stayed on the table."""
+        return self.trajectory.gone
+
     def path(self, ball: int, times: ArrayLike) -> Floats:
-        """Where a ball is at some times.
-
-        Args:
-            ball: Its number.
-            times: (m,) s, from 0 to `time`.
-
-        Returns:
-            (m, 2) m.
-        """
-        mine = np.flatnonzero(self.ball == ball)
-        at = np.asarray(times, dtype=np.float64)
-        k = mine[np.searchsorted(self.start[mine], at, side="right") - 1]
-        t = np.clip(at - self.start[k], 0.0, self.lasts[k])[:, None]
-        return self.position[k] + t * (self.velocity[k] + 0.5 * t * self.acceleration[k])
+        """Returns the positions of a ball at some times (s), (m, 2) m."""
+        return self.trajectory.path(ball, times)
 
     def corners(self, ball: int) -> Floats:
-        """The instants at which a ball's path may turn, s, ascending."""
-        return np.unique(self.start[self.ball == ball])
+        """Returns the times at which a ball's path may turn, s, ascending."""
+        return np.unique(self.trajectory.start[self.trajectory.ball == ball])
 
     def moves(self, ball: int) -> bool:
-        """Whether a ball that is in play ever moves."""
-        mine = self.ball == ball
-        return bool(self.gone[ball] > 0 and ((self.velocity[mine] != 0) & (self.lasts[mine, None] > 0)).any())
+        """Returns whether a ball that is in play ever moves."""
+        paths = self.trajectory
+        mine = paths.ball == ball
+        return bool(self.gone[ball] > 0 and ((paths.velocity[mine] != 0) & (paths.lasts[mine, None] > 0)).any())
 
 
 def check_pair(recording: Recording, other: Recording) -> None:

@@ -1,17 +1,9 @@
-"""Engines that run shots: `simulate` one, `simulate_batch` many, and what they give back."""
+"""The engines that run shots in compiled code: `pic` (event-driven) and `pit` (fixed timestep)."""
 
-from billiards_env.engine.batch import BatchResult, simulate_batch
-from billiards_env.engine.log import KINDS, NO_LOG, STATUS, Shots, empty_shots
-from billiards_env.engine.shot import (
-    MAX_EVENTS,
-    ShotInput,
-    ShotResult,
-    check_mode,
-    engine_of,
-    run_checked,
-    scene_arrays,
-    simulate,
-)
+from billiards_env.engine.inputs import ShotInput
+from billiards_env.engine.log import KINDS, NO_LOG
+from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
+from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import spread
 
 __all__ = [
@@ -19,16 +11,11 @@ __all__ = [
     "MAX_EVENTS",
     "NO_LOG",
     "STATUS",
-    "BatchResult",
     "ShotInput",
-    "ShotResult",
     "Shots",
     "check_mode",
     "empty_shots",
     "engine_of",
-    "run_checked",
     "scene_arrays",
-    "simulate",
-    "simulate_batch",
     "spread",
 ]

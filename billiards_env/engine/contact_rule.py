@@ -34,9 +34,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.log import N_CONTACT_RULE
-from billiards_env.physics import state as layout
-from billiards_env.physics.ball_ball import exchange, exchange_pair, kick
+from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import allocating, inlined, kernel, merged
 from billiards_env.physics.motion import norm
@@ -49,6 +47,7 @@ from billiards_env.physics.state import (
     ROLL,
     SLIDE,
     SLIDING_AND_ROLLING,
+    TAU,
     UX,
     UY,
     VX,
@@ -103,7 +102,7 @@ def set_rule(params: NDArray[np.float64], mass: tuple[float, ...], contact_time:
         contact_time: tau, s.
     """
     friction = {IDEAL: 0.0, SLIDING_AND_ROLLING: params[SLIDE]}.get(int(params[MOTION]), params[ROLL])
-    params[layout.CONTACT_TIME] = contact_time
+    params[TAU] = contact_time
     params[WEAK_SPEED] = contact_time * 2.0 * friction  # of two balls
     params[LONGEST_RUN] = longest_run(mass)
 
@@ -148,7 +147,7 @@ def least_rebound(speed, towards, weak, params):
     """
     if speed > params[WEAK_SPEED] or params[MOTION] == IDEAL:
         return 0.0
-    least = 0.5 * params[layout.CONTACT_TIME] * max(0.0, towards)
+    least = 0.5 * params[TAU] * max(0.0, towards)
     if weak <= PRESSED:
         return least
     if towards > 0.0:
@@ -162,8 +161,8 @@ def least_rebound(speed, towards, weak, params):
 @inlined
 def end_runs(i, time, speed, params, memory):
     """Ends the runs of ball i that an impact at a time (s) and speed of approach (m/s) does not belong to."""
-    since = time - memory.last_impact[i]
-    if since * speed > RESOLUTION or since > 0.01 * params[layout.CONTACT_TIME]:
+    interval = time - memory.last_impact[i]
+    if interval * speed > RESOLUTION or interval > 0.01 * params[TAU]:
         memory.run[i] = 0
     if speed > params[WEAK_SPEED]:
         memory.weak[i] = 0
@@ -172,12 +171,12 @@ def end_runs(i, time, speed, params, memory):
 @inlined
 def is_over(i, j, state, params, memory):
     """Returns whether balls i and j, which may be the same, come to rest in this impact."""
-    run, weak = memory.run, memory.weak
+    rows, run, weak = state.rows, memory.run, memory.weak
     if max(run[i], run[j]) > params[LONGEST_RUN] or max(min(run[i], weak[i]), min(run[j], weak[j])) > WEDGED:
         return True
     if min(run[i], run[j]) < 2:
         return False
-    speed = max(abs(state[i, VX]), abs(state[i, VY]), abs(state[j, VX]), abs(state[j, VY]))
+    speed = max(abs(rows[i, VX]), abs(rows[i, VY]), abs(rows[j, VX]), abs(rows[j, VY]))
     return speed < STILL
 
 
@@ -191,8 +190,8 @@ def count_impact(i, time, memory):
 
 @inlined
 def is_ordinary(i, time, speed, params, memory):
-    """Returns whether an impact of ball i is neither weak nor soon after the last, so that the rule leaves it alone."""
-    return speed > params[WEAK_SPEED] and time - memory.last_impact[i] > 0.01 * params[layout.CONTACT_TIME]
+    """Returns whether an impact of ball i is neither weak nor soon after the last. The rule does not act on it."""
+    return speed > params[WEAK_SPEED] and time - memory.last_impact[i] > 0.01 * params[TAU]
 
 
 @inlined
@@ -206,19 +205,20 @@ def count_ordinary(i, time, memory):
 def halt(state, i):
     """Brings ball i to rest; its spin about the vertical axis stays."""
     for c in (VX, VY, UX, UY):
-        state[i, c] = 0.0
+        state.rows[i, c] = 0.0
 
 
 @inlined
 def pressing(i, j, nx, ny, state):
     """Returns the acceleration of balls i and j towards each other, m/s^2; (nx, ny) is the normal from i to j."""
-    around = ny * (state[j, VX] - state[i, VX]) - nx * (state[j, VY] - state[i, VY])
-    distance = norm(state[j, X] - state[i, X], state[j, Y] - state[i, Y])
-    return -(nx * (state[j, AX] - state[i, AX]) + ny * (state[j, AY] - state[i, AY])) - around * around / distance
+    a, b = state.rows[i], state.rows[j]
+    around = ny * (b[VX] - a[VX]) - nx * (b[VY] - a[VY])
+    distance = norm(b[X] - a[X], b[Y] - a[Y])
+    return -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY])) - around * around / distance
 
 
 @kernel
-def resolve_jam(contacts, state, params, inv_mass, memory):
+def resolve_jam(contacts, state, scene, memory):
     """Resolves the first contact if its balls are jammed. Returns whether they are.
 
     If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift it is about
@@ -228,63 +228,83 @@ def resolve_jam(contacts, state, params, inv_mass, memory):
     by less than its rounding, and both speeds along the normal are below 2^-24 of it. Other weak impacts are plastic.
     """
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
+    rows, params, inv_mass = state.rows, scene.params, scene.inv_mass
     run, weak = memory.run, memory.weak
     if min(run[i], run[j]) <= JAMMED:
         return False
     moved, sign = (i, -1.0) if run[i] < run[j] else (j, 1.0)
     nx, ny = contacts.nx[0], contacts.ny[0]
     jammed = i + j - moved
-    along = abs(nx * state[jammed, VX] + ny * state[jammed, VY])  # a jammed ball hardly moves along the normal
+    along = abs(nx * rows[jammed, VX] + ny * rows[jammed, VY])  # a jammed ball hardly moves along the normal
     lifts = run[i] != run[j] and inv_mass[moved] > 0.0
     if min(weak[i], weak[j]) > JAMMED:
         lifts = lifts and rebound > 0.0 and along <= params[WEAK_SPEED]
     else:
-        speed = norm(state[moved, VX], state[moved, VY])
+        speed = norm(rows[moved, VX], rows[moved, VY])
         change = 2.0 * closing * inv_mass[moved] / (inv_mass[i] + inv_mass[j])
         if not lifts or change > 2.0**-52 * speed or max(closing, along) > 2.0**-24 * speed:
             return False
     if lifts:
-        kick(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, params)
+        change_velocity(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, params)
     else:
         p = closing / (inv_mass[i] + inv_mass[j])
-        kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
-        kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+        change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
+        change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
     return True
 
 
 @kernel
-def _hit_cushion_again(i, side, time, speed, state, params, radius, memory):
-    """`hit_cushion` for an impact that is not ordinary. Returns whether the rule acts."""
+def _hit_cushion_again(i, side, time, speed, state, scene, memory):
+    """Does what `hit_cushion` does for an impact that is not ordinary."""
+    params = scene.params
     sign = 1.0 if side % 2 else -1.0
     end_runs(i, time, speed, params, memory)
     count_impact(i, time, memory)
     if is_over(i, i, state, params, memory):
         halt(state, i)
-        return True
+        return 1
     if min(memory.run[i], memory.weak[i]) > JAMMED:
-        kick(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
-        return True
-    towards = sign * state[i, AX if side < 2 else AY]
+        change_velocity(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
+        return 1
+    towards = sign * state.rows[i, AX if side < 2 else AY]
     rebound = least_rebound(speed, towards, memory.weak[i], params)
-    return reflect(state, i, side, rebound, radius, params)
+    return 1 if reflect(state, i, side, rebound, scene) else 0
 
 
 @inlined
-def hit_cushion(i, side, time, state, params, radius, memory, counts):
-    """Changes the motion of ball i at cushion `side` (0 to 3: -x, +x, -y, +y). Returns its speed of approach, m/s."""
-    speed = state[i, VX if side < 2 else VY] if side % 2 else -state[i, VX if side < 2 else VY]
-    if is_ordinary(i, time, speed, params, memory):
+def cushion_speed(i, side, state):
+    """Returns the speed at which ball i approaches cushion `side` (0 to 3: -x, +x, -y, +y), m/s."""
+    velocity = state.rows[i, VX if side < 2 else VY]
+    return velocity if side % 2 else -velocity
+
+
+@inlined
+def hit_cushion(i, side, time, speed, state, scene, memory):
+    """Changes the motion of ball i at a cushion.
+
+    Args:
+        i: The ball.
+        side: The cushion, 0 to 3 for -x, +x, -y, +y.
+        time: s.
+        speed: Speed of approach, m/s.
+        state: The `State`.
+        scene: The `SceneArrays`.
+        memory: The `Memory`.
+
+    Returns:
+        The number of acts of the rule.
+    """
+    if is_ordinary(i, time, speed, scene.params, memory):
         count_ordinary(i, time, memory)
-        reflect(state, i, side, 0.0, radius, params)
-    else:
-        counts[N_CONTACT_RULE] += _hit_cushion_again(i, side, time, speed, state, params, radius, memory)
-    return speed
+        reflect(state, i, side, 0.0, scene)
+        return 0
+    return _hit_cushion_again(i, side, time, speed, state, scene, memory)
 
 
 @kernel
-def _collide_again(count, time, contacts, state, params, inv_mass, scratch, memory):
-    """`collide` for impacts that are not all ordinary. Returns the number of acts of the rule."""
-    first, second, closing = contacts.first, contacts.second, contacts.closing
+def _collide_again(count, time, contacts, state, scene, scratch, memory):
+    """Does what `collide` does for impacts that are not all ordinary."""
+    first, second, closing, params = contacts.first, contacts.second, contacts.closing, scene.params
     for c in range(count):  # all runs end before any impact counts, whatever the order of the contacts
         end_runs(first[c], time, closing[c], params, memory)
         end_runs(second[c], time, closing[c], params, memory)
@@ -302,31 +322,34 @@ def _collide_again(count, time, contacts, state, params, inv_mass, scratch, memo
             halt(state, first[c])
             halt(state, second[c])
         return 1
-    if count == 1 and resolve_jam(contacts, state, params, inv_mass, memory):
+    if count == 1 and resolve_jam(contacts, state, scene, memory):
         return 1
-    return exchange(count, contacts, state, params, inv_mass, scratch)
+    return exchange(count, contacts, state, scene, scratch)
 
 
 @merged
-def collide(count, time, contacts, state, params, inv_mass, scratch, memory, counts):
+def collide(count, time, contacts, state, scene, scratch, memory):
     """Changes the velocities of the balls in `count` simultaneous impacts.
 
     Args:
         count: Number of contacts.
         time: s.
         contacts: The `Contacts`; `rebound` is written here.
-        state: (n, WIDTH) float64.
-        params: (N_PARAMS,) float64.
-        inv_mass: (n,) float64, 1/kg.
-        scratch: A `clusters.Scratch`.
+        state: The `State`.
+        scene: The `SceneArrays`.
+        scratch: The `clusters.Scratch`.
         memory: The `Memory`.
-        counts: (N_COUNTS,) int64.
+
+    Returns:
+        The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
+    params, acts = scene.params, 0
     if count == 1 and is_ordinary(i, time, speed, params, memory) and is_ordinary(j, time, speed, params, memory):
         count_ordinary(i, time, memory)
         count_ordinary(j, time, memory)
         contacts.rebound[0] = 0.0
-        exchange_pair(contacts, state, params, inv_mass)
+        exchange_pair(contacts, state, scene)
     else:
-        counts[N_CONTACT_RULE] += _collide_again(count, time, contacts, state, params, inv_mass, scratch, memory)
+        acts = _collide_again(count, time, contacts, state, scene, scratch, memory)
+    return acts

@@ -1,61 +1,48 @@
-"""PIT, periodic interference test: time advances by a step dt, and what overlaps after it is dealt with.
+"""PIT, periodic interference test: time advances by a step dt, and overlaps are resolved after each step.
 
-The balls move by the very law of motion of `engine.pic`, in closed form and with every change of phase at its own
-instant; the only difference is when contacts are noticed. At each multiple of dt, in this order, balls whose centre is
-inside a pocket are captured, pairs that overlap and do not part collide, all of them as one problem, and balls beyond
-a cushion that do not come back bounce; each with the impulses of `physics.impulse`, at the places where the balls are
-found. What a step passes over is lost: that is the method (see the README's "What a timestep does").
+The balls move by the law of motion of `engine.pic`, in closed form, and each change of phase is at its exact time. The
+only difference is when contacts are detected. The engine tests for them at each multiple of dt, in this order: it
+captures balls whose centre is inside a pocket; it resolves the impacts of all pairs that overlap and do not separate,
+as one problem; and it reflects balls that are beyond a cushion and do not come back. Impulses are those of the impact
+laws at the positions where the balls are found. A contact that begins and ends within a step is lost.
 
-The overlap that is found late is "fixed" in one of three ways, as the paper leaves open which:
+The paper leaves open how an overlap is "fixed". There are three ways:
 
-* push_apart (the default): balls are moved apart along their line of centres until they touch, the lighter one
-  further, and a ball beyond a cushion is put against it; after the impulse, which takes the line of centres as found.
-* move_back: balls go back along their paths, for a step at most, to where they touched, before the impulse, which then
-  has the right line of centres; they start again from there, late by the time they went back.
-* none: positions stay as they are found.
+* push_apart (the default): after the impulse, which has the line of centres as found, the balls are moved apart along
+  that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
+* move_back: before the impulse, the balls go back along their paths, for one step at most, to the position at which
+  they touched. The line of centres is right then, but the balls are late by the time for which they went back.
+* none: positions do not change.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from billiards_env.engine.log import (
-    AT_EVENT_LIMIT,
-    AT_MAX_TIME,
-    AT_REST,
-    AT_STEP_LIMIT,
     BALL_BALL,
     BALL_CUSHION,
     BALL_POCKET,
-    CUSHIONS,
-    CUSHIONS_BEFORE_HIT,
-    ENDED,
-    FIRST_HIT,
-    INTERRUPTED,
-    N_CONTACT_RULE,
-    N_EVENTS,
     ROLLING_REST,
     SLIDING_ROLLING,
     SPINNING_REST,
     Log,
-    SceneArrays,
-    Shots,
     clear_log,
-    load,
     log_event,
     log_segment,
-    store,
 )
+from billiards_env.engine.runner import INTERRUPTED, for_all_shots
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, Shots, count_hit
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import empty_contacts, empty_scratch, sum_impulses
+from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, entry_point, kernel
-from billiards_env.physics.motion import capture, finish, move, norm, place, start
+from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
+from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
-    CONTACT_GAP,
     DT,
     FIX,
     HALF_LENGTH,
@@ -64,347 +51,409 @@ from billiards_env.physics.state import (
     LASTS,
     MOTION,
     MOVE_BACK,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
     POTTED,
     PUSH_APART,
     REST,
     ROLLING,
     SLIDING,
-    T0,
-    T0_LO,
     VX,
     VY,
-    WIDTH,
+    SceneArrays,
+    State,
+    Time,
     X,
     Y,
+    before,
+    empty_state,
     later,
+    moves,
+    own_time,
     since,
 )
+from billiards_env.scene import CONTACT_GAP
 
 MAX_STEPS = 100_000_000
-"""The engine gives up a shot, with status "step_limit", after this number of timesteps: seconds with two balls."""
+"""The engine ends a shot, with status "step_limit", after this number of timesteps: seconds with two balls."""
 
-_LOOK_AFTER = 10_000_000  # units of a step's work, which grows with the pairs of balls: some ten milliseconds
-
-
-@kernel
-def predict_change(i, state, phase, change):
-    """When ball i's phase ends by itself: change[i] = (hi, lo)."""
-    change[i, 0], change[i, 1] = math.inf, 0.0
-    if phase[i] != POTTED and state[i, LASTS] < math.inf:
-        change[i, 0], change[i, 1] = later(state[i, T0], state[i, T0_LO], state[i, LASTS])
+_LOOK_AFTER = 10_000_000  # pairs of balls tested between two calls of `interrupted`: some ten milliseconds
+_PAIRS_PER_EVENT = 500  # pairs that are tested in the time of one event of `engine.pic`
 
 
-@kernel
-def find_overlaps(moves, moving, moved, here, phase, radius, first, second, nx, ny, closing):
-    """Pairs that overlap and do not part, at least one of them a ball that moved in this step. Returns their number.
+class Workspace(NamedTuple):
+    """The arrays in which shots of n balls are run, one after the other.
 
-    Two balls at the very same place take the direction in which they came for their line of centres.
+    Attributes:
+        state: The `State` of the balls.
+        contacts: The `Contacts` of one step.
+        scratch: The `Scratch` of their resolution.
+        here: (n, 4) float64, position and velocity at the end of the step, in the columns X, Y, VX and VY.
+        back: (n,) float64, time for which a ball goes back along its path, s.
+        phase_end_hi: (n,) float64, time at which a ball's phase ends, s; infinite if it does not.
+        phase_end_lo: (n,) float64, its second part.
+        moving: (n,) int64, the balls that move in the step.
+        moved: (n,) bool, whether a ball is one of them.
+        changed: (n,) bool, whether the motion of a ball has changed in the step.
     """
+
+    state: State
+    contacts: Contacts
+    scratch: Scratch
+    here: Any
+    back: Any
+    phase_end_hi: Any
+    phase_end_lo: Any
+    moving: Any
+    moved: Any
+    changed: Any
+
+
+@allocating
+def make_workspace(scene):
+    """Returns the `Workspace` for the balls of a scene."""
+    n = len(scene.radius)
+    most = max(1, n * (n - 1) // 2)
+    return Workspace(
+        empty_state(n),
+        empty_contacts(most),
+        empty_scratch(n, most),
+        np.empty((n, 4)),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n, np.int64),
+        np.empty(n, np.bool_),
+        np.empty(n, np.bool_),
+    )
+
+
+@kernel
+def _predict_phase_end(i, work):
+    """Computes the time at which ball i's phase ends."""
+    time = Time(math.inf, 0.0)
+    if work.state.phase[i] != POTTED and work.state.rows[i, LASTS] < math.inf:
+        time = later(own_time(work.state, i), work.state.rows[i, LASTS])
+    work.phase_end_hi[i], work.phase_end_lo[i] = time.hi, time.lo
+
+
+@inlined
+def _begin_phases(scene, work, log):
+    """Begins the next phase of the balls that have changed, and lists the balls that move. Returns their number."""
+    state, here = work.state, work.here
     count = 0
-    for k in range(moves):
-        i = moving[k]
+    for i in range(len(work.moved)):
+        if work.changed[i]:
+            begin_phase(state, i, scene.params)
+            log_segment(log, state, i)
+            work.changed[i] = False
+            _predict_phase_end(i, work)
+        work.moved[i] = moves(state, i)
+        if work.moved[i]:
+            work.moving[count] = i
+            count += 1
+        else:
+            here[i, X], here[i, Y], here[i, VX], here[i, VY] = state.rows[i, X], state.rows[i, Y], 0.0, 0.0
+    return count
+
+
+@kernel
+def _next_phase_end(work):
+    """Returns the earliest time at which a phase ends, s."""
+    end = math.inf
+    for i in range(len(work.phase_end_hi)):
+        end = min(end, work.phase_end_hi[i])
+    return end
+
+
+@kernel
+def _end_next_phase(k, scene, work, shots, log):
+    """Ends the phase that ends first, and begins the next one of that ball."""
+    state, phase = work.state, work.state.phase
+    first = 0
+    for i in range(1, len(phase)):
+        if before(Time(work.phase_end_hi[i], work.phase_end_lo[i]), Time(work.phase_end_hi[first], work.phase_end_lo[first])):
+            first = i
+    kind = SPINNING_REST
+    if phase[first] == SLIDING:
+        kind = SLIDING_ROLLING
+    elif phase[first] == ROLLING:
+        kind = ROLLING_REST
+    time = Time(work.phase_end_hi[first], work.phase_end_lo[first])
+    end_phase(state, first, time, scene.params)
+    begin_phase(state, first, scene.params)
+    shots.time[k] = time.hi
+    shots.n_events[k] += 1
+    log_event(log, time, kind, first, -1, state, 0.0, False)
+    log_segment(log, state, first)
+    _predict_phase_end(first, work)
+
+
+@inlined
+def _test_pockets(now, count, k, scene, work, shots, log):
+    """Finds the positions of the `count` moving balls at a `Time`, and captures those in pockets.
+
+    Returns whether there are any.
+    """
+    here, pockets, found = work.here, scene.pockets, False
+    for m in range(count):
+        i = work.moving[m]
+        t = since(now, own_time(work.state, i))
+        here[i, X], here[i, Y], here[i, VX], here[i, VY] = motion_after(work.state, i, t)
+        for q in range(len(pockets)):
+            dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
+            if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
+                advance(work.state, i, now, scene.params)
+                capture(work.state, i, pockets[q, POCKET_X], pockets[q, POCKET_Y])
+                shots.n_events[k] += 1
+                log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
+                shots.time[k] = now.hi
+                work.changed[i] = found = True
+                break
+    return found
+
+
+@kernel
+def _find_overlaps(count, scene, work):
+    """Finds the pairs that overlap and do not separate, with at least one of the `count` moving balls.
+
+    Returns their number. If two balls have the same centre, their relative velocity replaces the line of centres.
+    """
+    here, radius, phase, contacts = work.here, scene.radius, work.state.phase, work.contacts
+    found = 0
+    for m in range(count):
+        i = work.moving[m]
         if phase[i] == POTTED:
             continue
         for j in range(len(phase)):
-            if j == i or (j < i and moved[j]) or phase[j] == POTTED:
+            if j == i or (j < i and work.moved[j]) or phase[j] == POTTED:
                 continue
-            dx, dy = here[j, 0] - here[i, 0], here[j, 1] - here[i, 1]
+            dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
             reach = radius[i] + radius[j]
             if dx * dx + dy * dy >= reach * reach:
                 continue
-            wx, wy = here[j, 2] - here[i, 2], here[j, 3] - here[i, 3]
+            wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
             distance = norm(dx, dy)
             if distance == 0.0:
                 dx, dy, distance = -wx, -wy, norm(wx, wy)
                 if distance == 0.0:
                     continue
-            ex, ey = dx / distance, dy / distance
-            speed = -(ex * wx + ey * wy)
-            if speed < 0.0:
+            nx, ny = dx / distance, dy / distance
+            closing = -(nx * wx + ny * wy)
+            if closing < 0.0:
                 continue
-            first[count], second[count] = i, j
-            nx[count], ny[count], closing[count] = ex, ey, speed
-            count += 1
-    return count
+            contacts.first[found], contacts.second[found] = i, j
+            contacts.nx[found], contacts.ny[found], contacts.closing[found] = nx, ny, closing
+            found += 1
+    return found
 
 
 @kernel
-def go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing):
-    """Takes the balls of `count` contacts back along their paths to where they touched.
+def _go_back(count, scene, work):
+    """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
 
-    A ball in several contacts goes back to the first of them; the others may have vanished then.
+    A ball with several contacts goes back to the first of them. The others may have vanished then.
 
     Returns:
         The number of contacts that are left.
     """
+    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
+    first, second = contacts.first, contacts.second
     for c in range(count):
         back[first[c]] = back[second[c]] = 0.0
     for c in range(count):
         i, j = first[c], second[c]
-        dx, dy = here[j, 0] - here[i, 0], here[j, 1] - here[i, 1]
-        wx, wy = here[j, 2] - here[i, 2], here[j, 3] - here[i, 3]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+        wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
         reach = radius[i] + radius[j]
         ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
         if ww > 0.0:  # |d - w t| = reach
             t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
-            t = min(t, dt)
+            t = min(t, scene.params[DT])
             back[i], back[j] = max(back[i], t), max(back[j], t)
     for c in range(count):
-        for k in (first[c], second[c]):
-            here[k, 0] -= back[k] * here[k, 2]
-            here[k, 1] -= back[k] * here[k, 3]
-            state[k, X], state[k, Y] = here[k, 0], here[k, 1]
-            back[k] = 0.0
+        for i in (first[c], second[c]):
+            here[i, X] -= back[i] * here[i, VX]
+            here[i, Y] -= back[i] * here[i, VY]
+            work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
+            back[i] = 0.0
     left = 0
     for c in range(count):
         i, j = first[c], second[c]
-        dx, dy = here[j, 0] - here[i, 0], here[j, 1] - here[i, 1]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
         distance = norm(dx, dy)
         if distance > radius[i] + radius[j] + CONTACT_GAP:
             continue
-        ex, ey = (dx / distance, dy / distance) if distance > 0.0 else (nx[c], ny[c])
-        speed = -(ex * (here[j, 2] - here[i, 2]) + ey * (here[j, 3] - here[i, 3]))
-        if speed >= 0.0:
-            first[left], second[left], nx[left], ny[left], closing[left] = i, j, ex, ey, speed
+        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
+        closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
+        if closing >= 0.0:
+            first[left], second[left] = i, j
+            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
             left += 1
     return left
 
 
 @kernel
-def push_apart(count, contacts, state, radius, inv_mass, here, scratch):
+def _push_apart(count, scene, work):
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
-    first, second, shift, done = contacts.first, contacts.second, scratch.dv, scratch.done
-    overlap, scale = scratch.descent[0], scratch.descent[1]
+    contacts, here, scratch, inv_mass = work.contacts, work.here, work.scratch, scene.inv_mass
+    shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
     for c in range(count):
-        i, j = first[c], second[c]
-        distance = norm(here[j, 0] - here[i, 0], here[j, 1] - here[i, 1])
-        overlap[c], scale[c] = radius[i] + radius[j] - distance, 1.0 / (inv_mass[i] + inv_mass[j])
+        i, j = contacts.first[c], contacts.second[c]
+        distance = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
+        overlap[c], scale[c] = scene.radius[i] + scene.radius[j] - distance, 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
     for c in range(count):
-        for k in (first[c], second[c]):
-            if done[k]:
-                here[k, 0] += shift[k, 0]
-                here[k, 1] += shift[k, 1]
-                state[k, X], state[k, Y] = here[k, 0], here[k, 1]
-                done[k] = False
+        for i in (contacts.first[c], contacts.second[c]):
+            if done[i]:
+                here[i, X] += shift[i, X]
+                here[i, Y] += shift[i, Y]
+                work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
+                done[i] = False
+
+
+@inlined
+def _resolve_overlaps(count, now, k, scene, work, shots, log):
+    """Resolves and records the impacts of `count` overlapping pairs at a `Time`."""
+    state, contacts, here, fix = work.state, work.contacts, work.here, scene.params[FIX]
+    for c in range(count):
+        for i in (contacts.first[c], contacts.second[c]):
+            advance(state, i, now, scene.params)
+            work.changed[i] = True
+    if fix == MOVE_BACK:
+        count = _go_back(count, scene, work)
+    exchange(count, contacts, state, scene, work.scratch)
+    if fix == PUSH_APART:
+        _push_apart(count, scene, work)
+    for c in range(count):
+        i, j = min(contacts.first[c], contacts.second[c]), max(contacts.first[c], contacts.second[c])
+        for b in (i, j):
+            here[b, VX], here[b, VY] = state.rows[b, VX], state.rows[b, VY]
+        if contacts.closing[c] == 0.0:  # they overlap without an impact
+            continue
+        count_hit(k, i, j, shots)
+        shots.n_events[k] += 1
+        log_event(log, now, BALL_BALL, i, j, state, contacts.closing[c], False)
+        shots.time[k] = now.hi
 
 
 @kernel
-def meet_cushion(i, side, dt, fix, state, radius, params, here):
-    """Bounces ball i off cushion `side` if it is beyond it and does not come back.
+def _hit_cushion(i, side, scene, work):
+    """Reflects ball i at cushion `side` if it is beyond it and does not come back.
 
     Returns:
-        Its speed of approach, m/s, 0 if it was only put back, or -1 if nothing happened.
+        Its speed of approach, m/s, 0 if it was only moved back, or -1 if nothing happened.
     """
-    x = 0 if side < 2 else 1  # the column of the normal coordinate, in `here` and in `state`
+    here, params, fix = work.here, scene.params, scene.params[FIX]
+    x, vx = (X, VX) if side < 2 else (Y, VY)  # columns of the normal direction
     sign = 1.0 if side % 2 else -1.0
-    room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - radius[i]
-    beyond, speed = sign * here[i, x] - room, sign * here[i, x + 2]
+    room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - scene.radius[i]
+    beyond, speed = sign * here[i, x] - room, sign * here[i, vx]
     if beyond <= 0.0 or speed < 0.0 or (speed == 0.0 and fix != PUSH_APART):
         return -1.0
     if fix == PUSH_APART:
         here[i, x] = sign * room
     elif fix == MOVE_BACK:
-        t = min(beyond / speed, dt)
-        here[i, 0] -= t * here[i, 2]
-        here[i, 1] -= t * here[i, 3]
-    state[i, X], state[i, Y] = here[i, 0], here[i, 1]
+        t = min(beyond / speed, params[DT])
+        here[i, X] -= t * here[i, VX]
+        here[i, Y] -= t * here[i, VY]
+    work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
     if speed > 0.0:
-        reflect(state, i, side, 0.0, radius, params)
-        here[i, 2], here[i, 3] = state[i, VX], state[i, VY]
+        reflect(work.state, i, side, 0.0, scene)
+        here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]
     return speed
 
 
-@allocating
-def workspace(n):
-    """The arrays that a shot of n balls is run with."""
-    most = max(1, n * (n - 1) // 2)
-    contacts, scratch = empty_contacts(most), empty_scratch(n, most)
-    here, back = np.empty((n, 4)), np.empty(n)  # x, y, vx, vy at this test; how long a ball goes back, s
-    change = np.empty((n, 2))  # when each ball's phase ends by itself, (hi, lo)
-    moving = np.empty(n, np.int64)  # the balls that are under way when the step begins
-    return contacts, scratch, here, back, change, moving, np.empty(n, np.bool_), np.empty(n, np.bool_)
+@inlined
+def _test_cushions(now, k, scene, work, shots, log):
+    """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are any."""
+    state, params, found = work.state, scene.params, False
+    for i in range(len(work.moved)):
+        if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
+            continue
+        for side in range(4):
+            room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - scene.radius[i]
+            if abs(work.here[i, X if side < 2 else Y]) <= room:
+                continue
+            advance(state, i, now, params)
+            speed = _hit_cushion(i, side, scene, work)
+            work.changed[i] = found = True
+            if speed > 0.0:
+                shots.cushions[k, i] += 1
+                shots.n_events[k] += 1
+                log_event(log, now, BALL_CUSHION, i, side, state, speed, False)
+                shots.time[k] = now.hi
+    return found
 
 
-@kernel
-def run(state, phase, space, scene, limit, max_events, hits, counts, log):
-    """Runs one shot to rest, to the time `limit` or to `max_events` events.
+@inlined
+def _end_at(time, state, scene):
+    """Advances all balls to a time, s."""
+    for i in range(len(state.phase)):
+        advance(state, i, Time(time, 0.0), scene.params)
 
-    Args:
-        state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
-        phase: (n,) int8; POTTED balls are out of play.
-        space: A `workspace`, new or left by another shot.
-        scene: A `SceneArrays`; of its params, DT is the step, s, and FIX what is done about overlaps.
-        limit: s; may be infinite unless motion is ideal.
-        max_events: The shot is given up after so many.
-        hits: (n, 2) int32 out, see `engine.log`.
-        counts: (N_COUNTS,) int64 out, see `engine.log`.
-        log: A `Log`.
+
+@inlined
+def run(k, scene, work, limit, max_events, shots, log):
+    """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 
     Returns:
-        The time at which the shot ended, s, or INTERRUPTED.
+        The amount of work, in events, or INTERRUPTED.
     """
-    n = len(phase)
-    params, radius, inv_mass, pockets = scene
-    events, segments, used = log
-    dt, fix = params[DT], params[FIX]
-    contacts, scratch, here, back, change, moving, moved, changed = space
-    first, second, nx, ny, closing, _ = contacts
-    moves = 0
-    changed[:] = True
-    hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
-    counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
-    clear_log(events, used)
-    end, step, next_change = 0.0, 0, math.inf
-    between_looks = _LOOK_AFTER // (n * n + 8) + 1
-    pause = min(limit, dt * between_looks)
-    any_changed = True
+    state, n, dt = work.state, len(scene.radius), scene.params[DT]
+    work.changed[:] = True
+    clear_log(log)
+    shots.time[k] = 0.0
+    steps_between_looks = _LOOK_AFTER // (n * n + 8) + 1
+    pause = min(limit, dt * steps_between_looks)
+    step, count, next_end, changed = 0, 0, math.inf, True
     while True:
-        if any_changed:
-            moves, next_change = 0, math.inf
-            for i in range(n):
-                if changed[i]:
-                    start(state, phase, i, params)
-                    log_segment(segments, used, state, phase, i)
-                    changed[i] = False
-                    predict_change(i, state, phase, change)
-                next_change = min(next_change, change[i, 0])
-                moved[i] = phase[i] >= ROLLING and phase[i] != POTTED
-                if moved[i]:
-                    moving[moves] = i
-                    moves += 1
-                else:
-                    here[i, 0], here[i, 1], here[i, 2], here[i, 3] = state[i, X], state[i, Y], 0.0, 0.0
-            any_changed = False
+        if changed:
+            count = _begin_phases(scene, work, log)
+            next_end, changed = _next_phase_end(work), False
         step += 1
-        now = step * dt
-        until = min(now, limit) if moves > 0 else limit
-        while next_change <= until and next_change < math.inf and counts[N_EVENTS] < max_events:
-            a = 0
-            for i in range(1, n):
-                if change[i, 0] < change[a, 0] or (change[i, 0] == change[a, 0] and change[i, 1] < change[a, 1]):
-                    a = i
-            kind = SLIDING_ROLLING if phase[a] == SLIDING else (ROLLING_REST if phase[a] == ROLLING else SPINNING_REST)
-            end, lo = change[a, 0], change[a, 1]
-            finish(state, phase, a, end, lo, params)
-            counts[N_EVENTS] += 1
-            log_event(events, used, end, lo, kind, a, -1, state, 0.0, False)
-            log_segment(segments, used, state, phase, a)
-            predict_change(a, state, phase, change)
-            next_change = change[0, 0]
-            for i in range(1, n):
-                next_change = min(next_change, change[i, 0])
-            any_changed = True
-        # What is under way has a next change, but for free balls, which have none.
-        under_way = next_change < math.inf or (moves > 0 and params[MOTION] == IDEAL)
-        if counts[N_EVENTS] >= max_events and under_way:
-            counts[ENDED] = AT_EVENT_LIMIT
-            for i in range(n):
-                move(state, phase, i, end, 0.0, params)
+        now = Time(step * dt, 0.0)
+        until = min(now.hi, limit) if count > 0 else limit
+        while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
+            _end_next_phase(k, scene, work, shots, log)
+            next_end, changed = _next_phase_end(work), True
+        # Free balls move without a phase that ends.
+        in_motion = next_end < math.inf or (count > 0 and scene.params[MOTION] == IDEAL)
+        if shots.n_events[k] >= max_events and in_motion:
+            shots.status[k] = AT_EVENT_LIMIT
+            _end_at(shots.time[k], state, scene)
             break
-        if moves == 0 or now > pause:
-            if moves == 0 or now > limit:
+        if count == 0 or now.hi > pause:
+            if count == 0 or now.hi > limit:
                 if limit < math.inf:
                     for i in range(n):
-                        if phase[i] != REST and phase[i] != POTTED:
-                            counts[ENDED] = AT_MAX_TIME
-                            move(state, phase, i, limit, 0.0, params)
-                            end = limit
+                        if state.phase[i] != REST and state.phase[i] != POTTED:
+                            shots.status[k], shots.time[k] = AT_MAX_TIME, limit
+                            advance(state, i, Time(limit, 0.0), scene.params)
                 break
             if step > MAX_STEPS:
-                counts[ENDED], end = AT_STEP_LIMIT, now
-                for i in range(n):
-                    move(state, phase, i, now, 0.0, params)
+                shots.status[k], shots.time[k] = AT_STEP_LIMIT, now.hi
+                _end_at(now.hi, state, scene)
                 break
             if interrupted():
                 return INTERRUPTED
-            pause = min(limit, dt * min(MAX_STEPS, step + between_looks))
-
-        for k in range(moves):
-            i = moving[k]
-            t = since(now, 0.0, state[i, T0], state[i, T0_LO])
-            here[i, 0], here[i, 1], here[i, 2], here[i, 3] = place(state, phase, i, t)
-            for q in range(len(pockets)):
-                dx, dy = here[i, 0] - pockets[q, 0], here[i, 1] - pockets[q, 1]
-                if dx * dx + dy * dy < pockets[q, 2] * pockets[q, 2]:
-                    move(state, phase, i, now, 0.0, params)
-                    capture(state, phase, i, pockets[q, 0], pockets[q, 1])
-                    counts[N_EVENTS] += 1
-                    log_event(events, used, now, 0.0, BALL_POCKET, i, q, state, norm(here[i, 2], here[i, 3]), False)
-                    changed[i] = any_changed = True
-                    end = now
-                    break
-
-        count = find_overlaps(moves, moving, moved, here, phase, radius, first, second, nx, ny, closing)
-        if count > 0:
-            any_changed = True
-            for c in range(count):
-                for k in (first[c], second[c]):
-                    move(state, phase, k, now, 0.0, params)
-                    changed[k] = True
-            if fix == MOVE_BACK:
-                count = go_back(count, dt, state, radius, here, back, first, second, nx, ny, closing)
-            exchange(count, contacts, state, params, inv_mass, scratch)
-            if fix == PUSH_APART:
-                push_apart(count, contacts, state, radius, inv_mass, here, scratch)
-            for c in range(count):
-                i, j = min(first[c], second[c]), max(first[c], second[c])
-                for k in (i, j):
-                    here[k, 2], here[k, 3] = state[k, VX], state[k, VY]
-                if closing[c] == 0.0:  # they only lay in each other
-                    continue
-                if i == 0:
-                    if counts[FIRST_HIT] < 0:
-                        counts[FIRST_HIT] = j
-                    if hits[j, CUSHIONS_BEFORE_HIT] < 0:
-                        hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
-                counts[N_EVENTS] += 1
-                log_event(events, used, now, 0.0, BALL_BALL, i, j, state, closing[c], False)
-                end = now
-
-        for i in range(n):
-            if not (moved[i] or changed[i]) or phase[i] == POTTED:
-                continue
-            for side in range(4):
-                room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - radius[i]
-                if abs(here[i, 0 if side < 2 else 1]) <= room:
-                    continue
-                move(state, phase, i, now, 0.0, params)
-                speed = meet_cushion(i, side, dt, fix, state, radius, params, here)
-                changed[i] = any_changed = True
-                if speed > 0.0:
-                    hits[i, CUSHIONS] += 1
-                    counts[N_EVENTS] += 1
-                    log_event(events, used, now, 0.0, BALL_CUSHION, i, side, state, speed, False)
-                    end = now
-    return end
+            pause = min(limit, dt * min(MAX_STEPS, step + steps_between_looks))
+        changed = _test_pockets(now, count, k, scene, work, shots, log) or changed
+        overlaps = _find_overlaps(count, scene, work)
+        if overlaps > 0:
+            _resolve_overlaps(overlaps, now, k, scene, work, shots, log)
+            changed = True
+        changed = _test_cushions(now, k, scene, work, shots, log) or changed
+    return step * (n * n + 8) // _PAIRS_PER_EVENT
 
 
-@kernel
-def run_all(begin, end, state, phase, space, scene, limit, max_events, shots, log):
-    """`run_shots` with its working arrays; where none are made, none are counted.
-
-    Returns whether it was interrupted.
-    """
-    steps, between_looks = 0.0, _LOOK_AFTER // (len(phase) * len(phase) + 8)
-    for k in range(begin, end):
-        load(shots, k, scene, state, phase)
-        time = run(state, phase, space, scene, limit, max_events, shots.hits[k], shots.counts[k], log)
-        if time == INTERRUPTED:
-            return True
-        shots.times[k] = time
-        store(shots, k, scene, state, phase)
-        steps += 1.0 + time / scene.params[DT]
-        if steps > between_looks:
-            if interrupted():
-                return True
-            steps = 0.0
-    return False
+_run_all = for_all_shots(run)
 
 
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch, in place; see `engine.pic.run_shots`, which takes the same arguments."""
-    arrays, n = SceneArrays(*scene), len(scene[1])
-    state, phase, space = np.empty((n, WIDTH)), np.empty(n, np.int8), workspace(n)
-    end_call(run_all(begin, end, state, phase, space, arrays, limit, max_events, Shots(*shots), Log(*log)))
+    """Runs shots `begin` to `end` of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    arrays = SceneArrays(*scene)
+    work = make_workspace(arrays)
+    end_call(_run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))

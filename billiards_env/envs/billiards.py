@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env import layouts
 from billiards_env.checks import choose, real, whole
 from billiards_env.engine import STATUS, ShotInput, check_mode
-from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
-from billiards_env.envs.tables import SCORE, SHOTS_LEFT, Tables, cue_ball_alone, shorten
+from billiards_env.engine.shots import AT_EVENT_LIMIT
+from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes, Settings, cue_ball_alone, shorten
+from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
 from billiards_env.scene import Scene, check_positions
 
@@ -219,7 +219,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = _OPENING[task] if layout is None else layout
-        # One throw-away draw, for a layout that does not suit the scene to be refused here and not at some reset.
+        # A layout that is impossible in the scene raises here, not at a reset.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         if not isinstance(observe_shots_left, (bool, np.bool_)):
             raise ValueError(f"observe_shots_left = {observe_shots_left!r}: expected True or False")
@@ -230,110 +230,110 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
 
-        self._tables = self.tables(1)
-        places = 2 * (self.scene.n_balls + self._tables.goals.shape[1])
+        self._episodes = self.episodes(1)
+        coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
         self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
-        low = np.full(places + self.observe_shots_left, -1.0, np.float32)
-        low[places:] = 0.0
+        low = np.full(coordinates + self.observe_shots_left, -1.0, np.float32)
+        low[coordinates:] = 0.0
         self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._rewards = np.empty(1)
         self._size = len(low)
 
-    def tables(self, count: int) -> Tables:
-        """New tables on which so many environments with these arguments play."""
-        return Tables(
-            count,
-            self.scene,
-            layouts.plan(self.layout, self.scene),
-            self.task,
-            self.targets,
-            self.max_shots,
-            self.mode,
-            self.dt,
-            self.fix,
+    def episodes(self, count: int) -> Episodes:
+        """Returns a number of new episodes of environments with these arguments."""
+        settings = Settings(
+            scene=self.scene,
+            task=self.task,
+            targets=self.targets,
+            layout=self.layout,
+            max_shots=self.max_shots,
+            max_speed=self.max_speed,
+            scratch_penalty=self.scratch_penalty,
+            mode=self.mode,
+            dt=self.dt,
+            fix=self.fix,
         )
+        return Episodes(count, settings)
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(n, 2) where the balls are, m, a copy; a potted ball is at its pocket's centre."""
-        return self._tables.shots.positions[0].copy()
+        """(n, 2) Positions of the balls, m, a copy; a potted ball is at the centre of its pocket."""
+        return self._episodes.shots.positions[0].copy()
 
     @property
     def potted(self) -> NDArray[np.bool_]:
-        """(n,) the balls off the table, a copy."""
-        return ~self._tables.shots.in_play[0]
+        """(n,) The balls off the table, a copy."""
+        return ~self._episodes.shots.in_play[0]
 
     @property
     def goals(self) -> NDArray[np.float64]:
-        """(g, 2) the goals, m, a copy: one in the task "place", none in the others."""
-        return self._tables.goals[0].copy()
+        """(g, 2) The goals, m, a copy: one in the task "place", none in the others."""
+        return self._episodes.goals[0].copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Starts an episode.
+        """Begins an episode.
 
         Args:
-            seed: Seeds the generator that draws the layouts; the same seed gives the same episode bit for bit.
-            options: None or a dict with any of "positions": (n, 2) places of the balls, m, and, in the task "place",
-                "goal": (2,) m; what is given is not drawn.
+            seed: Seed of the generator that draws the layouts. The same seed gives the same episode bit for bit.
+            options: None or a dict with any of "positions": (n, 2) positions of the balls, m, and, in the task "place",
+                "goal": (2,) m. The others are drawn.
 
         Returns:
-            The observation, as in the class's docstring, and an empty info.
+            The observation, as in the docstring of the class, and an empty info.
 
         Raises:
-            ValueError: If an option is unknown or the balls cannot be placed so.
-            TypeError: If the options are no mapping.
+            ValueError: If an option is unknown or the positions are impossible.
+            TypeError: If the options are not a mapping.
         """
-        placed, goal = placed_by_hand(self.scene, self.task, options)
+        positions, goal = check_options(self.scene, self.task, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
-        tables = self._tables
-        tables.shots.positions[0] = layouts.draw_one(tables.plan, self.np_random) if placed is None else placed
-        if tables.goal_plan is not None:
-            tables.goals[0] = layouts.draw_one(tables.goal_plan, self.np_random) if goal is None else goal
+        episodes = self._episodes
+        episodes.shots.positions[0] = layouts.draw_one(episodes.plan, self.np_random) if positions is None else positions
+        if episodes.goal_plan is not None:
+            episodes.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
         observation = np.empty(self._size, np.float32)
-        tables.start(0, 1, _ONE, observation[None])
+        episodes.begin(0, 1, _ONE, observation[None])
         if self._renderer is not None:
-            self._renderer.begin([layout(tables.shots.positions[0], self.task, circles=goal_circles(tables.goals[0]))])
+            circles = goal_circles(episodes.goals[0])
+            self._renderer.begin([balls_at_rest(episodes.shots.positions[0], self.task, circles=circles)])
         return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
 
-        If it is interrupted (by Ctrl-C), the balls lie where they lay before, and the shot can be played again.
+        If it is interrupted (by Ctrl-C), the balls are where they were before, and the shot can be played again.
 
         Args:
-            action: (2,) the cue ball's velocity over `max_speed`.
+            action: (2,) velocity of the cue ball over `max_speed`.
 
         Returns:
-            Observation, reward, terminated, truncated (always False) and info, as in the class's docstring.
+            Observation, reward, terminated, truncated (always False) and info, as in the docstring of the class.
 
         Raises:
-            ResetNeeded: If no episode is under way.
+            ResetNeeded: If the episode has ended or not begun.
             ValueError: If the action is not two finite numbers.
         """
-        tables = self._tables
-        if tables.over[0]:
+        episodes = self._episodes
+        if episodes.over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        aimed = check_action(action)
+        action = check_action(action)
         observation = np.empty(self._size, np.float32)
         potted = np.empty(len(self.targets), np.bool_)
         reward = self._rewards
-        tables.shoot(
-            0, 1, _NONE, aimed[None], self.max_speed, self.scratch_penalty, reward, potted[None], observation[None]
-        )
-        shots = tables.shots
-        counts = shots.counts[0].tolist()
-        points, score, shots_left, success = tables.tally[0].tolist()
-        status = STATUS[counts[ENDED]]
-        if counts[ENDED] >= AT_EVENT_LIMIT:
-            warn_cut_off(tables, 0, self.scene, aimed)
+        episodes.shoot(0, 1, _NONE, action[None], reward, potted[None], observation[None])
+        shots = episodes.shots
+        points, score, shots_left, success = episodes.tally[0].tolist()
+        status = shots.status.item()
+        if status >= AT_EVENT_LIMIT:
+            warn_cut_off(episodes, 0, self.scene, action)
         info = {
-            "shot_time": shots.times.item(),
-            "n_events": counts[N_EVENTS],
-            "status": status,
-            "first_hit": counts[FIRST_HIT],
-            "cushions": shots.hits[0, :, CUSHIONS].copy(),
+            "shot_time": shots.time.item(),
+            "n_events": shots.n_events.item(),
+            "status": STATUS[status],
+            "first_hit": shots.first_hit.item(),
+            "cushions": shots.cushions[0].copy(),
             "potted": potted,
             "scratch": potted.item(0),
             "points": points,
@@ -343,41 +343,41 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "is_success": success == 1,
         }
         if self._renderer is not None:
-            self._renderer.step([self.shown(tables, 0, aimed, reward.item(), tables.tally[0], self.goals)])
-        return observation, reward.item(), tables.over.item(), False, info
+            self._renderer.step([self.drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], self.goals)])
+        return observation, reward.item(), episodes.over.item(), False, info
 
-    def shown(
+    def drawn_shot(
         self,
-        tables: Tables,
+        episodes: Episodes,
         k: int,
         action: NDArray[np.float64],
         reward: float,
         tally: NDArray[np.int64],
         goals: NDArray[np.float64],
-    ) -> Shown:
-        """The last shot of table k, to be drawn; `action`, `reward`, `tally` and `goals` are its own."""
+    ) -> DrawnShot:
+        """Returns the last shot of episode k for drawing, with its action, reward, tally and goals."""
         n = self.scene.n_balls
         velocities = np.zeros((n, 2))
         velocities[0] = cue_velocity(action, self.max_speed)
         limit = self.scene.physics.max_time or math.inf
-        in_play = ~tables.potted_before[k]
-        given = ShotInput(tables.starts[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
-        done = self.max_shots - int(tally[SHOTS_LEFT])
-        left = f"{self.task}   shot {done} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-        return Shown(given, left, f"reward {reward:g}   score {tally[SCORE]}", goal_circles(goals))
+        in_play = ~episodes.potted_before[k]
+        shot = ShotInput(episodes.start[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
+        number = self.max_shots - int(tally[SHOTS_LEFT])
+        left = f"{self.task}   shot {number} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
+        return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", goal_circles(goals))
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
-        """Shows the shots, as the class's docstring says.
+        """Draws the shots, as the docstring of the class describes.
 
         Returns:
-            A frame (height, width, 3) uint8, a list of frames, or None, by the render mode.
+            A frame (height, width, 3) uint8, a list of frames, or None, depending on the render mode.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
         """
         if self._renderer is None:
             gym.logger.warn(
-                "render() without a render mode shows nothing: "
+                "render() without a render mode draws nothing: "
                 f'make the environment with one, such as gym.make("Billiards-v0", render_mode="{RENDER_MODES[1]}")'
             )
             return None
@@ -390,17 +390,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
-    """The scene that the environment's arguments ask for.
+    """Returns the scene of an environment.
 
     Args:
-        scene: A scene's name, or its data in the form of `Scene.to_dict()`.
-        n_object_balls: For a named scene; None for its usual number.
-
-    Returns:
-        The scene.
+        scene: Name of a scene, or its data in the form of `Scene.to_dict()`.
+        n_object_balls: Number of object balls of a named scene; None for its usual number.
 
     Raises:
-        ValueError: If the name is unknown, the data wrong, or `n_object_balls` given beside data.
+        ValueError: If the name is unknown, the data are invalid, or both data and `n_object_balls` are given.
         TypeError: If `scene` is neither a string nor a mapping, or a value in it is of the wrong type.
     """
     if isinstance(scene, str):
@@ -415,17 +412,14 @@ def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Sc
 
 
 def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
-    """The balls that a task is about.
+    """Returns the balls of a task, (n,) bool: the object balls, in "pot" only those that can move.
 
     Args:
         task: One of `TASKS`.
         scene: The scene.
 
-    Returns:
-        (n,) bool: the object balls, for "pot" only those that can move.
-
     Raises:
-        ValueError: If the task is unknown or there is nothing to do on such a scene.
+        ValueError: If the task is unknown or cannot be played in the scene.
     """
     choose("task", task, tuple(TASKS))
     targets = np.arange(scene.n_balls) > 0
@@ -447,24 +441,24 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     return targets
 
 
-def placed_by_hand(
+def check_options(
     scene: Scene, task: str, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """The places that the options of a reset give, checked.
+    """Returns the positions and goals in the options of a reset.
 
     Args:
         scene: The scene.
-        task: The task; "place" alone has goals.
+        task: The task; only "place" has goals.
         options: The options.
-        mask: None for one table; for m tables (m,) bool, those whose places count.
+        mask: None for one environment; for m environments (m,) bool, those that are reset.
 
     Returns:
-        (n, 2) or (m, n, 2) positions of the balls, m, or None if the options give none, and (1, 2) or (m, 1, 2) goals,
+        (n, 2) or (m, n, 2) positions of the balls, m, or None if the options have none, and (1, 2) or (m, 1, 2) goals,
         m, or None.
 
     Raises:
-        ValueError: If an option is unknown or the balls or goals cannot be placed so.
-        TypeError: If the options are no mapping.
+        ValueError: If an option is unknown, or the positions of balls or goals are impossible.
+        TypeError: If the options are not a mapping.
     """
     if options is None:
         return None, None
@@ -472,10 +466,10 @@ def placed_by_hand(
         raise TypeError(f"options = {options!r}: expected a dict")
     for key in options:
         choose("key of options", key, ("positions", "goal") if task == "place" else ("positions",))
-    tables = () if mask is None else (len(mask),)
+    many = () if mask is None else (len(mask),)
     positions = goals = None
     if "positions" in options:
-        expected = (*tables, scene.n_balls, 2)
+        expected = (*many, scene.n_balls, 2)
         shape = np.shape(options["positions"])
         if shape != expected:
             raise ValueError(f"options['positions'] has shape {shape}: expected {expected}, a row a ball")
@@ -483,21 +477,21 @@ def placed_by_hand(
         positions = check_positions(scene, options["positions"], "options['positions']", in_play)
     if "goal" in options:
         shape = np.shape(options["goal"])
-        if shape != (*tables, 2):
-            raise ValueError(f"options['goal'] has shape {shape}: expected {(*tables, 2)}, one a table")
-        counts = None if mask is None else mask[:, None]
-        goals = np.reshape(options["goal"], (*tables, 1, 2))
-        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a place of the cue ball", counts)
+        if shape != (*many, 2):
+            raise ValueError(f"options['goal'] has shape {shape}: expected {(*many, 2)}, one per environment")
+        in_play = None if mask is None else mask[:, None]
+        goals = np.reshape(options["goal"], (*many, 1, 2))
+        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
     return positions, goals
 
 
 def goal_circles(goals: NDArray[np.float64]) -> list[tuple[float, float, float]]:
-    """Within what the cue ball has to come to rest: x, y and radius, m, for each of the (g, 2) goals."""
+    """Returns the circles in which the cue ball has to come to rest, x, y and radius, m, for (g, 2) goals."""
     return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
 
 
 def check_action(action: ArrayLike) -> NDArray[np.float64]:
-    """The action as two doubles.
+    """Returns the action as two doubles.
 
     Raises:
         ValueError: If it is not two finite numbers.
@@ -512,14 +506,11 @@ def check_action(action: ArrayLike) -> NDArray[np.float64]:
 
 
 def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
-    """The cue ball's velocity: the action, shortened to the unit disc, times `max_speed`.
+    """Returns the velocity of the cue ball for an action, (2,) m/s.
 
     Args:
-        action: (2,) share of `max_speed` along x and y.
+        action: (2,) fraction of `max_speed` along x and y. It is shortened to length 1 if it is longer.
         max_speed: m/s.
-
-    Returns:
-        (2,) velocity, m/s.
 
     Raises:
         ValueError: If the action is not two finite numbers.
@@ -532,12 +523,12 @@ def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
     return np.array(shorten(x, y, float(max_speed)))
 
 
-def warn_cut_off(tables: Tables, k: int, scene: Scene, action: NDArray[np.float64]) -> None:
-    """Warns that the shot on table k met the engine's limit on events or timesteps."""
-    n_events, time = tables.shots.counts[k, N_EVENTS], tables.shots.times[k]
+def warn_cut_off(episodes: Episodes, k: int, scene: Scene, action: NDArray[np.float64]) -> None:
+    """Warns that the shot of episode k reached the engine's limit on events or timesteps."""
+    shots = episodes.shots
     warnings.warn(
-        f"a shot was cut off at the engine's limit, after {n_events} events and {time} s; "
-        f"scene {scene}, positions {tables.starts[k].tolist()}, action {action.tolist()}",
+        f"the engine ended a shot at its limit, after {shots.n_events[k]} events and {shots.time[k]} s; "
+        f"scene {scene}, positions {episodes.start[k].tolist()}, action {action.tolist()}",
         RuntimeWarning,
         stacklevel=3,
     )

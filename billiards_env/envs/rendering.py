@@ -17,8 +17,9 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.engine import ShotInput, run_checked
+from billiards_env.engine import ShotInput
 from billiards_env.scene import Scene
+from billiards_env.simulation import run_shot
 
 if TYPE_CHECKING:
     from billiards_env.drawing.canvas import Canvas, Surface
@@ -29,10 +30,10 @@ FPS = 30
 WIDTH, WIDTH_OF_MANY = 800, 560
 """Pixels a table, if there is one and if there are several."""
 
-Frame = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 
 
-class Shown(NamedTuple):
+class DrawnShot(NamedTuple):
     """A shot, or with a limit of 0 s a layout, to be drawn with a line of text on either side.
 
     Attributes:
@@ -42,32 +43,32 @@ class Shown(NamedTuple):
         circles: What is marked on the cloth: x, y and radius, m.
     """
 
-    given: ShotInput
+    shot: ShotInput
     left: str
     right: str = ""
     circles: Sequence[tuple[float, float, float]] = ()
 
 
-def layout(
+def balls_at_rest(
     positions: NDArray[np.float64],
     left: str,
     in_play: NDArray[np.bool_] | None = None,
     circles: Sequence[tuple[float, float, float]] = (),
-) -> Shown:
+) -> DrawnShot:
     """How the balls lie before a shot.
 
     Args:
         positions: (n, 2) m; copied.
         left: A line of text.
         in_play: (n,) bool; None for all balls.
-        circles: As in `Shown`.
+        circles: As in `DrawnShot`.
 
     Returns:
         What `Renderer` takes.
     """
     n = len(positions)
     playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
-    return Shown(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles)
+    return DrawnShot(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles)
 
 
 class Renderer:
@@ -84,16 +85,16 @@ class Renderer:
         self.render_mode = render_mode
         self._scene = scene
         self._engine = (mode, dt, fix)
-        self._steps: list[Sequence[Shown]] = []
+        self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
         self._window: Window | None = None
 
-    def begin(self, tables: Sequence[Shown]) -> None:
+    def begin(self, tables: Sequence[DrawnShot]) -> None:
         """Shows how episodes begin, one a table; what was shown before is forgotten."""
         self._steps = []
         self.step(tables)
 
-    def step(self, tables: Sequence[Shown]) -> None:
+    def step(self, tables: Sequence[DrawnShot]) -> None:
         """Shows the shots of one step, one a table."""
         if self.render_mode != "rgb_array_list":
             self._steps = []
@@ -136,7 +137,7 @@ class Renderer:
             self._window.close()
             self._window = None
 
-    def _film(self, tables: Sequence[Shown], only_last: bool = False) -> Iterator[Surface]:
+    def _film(self, tables: Sequence[DrawnShot], only_last: bool = False) -> Iterator[Surface]:
         try:
             from billiards_env.drawing.canvas import Canvas, side_by_side
         except ModuleNotFoundError as error:
@@ -146,8 +147,8 @@ class Renderer:
         if self._canvas is None:
             self._canvas = Canvas(self._scene, WIDTH if len(tables) == 1 else WIDTH_OF_MANY)
         films = []
-        for given, left, right, circles in tables:
-            recording = run_checked(self._scene, given, *self._engine, record=True).recording()
+        for shot, left, right, circles in tables:
+            recording = run_shot(self._scene, shot, *self._engine, record=True).recording()
             films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
         return films[0] if len(films) == 1 else side_by_side(films)
 
@@ -174,12 +175,12 @@ class RecordVideo(gym.wrappers.RecordVideo):
             )
         super().__init__(env, *args, **kwargs)
         self._file = contextlib.ExitStack()
-        self._write: Callable[[Frame], None] | None = None
+        self._write: Callable[[Image], None] | None = None
 
     def _capture_frame(self) -> None:
         from billiards_env.drawing.film import mp4_writer
 
-        frames = cast("list[Frame]", self.env.render())
+        frames = cast("list[Image]", self.env.render())
         self.render_history = list(frames)  # what `render` gives next, if anybody asks for it
         for frame in frames:
             if self._write is None:

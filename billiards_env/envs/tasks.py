@@ -1,121 +1,142 @@
-"""What a shot is worth: one kernel a task, all with the same signature.
+"""The tasks: the points of a shot, one kernel for each task.
 
-    k: which of m shots.
-    targets: (n,) bool, the balls that the task is about.
-    goals: (m, g, 2) float64, m, the places that the task is about: one (g = 1) in "place", none in the others.
-    potted_before: (m, n) bool, the balls off the table before the shot.
-    potted: (m, n) bool, the balls off the table after it.
-    cushions: (m, n) int32, cushion contacts of each ball.
-    cushions_before_hit: (m, n) int32, cushion contacts the cue ball had made when it first touched each ball, -1 if it
-        did not.
-    positions: (m, n, 2) float64, m, where the balls are after the shot.
+Each kernel has the arguments
 
-Each returns the shot's points, whether the episode is decided and whether the task was achieved. A task knows neither
-the limit on shots nor what a scratch costs. (It is given all m shots and not views of one, as a view costs more than
-the task does.)
+    k: the shot, one of m.
+    targets: (n,) bool, the balls of the task.
+    outcome: the `Outcome` of the m shots (not views of one shot, which would take longer than the kernel).
 
-A new task needs its kernel here, its name in `TASKS` and its line in `judge`; and in `envs/billiards.py` the layout
-it opens with (`_OPENING`) and, in `task_targets`, which balls it is about and what it asks of a scene.
+and returns the points of the shot, whether the episode is decided, and whether the task was achieved. The limit on
+shots and the penalty of a scratch are not part of a task.
+
+A new task needs a kernel here, its name in `TASKS` and its line in `judge`; and in `envs/billiards.py` its opening
+layout (`_OPENING`) and, in `task_targets`, its balls and the scenes in which it can be played.
 """
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from billiards_env.physics.jit import kernel
+from billiards_env.physics.state import X, Y
 
 TASKS = ("pot", "carom", "three_cushion", "sum_to_three", "place")
 POT, CAROM, THREE_CUSHION, SUM_TO_THREE, PLACE = range(len(TASKS))
 
 PLACE_RADIUS = 0.15
-"""m. How close to its goal the cue ball has to come to rest in the task "place"."""
+"""m. Largest distance from the goal at which the cue ball may come to rest in the task "place"."""
+
+
+class Outcome(NamedTuple):
+    """The outcome of m shots.
+
+    Attributes:
+        positions: (m, n, 2) float64, m, positions of the balls after the shot.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the task "place", none in the others.
+        potted_before: (m, n) bool, the balls off the table before the shot.
+        potted: (m, n) bool, the balls off the table after it.
+        cushions: (m, n) int32, number of cushion contacts of each ball.
+        cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
+            ball, -1 if it did not touch it.
+    """
+
+    positions: Any
+    goals: Any
+    potted_before: Any
+    potted: Any
+    cushions: Any
+    cushions_before_hit: Any
 
 
 @kernel
-def judge(task, k, *shot):
-    """What shot k is worth in the task of that number; `shot` is what all tasks take after k."""
+def judge(task, k, targets, outcome):
+    """Returns the result of shot k in a task, an index into `TASKS`."""
     if task == POT:
-        return pot(k, *shot)
+        return judge_pot(k, targets, outcome)
     if task == CAROM:
-        return carom(k, *shot)
+        return judge_carom(k, targets, outcome)
     if task == THREE_CUSHION:
-        return three_cushion(k, *shot)
+        return judge_three_cushion(k, targets, outcome)
     if task == SUM_TO_THREE:
-        return sum_to_three(k, *shot)
-    return place(k, *shot)
+        return judge_sum_to_three(k, targets, outcome)
+    return judge_place(k, targets, outcome)
 
 
 @kernel
-def pot(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions):
+def judge_pot(k, targets, outcome):
     """Pot the object balls: a point each.
 
-    Decided when all of them are potted or the cue ball is (a scratch); achieved when they are and it is not.
+    Decided when all of them are potted or the cue ball is (a scratch). Achieved when all of them are and the cue ball
+    is not.
     """
     points, cleared = 0, True
     for i in range(len(targets)):
         if targets[i]:
-            if not potted[k, i]:
+            if not outcome.potted[k, i]:
                 cleared = False
-            elif not potted_before[k, i]:
+            elif not outcome.potted_before[k, i]:
                 points += 1
-    scratch = potted[k, 0]
+    scratch = outcome.potted[k, 0]
     return points, cleared or scratch, cleared and not scratch
 
 
 @kernel
-def carom(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions):
+def judge_carom(k, targets, outcome):
     """Touch every object ball with the cue ball in one shot: a point.
 
-    A shot scores nothing if it pots the cue ball. On a table with pockets any potted ball decides the episode, as it
-    can no longer be touched; otherwise play goes on, whether the shot scored or not.
+    A shot that pots the cue ball scores nothing. On a table with pockets any potted ball decides the episode, because
+    it cannot be touched any more. Otherwise the episode goes on, whether the shot scored or not.
     """
-    success, over = not potted[k, 0], False
+    success, over = not outcome.potted[k, 0], False
     for i in range(len(targets)):
-        if targets[i] and cushions_before_hit[k, i] < 0:
+        if targets[i] and outcome.cushions_before_hit[k, i] < 0:
             success = False
-        if potted[k, i]:
+        if outcome.potted[k, i]:
             over = True
     return (1 if success else 0), over, success
 
 
 @kernel
-def three_cushion(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions):
-    """Touch every object ball with the cue ball, the last of them after three cushion contacts or more: a point.
+def judge_three_cushion(k, targets, outcome):
+    """Touch every object ball with the cue ball, the last one after at least three cushion contacts: a point.
 
-    For the rest as `carom`. The cue ball's cushion contacts count, not the cushions: one may be touched twice.
+    All else is as in `judge_carom`. The number of contacts counts, not the number of cushions.
     """
-    _, over, success = carom(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions)
+    _, over, success = judge_carom(k, targets, outcome)
     most = 0
     for i in range(len(targets)):
         if targets[i]:
-            most = max(most, cushions_before_hit[k, i])
+            most = max(most, outcome.cushions_before_hit[k, i])
     success = success and most >= 3
     return (1 if success else 0), over, success
 
 
 @kernel
-def sum_to_three(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions):
-    """Touch the object ball, and let both balls together make exactly three cushion contacts: a point.
+def judge_sum_to_three(k, targets, outcome):
+    """Touch the object ball such that both balls together have exactly three cushion contacts: a point.
 
-    The game of pooltool and LightZero's zoo/pooltool (Niu et al. 2023). The contacts may come before the hit or after
-    it. Never decided: play goes on, whether the shot scored or not.
+    This is the game of pooltool and of LightZero's zoo/pooltool (Niu et al. 2023). The contacts may be before the hit
+    or after it. The task is never decided: the episode goes on, whether the shot scored or not.
     """
-    total = cushions[k, 0] + cushions[k, 1]
-    success = cushions_before_hit[k, 1] >= 0 and total == 3
+    total = outcome.cushions[k, 0] + outcome.cushions[k, 1]
+    success = outcome.cushions_before_hit[k, 1] >= 0 and total == 3
     return (1 if success else 0), False, success
 
 
 @kernel
-def place(k, targets, goals, potted_before, potted, cushions, cushions_before_hit, positions):
+def judge_place(k, targets, outcome):
     """Touch an object ball and bring the cue ball to rest within `PLACE_RADIUS` of the goal: a point.
 
-    Which ball is touched, and what becomes of it, does not matter; where no object ball is left on the table, none has
-    to be touched. Decided when the point is made or the cue ball is potted.
+    Any object ball counts, wherever it goes. If no object ball is left on the table, none has to be touched. Decided
+    when the point is made or the cue ball is potted.
     """
     touched, left = False, False
     for i in range(len(targets)):
-        if targets[i] and not potted_before[k, i]:
+        if targets[i] and not outcome.potted_before[k, i]:
             left = True
-            touched = touched or cushions_before_hit[k, i] >= 0
-    dx, dy = positions[k, 0, 0] - goals[k, 0, 0], positions[k, 0, 1] - goals[k, 0, 1]
+            touched = touched or outcome.cushions_before_hit[k, i] >= 0
+    dx = outcome.positions[k, 0, X] - outcome.goals[k, 0, X]
+    dy = outcome.positions[k, 0, Y] - outcome.goals[k, 0, Y]
     near = dx * dx + dy * dy <= PLACE_RADIUS * PLACE_RADIUS
-    success = near and (touched or not left) and not potted[k, 0]
-    return (1 if success else 0), success or potted[k, 0], success
+    success = near and (touched or not left) and not outcome.potted[k, 0]
+    return (1 if success else 0), success or outcome.potted[k, 0], success

@@ -14,18 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env import streams
 from billiards_env.checks import choose, whole
 from billiards_env.engine import STATUS, spread
-from billiards_env.engine.log import AT_EVENT_LIMIT, CUSHIONS, ENDED, FIRST_HIT, N_EVENTS
-from billiards_env.envs.billiards import BilliardsEnv, goal_circles, placed_by_hand, warn_cut_off
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
-from billiards_env.envs.tables import POINTS, SCORE, SHOTS_LEFT, SUCCESS
+from billiards_env.engine.shots import AT_EVENT_LIMIT
+from billiards_env.envs.billiards import BilliardsEnv, check_options, goal_circles, warn_cut_off
+from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
+from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 
 Bools = NDArray[np.bool_]
 
 _STATUS = np.array(STATUS, dtype=object)
 _NOTHING = np.array(None, dtype=object)
 
-SHOWN = 4
-"""How many tables are drawn."""
+MAX_DRAWN = 4
+"""Largest number of environments that are drawn."""
 
 
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -92,8 +92,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
-        self._tables = self.single_env.tables(self.num_envs)
-        self._rows = np.zeros((self.num_envs, 4), np.uint64)
+        self._episodes = self.single_env.episodes(self.num_envs)
+        self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # less than 0 for one that has none yet
         self._begun = np.zeros(self.num_envs, np.bool_)
 
@@ -107,7 +107,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """For each environment a generator that stands where its stream does; drawing from it moves no environment."""
         generators = []
-        for seed, row in zip(self.np_random_seed, self._rows, strict=True):
+        for seed, row in zip(self.np_random_seed, self._streams, strict=True):
             generators.append(np.random.Generator(np.random.PCG64(seed)))
             streams.write(generators[-1], row)
         return tuple(generators)
@@ -115,17 +115,17 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     @property
     def positions(self) -> NDArray[np.float64]:
         """(num_envs, n, 2) where the balls are, m, a copy; a potted ball is at its pocket's centre."""
-        return self._tables.shots.positions.copy()
+        return self._episodes.shots.positions.copy()
 
     @property
     def potted(self) -> Bools:
         """(num_envs, n) the balls off the table, a copy."""
-        return ~self._tables.shots.in_play
+        return ~self._episodes.shots.in_play
 
     @property
     def goals(self) -> NDArray[np.float64]:
         """(num_envs, g, 2) the goals, m, a copy: one a table in the task "place", none in the others."""
-        return self._tables.goals.copy()
+        return self._episodes.goals.copy()
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -151,7 +151,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if isinstance(options, dict) and "reset_mask" in options:
             mask = self._checked_mask(options["reset_mask"])
             options = {key: value for key, value in options.items() if key != "reset_mask"}
-        placed, goals = placed_by_hand(self.single_env.scene, self.single_env.task, options, mask)
+        positions, goals = check_options(self.single_env.scene, self.single_env.task, options, mask)
         if not (self._begun | mask).all():
             raise ResetNeeded("reset_mask leaves out environments that have never been reset: reset all of them first")
         if seeds is not None:
@@ -160,22 +160,22 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                     self._seed(i, seeds[i])
         if not self._begun.all():
             self._seed_the_rest()
-        tables = self._tables
-        if placed is not None:
-            tables.shots.positions[mask] = placed[mask]
+        episodes = self._episodes
+        if positions is not None:
+            episodes.shots.positions[mask] = positions[mask]
         if goals is not None:
-            tables.goals[mask] = goals[mask]
+            episodes.goals[mask] = goals[mask]
         observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
-            tables.draw(begin, end, mask, self._rows, balls=placed is None, goals=goals is None)
-            tables.start(begin, end, mask, observations)
+            episodes.draw(begin, end, mask, self._streams, balls=positions is None, goals=goals is None)
+            episodes.begin(begin, end, mask, observations)
 
         self._begun &= ~mask  # should the work be interrupted
         spread(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
-            self._renderer.begin([self._layout(k) for k in range(self._n_shown())])
+            self._renderer.begin([self._balls_at_rest(k) for k in range(self._n_drawn())])
         return observations, {}
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
@@ -195,68 +195,70 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             ResetNeeded: If no episode is under way in an environment.
             ValueError: If an action is not two finite numbers.
         """
-        tables, m = self._tables, self.num_envs
-        shots, env = tables.shots, self.single_env
+        episodes, m = self._episodes, self.num_envs
+        shots, env = episodes.shots, self.single_env
         if not self._begun.all():
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
-        still = np.zeros(m, np.bool_)
+        skip = np.zeros(m, np.bool_)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            still = tables.over.copy()
-        elif tables.over.any():
+            skip = episodes.over.copy()
+        elif episodes.over.any():
             raise ResetNeeded(
-                f"The episode of environment {np.argmax(tables.over)} is over: call reset() with a reset_mask"
+                f"The episode of environment {np.argmax(episodes.over)} is over: call reset() with a reset_mask"
             )
-        aimed = self._checked_actions(actions, still)
-        resets = still.any()
-        at_once = self.autoreset_mode is AutoresetMode.SAME_STEP
-        rewards, potted, seen = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
-        over, tally = np.empty(m, np.bool_), np.empty_like(tables.tally)
-        goals = tables.goals if self._renderer is None else tables.goals[: self._n_shown()].copy()
-        observations = self._new_observations() if at_once else seen
+        checked = self._checked_actions(actions, skip)
+        resets = skip.any()
+        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
+        rewards, potted, last = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
+        over, tally = np.empty(m, np.bool_), np.empty_like(episodes.tally)
+        goals = episodes.goals if self._renderer is None else episodes.goals[: self._n_drawn()].copy()
+        observations = self._new_observations() if same_step else last
 
         def work(begin: int, end: int) -> None:
-            tables.shoot(begin, end, still, aimed, env.max_speed, env.scratch_penalty, rewards, potted, seen)
-            tally[begin:end] = tables.tally[begin:end]
+            episodes.shoot(begin, end, skip, checked, rewards, potted, last)
+            tally[begin:end] = episodes.tally[begin:end]
             if resets:
-                tables.draw(begin, end, still, self._rows)
-                tables.start(begin, end, still, seen)
-            over[begin:end] = tables.over[begin:end]
-            if at_once:
-                tables.draw(begin, end, over, self._rows)
-                tables.start(begin, end, over, observations)
+                episodes.draw(begin, end, skip, self._streams)
+                episodes.begin(begin, end, skip, last)
+            over[begin:end] = episodes.over[begin:end]
+            if same_step:
+                episodes.draw(begin, end, over, self._streams)
+                episodes.begin(begin, end, over, observations)
 
-        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, tables.tally)]
-        if resets or at_once:
-            before += [(array, array.copy()) for array in (self._rows, tables.goals)]
+        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, episodes.tally)]
+        if resets or same_step:
+            before += [(array, array.copy()) for array in (self._streams, episodes.goals)]
         try:
             spread(work, m, self.threads)
         except BaseException:
-            tables.over[...] = still
+            episodes.over[...] = skip
             for array, values in before:
                 array[...] = values
             raise
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    self._layout(k) if still[k] else env.shown(tables, k, aimed[k], rewards[k], tally[k], goals[k])
-                    for k in range(self._n_shown())
+                    self._balls_at_rest(k)
+                    if skip[k]
+                    else env.drawn_shot(episodes, k, checked[k], rewards[k], tally[k], goals[k])
+                    for k in range(self._n_drawn())
                 ]
             )
-        cut_off = (shots.counts[:, ENDED] >= AT_EVENT_LIMIT) & ~still
+        cut_off = (shots.status >= AT_EVENT_LIMIT) & ~skip
         if cut_off.any():
             k = int(np.argmax(cut_off))
-            warn_cut_off(tables, k, env.scene, aimed[k])
+            warn_cut_off(episodes, k, env.scene, checked[k])
         info = self._info(tally, potted)
-        if at_once and over.any():
+        if same_step and over.any():
             infos = {
                 **_masked(info, ~over),
-                "final_obs": _rows(seen, over),
+                "final_obs": _rows(last, over),
                 "_final_obs": over.copy(),
                 "final_info": _masked(info, over),
                 "_final_info": over.copy(),
             }
         else:
-            infos = _masked(info, ~still)
+            infos = _masked(info, ~skip)
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
     def render(self) -> Any:
@@ -275,23 +277,23 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if self._renderer is not None:
             self._renderer.close()
 
-    def _n_shown(self) -> int:
-        return min(SHOWN, self.num_envs)
+    def _n_drawn(self) -> int:
+        return min(MAX_DRAWN, self.num_envs)
 
-    def _layout(self, k: int) -> Shown:
-        shots = self._tables.shots
-        circles = goal_circles(self._tables.goals[k])
-        return layout(shots.positions[k], self.single_env.task, shots.in_play[k], circles)
+    def _balls_at_rest(self, k: int) -> DrawnShot:
+        shots = self._episodes.shots
+        circles = goal_circles(self._episodes.goals[k])
+        return balls_at_rest(shots.positions[k], self.single_env.task, shots.in_play[k], circles)
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
-        shots = self._tables.shots
+        shots = self._episodes.shots
         success = tally[:, SUCCESS] == 1
         return {
-            "shot_time": shots.times.copy(),
-            "n_events": shots.counts[:, N_EVENTS].copy(),
-            "status": _STATUS[shots.counts[:, ENDED]],
-            "first_hit": shots.counts[:, FIRST_HIT].copy(),
-            "cushions": shots.hits[:, :, CUSHIONS].copy(),
+            "shot_time": shots.time.copy(),
+            "n_events": shots.n_events.copy(),
+            "status": _STATUS[shots.status],
+            "first_hit": shots.first_hit.copy(),
+            "cushions": shots.cushions.copy(),
             "potted": potted,
             "scratch": potted[:, 0].copy(),
             "points": tally[:, POINTS].copy(),
@@ -305,7 +307,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
 
     def _seed(self, i: int, seed: int) -> None:
-        self._rows[i] = streams.seeded(seed)
+        self._streams[i] = streams.seeded(seed)
         self._seeds[i] = seed
 
     def _seed_the_rest(self) -> None:
@@ -334,13 +336,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             raise ValueError("options['reset_mask'] is False throughout: expected an environment to reset")
         return mask.copy()
 
-    def _checked_actions(self, actions: ArrayLike, still: Bools) -> NDArray[np.float64]:
+    def _checked_actions(self, actions: ArrayLike, skip: Bools) -> NDArray[np.float64]:
         aimed = np.array(actions, dtype=np.float64)
         if aimed.shape != (self.num_envs, 2):
             raise ValueError(f"actions has shape {aimed.shape}: expected ({self.num_envs}, 2)")
         finite = np.isfinite(aimed)
         if not finite.all():
-            bad = np.flatnonzero(~finite.all(axis=1) & ~still)
+            bad = np.flatnonzero(~finite.all(axis=1) & ~skip)
             if len(bad):
                 raise ValueError(
                     f"action of environment {bad[0]} = {aimed[bad[0]].tolist()}: expected two finite numbers"

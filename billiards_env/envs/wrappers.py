@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, Vect
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import real
-from billiards_env.envs.frames import Frame, perturb
+from billiards_env.envs.action_frames import ActionTransform, perturb
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
-        frame: "polar", "cut" or "sum_to_three", see `billiards_env.envs.frames`.
+        frame: "polar", "cut" or "sum_to_three", see `billiards_env.envs.action_frames`.
         ball: The ball that "cut" and "sum_to_three" aim at: the "nearest" to the cue ball of the task's balls still in
             play, the "first" of them in their order, or a ball by its number, and once that is potted the first.
         least_speed: The slowest shot of "polar" and "cut", m/s.
@@ -52,7 +52,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, frame=frame, ball=ball, least_speed=least_speed)
         super().__init__(env)
         self._game: Any = env.unwrapped
-        self._frame = Frame(frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed)
+        self._frame = ActionTransform(frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed)
 
     def action(self, action: ArrayLike) -> Floats:
         """(2,) the environment's own action for one in this frame.
@@ -81,7 +81,7 @@ class VectorActionFrame(VectorActionWrapper):
         super().__init__(env)
         game = _game(env)
         self._max_speed = game.max_speed
-        self._frame = Frame(frame, game.scene, game.targets, game.max_speed, ball, least_speed)
+        self._frame = ActionTransform(frame, game.scene, game.targets, game.max_speed, ball, least_speed)
 
     def actions(self, actions: ArrayLike) -> Floats:
         """(num_envs, 2) the environments' own actions for those in this frame.

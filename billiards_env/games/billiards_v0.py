@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import choose, real, whole
 from billiards_env.envs.billiards import cue_velocity, make_scene
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, Shown, layout
+from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.places import Point, room
 from billiards_env.games.play import History, Played, Setup, Stroke, Table, opening, play, set_table
 from billiards_env.games.rules import RULES
@@ -224,7 +224,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.agents[self.table.state.player]
         if self._renderer is not None:
             in_play = np.isin(np.arange(len(self.table.positions)), sorted(self.table.state.on_table))
-            self._renderer.begin([layout(self.table.positions, self.setup.rules, in_play)])
+            self._renderer.begin([balls_at_rest(self.table.positions, self.setup.rules, in_play)])
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -280,7 +280,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
-            self._renderer.step([Shown(played.given, left, self._said(played))])
+            self._renderer.step([DrawnShot(played.given, left, self._said(played))])
 
     def observe(self, agent: str) -> NDArray[np.float32]:
         """What `agent` sees, as in the class's docstring."""

@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
 from billiards_env.checks import Range, choose, real, whole
-from billiards_env.engine import ShotInput, ShotResult, check_mode, run_checked
+from billiards_env.engine import ShotInput, check_mode
+from billiards_env.shot import ShotResult
 from billiards_env.games.places import Point, cue_place, spot_place
 from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, State, Verdict, after, facts_of
+from billiards_env.simulation import run_shot
 from billiards_env.scene import Scene, check_positions
 
 LAYOUTS = ("rack", "tight_rack", "random")
@@ -331,7 +333,7 @@ def play(setup: Setup, table: Table, stroke: Stroke) -> Played:
     velocities[cue] = stroke.velocity
     in_play = np.isin(np.arange(n), sorted(state.on_table))
     given = ShotInput(positions, velocities, np.zeros((n, 3)), in_play, scene.physics.max_time or math.inf)
-    shot = run_checked(scene, given, setup.mode, setup.dt, setup.fix, record=True)
+    shot = run_shot(scene, given, setup.mode, setup.dt, setup.fix, record=True)
     assert shot.events is not None
     facts = facts_of(shot.events, cue)
     verdict = setup.game.judge(state, facts)

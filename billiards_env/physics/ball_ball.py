@@ -1,4 +1,4 @@
-"""How the velocities of balls change when they meet."""
+"""The impact of two balls, alone or at the same instant as others."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def pair_impulse(closing, inv_mass_i, inv_mass_j, e):
 
 
 @kernel
-def kick(state, i, dvx, dvy, params):
-    """Changes ball i's velocity by (dvx, dvy), m/s; its spin stays, so the slip changes as much."""
-    s = state[i]
+def change_velocity(state, i, dvx, dvy, params):
+    """Changes ball i's velocity by (dvx, dvy), m/s, and its slip by the same amount, so that its spin stays."""
+    s = state.rows[i]
     s[VX] += dvx
     s[VY] += dvy
     if params[MOTION] == SLIDING_AND_ROLLING:
@@ -29,16 +29,16 @@ def kick(state, i, dvx, dvy, params):
 
 
 @kernel
-def _exchange_many(count, contacts, state, params, inv_mass, scratch):
+def _exchange_many(count, contacts, state, scene, scratch):
     """`exchange` for more than one contact."""
-    e, wanted = params[E_BALL], scratch.wanted
+    e, wanted = scene.params[E_BALL], scratch.wanted
     for c in range(count):
         wanted[c, 0] = wanted[c, 1] = 0.0
         if contacts.closing[c] > 0.0:
             speed, speed_lo = separation_speed(contacts, c, state)
             wanted[c, 0], wanted[c, 1] = -speed, -speed_lo
-    solve_plastic(count, contacts, inv_mass, scratch)
-    apply_changes(count, e, contacts, state, params, inv_mass, scratch)
+    solve_plastic(count, contacts, scene.inv_mass, scratch)
+    apply_changes(count, e, contacts, state, scene, scratch)
     acts = 0
     for c in range(count):
         speed, speed_lo = separation_speed(contacts, c, state)
@@ -48,14 +48,15 @@ def _exchange_many(count, contacts, state, params, inv_mass, scratch):
             speed = speed_lo = 0.0  # the rounding of a plastic impact
         wanted[c, 0], wanted[c, 1] = add(contacts.rebound[c], 0.0, -speed, -speed_lo)
     if acts > 0:
-        solve_plastic(count, contacts, inv_mass, scratch)
-        apply_changes(count, 0.0, contacts, state, params, inv_mass, scratch)
+        solve_plastic(count, contacts, scene.inv_mass, scratch)
+        apply_changes(count, 0.0, contacts, state, scene, scratch)
     return acts
 
 
 @inlined
-def exchange_pair(contacts, state, params, inv_mass):
+def exchange_pair(contacts, state, scene):
     """`exchange` for one contact."""
+    params, inv_mass = scene.params, scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     raised = params[E_BALL] * closing < rebound
     if raised:
@@ -63,26 +64,25 @@ def exchange_pair(contacts, state, params, inv_mass):
     else:
         p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
     nx, ny = contacts.nx[0], contacts.ny[0]
-    kick(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
-    kick(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+    change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
+    change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
     return raised
 
 
 @kernel
-def exchange(count, contacts, state, params, inv_mass, scratch):
+def exchange(count, contacts, state, scene, scratch):
     """Changes the velocities of the balls in `count` impacts at one instant.
 
     Args:
         count: Number of contacts, > 0.
         contacts: The `Contacts`.
-        state: (n, WIDTH) float64.
-        params: (N_PARAMS,) float64.
-        inv_mass: (n,) float64, 1/kg.
-        scratch: A `clusters.Scratch`.
+        state: The `State`.
+        scene: The `SceneArrays`.
+        scratch: The `clusters.Scratch`.
 
     Returns:
         The number of contacts whose speed of separation `rebound` has raised.
     """
     if count > 1:
-        return _exchange_many(count, contacts, state, params, inv_mass, scratch)
-    return 1 if exchange_pair(contacts, state, params, inv_mass) else 0
+        return _exchange_many(count, contacts, state, scene, scratch)
+    return 1 if exchange_pair(contacts, state, scene) else 0

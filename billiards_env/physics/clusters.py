@@ -98,8 +98,9 @@ def empty_scratch(n, most):
 def separation_speed(contacts, c, state):
     """Returns the speed at which the balls of contact c separate, m/s, as a double-double number."""
     i, j = contacts.first[c], contacts.second[c]
-    wx, wx_lo = two_sum(state[j, VX], -state[i, VX])
-    wy, wy_lo = two_sum(state[j, VY], -state[i, VY])
+    rows = state.rows
+    wx, wx_lo = two_sum(rows[j, VX], -rows[i, VX])
+    wy, wy_lo = two_sum(rows[j, VY], -rows[i, VY])
     x, x_lo = multiply(wx, wx_lo, contacts.nx[c], 0.0)
     y, y_lo = multiply(wy, wy_lo, contacts.ny[c], 0.0)
     return add(x, x_lo, y, y_lo)
@@ -278,18 +279,18 @@ def _changed(value, change, change_lo, residue):
 
 
 @kernel
-def apply_changes(count, factor, contacts, state, params, inv_mass, scratch):
+def apply_changes(count, factor, contacts, state, scene, scratch):
     """Adds 1 + factor times the changes of `solve_plastic` to the balls' velocities; the spins stay.
 
     Args:
         count: Number of contacts.
         factor: >= 0.
         contacts: The `Contacts`.
-        state: (n, WIDTH) float64.
-        params: (N_PARAMS,) float64.
-        inv_mass: (n,) float64, 1/kg.
+        state: The `State`.
+        scene: The `SceneArrays`.
         scratch: The `Scratch`.
     """
+    params, inv_mass = scene.params, scene.inv_mass
     change, scale, done = scratch.change, scratch.dv, scratch.done
     largest = 0.0
     for c in range(count):
@@ -306,7 +307,7 @@ def apply_changes(count, factor, contacts, state, params, inv_mass, scratch):
             if done[k]:
                 continue
             done[k] = True
-            s = state[k]
+            s = state.rows[k]
             residue = _RESIDUE * (largest * scale[k, 0])
             x, x_lo = multiply(change[k, 0], change[k, 1], times, times_lo)
             y, y_lo = multiply(change[k, 2], change[k, 3], times, times_lo)

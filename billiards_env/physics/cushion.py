@@ -1,4 +1,4 @@
-"""How a ball's velocity and spin change at a cushion."""
+"""The impact of a ball on a cushion."""
 
 from __future__ import annotations
 
@@ -91,30 +91,30 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
 
 
 @kernel
-def reflect(state, i, side, rebound, radius, params):
-    """Changes ball i's velocity, slip and spin as cushion `side` (0 to 3: -x, +x, -y, +y) does.
+def reflect(state, i, side, rebound, scene):
+    """Changes ball i's velocity, slip and spin at a cushion.
 
     Args:
-        state: (n, WIDTH) float64.
+        state: The `State`.
         i: The ball.
-        side: The cushion.
+        side: The cushion, 0 to 3 for -x, +x, -y, +y.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
-        radius: (n,) float64, m.
-        params: (N_PARAMS,) float64.
+        scene: The `SceneArrays`.
 
     Returns:
         Whether `rebound` has raised the speed away from the cushion.
     """
-    s = state[i]
+    s, params = state.rows[i], scene.params
     n, t = (VX, VY) if side < 2 else (VY, VX)
     un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
     sign = 1.0 if side % 2 else -1.0
     turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
     speed = max(0.0, sign * s[n])
     if params[CUSHION] == HAN2005:
-        after = han2005(speed, turn * s[t], sign * s[un], turn * s[ut], radius[i] * s[WZ], radius[i], rebound, params)
+        radius = scene.radius[i]
+        after = han2005(speed, turn * s[t], sign * s[un], turn * s[ut], radius * s[WZ], radius, rebound, params)
         s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
-        s[WZ] = after[4] / radius[i]
+        s[WZ] = after[4] / radius
         return after[5] and rebound > 0.0
     raised = params[E_CUSHION] * speed < rebound
     normal = -sign * rebound if raised else -params[E_CUSHION] * s[n]

@@ -6,6 +6,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import re
 import sys
 import tempfile
 import threading
@@ -23,28 +24,30 @@ from numba.core.registry import CPUDispatcher as _CPUDispatcher
 F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-KERNEL_SOURCES = (
-    "checks.py",
-    "physics/*.py",
-    "engine/*.py",
-    "streams.py",
-    "layouts.py",
-    "envs/tasks.py",
-    "envs/tables.py",
-    "envs/frames.py",
-)
+_IMPORT = re.compile(rb"^from (billiards_env[\w.]*) import", re.MULTILINE)
+
+
+def kernel_sources() -> list[Path]:
+    """Returns the files of the package that contain kernels, which import this module, and those that they import."""
+    imports: dict[Path, set[Path]] = {}
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        names = (name.decode().split(".")[1:] for name in _IMPORT.findall(path.read_bytes()))
+        imports[path] = {_PACKAGE.joinpath(*name).with_suffix(".py") for name in names if name}
+    found = [path for path in imports if Path(__file__).resolve() in imports[path]]
+    for path in found:
+        found += sorted(other for other in imports[path] if other in imports and other not in found)
+    return sorted(found)
 
 
 def source_hash() -> str:
-    """A hash of every kernel's source.
+    """Returns a hash of the source of all kernels and of the constants that they import.
 
-    numba's cache looks only at the file of the function it stores, not at the functions that one calls; a cache folder
-    of this name holds nothing stale.
+    Numba's cache checks only the file of the function that it stores, not those of the functions that it calls. A cache
+    folder with this name holds no outdated code.
     """
     digest = hashlib.sha256()
-    for pattern in KERNEL_SOURCES:
-        for path in sorted(_PACKAGE.glob(pattern)):
-            digest.update(path.read_bytes())
+    for path in kernel_sources():
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -1,14 +1,14 @@
-"""The law of motion: what a ball does between two events.
+"""The law of motion: how a ball moves between two events.
 
-Every phase is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
+In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 
-* sliding: the point that touches the cloth moves at u = v + R z x omega; friction a = -mu_s g u/|u| keeps its
-  direction, and du/dt = 7/2 a, so the slide lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards);
-* rolling: u = 0 and a = -mu_r g v/|v|, for |v| / (mu_r g);
-* free: a = 0, for ever;
+* sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
+  direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
+* rolling: u = 0 and a = -mu_r g v/|v|, for |v| / (mu_r g).
+* free: a = 0, without end.
 * spinning and at rest: v = 0.
 
-The spin about the vertical axis decays linearly to zero in every phase, by itself.
+The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
 """
 
 from __future__ import annotations
@@ -41,13 +41,15 @@ from billiards_env.physics.state import (
     WZ,
     X,
     Y,
+    moves,
+    own_time,
     since,
 )
 
 
 @kernel
 def norm(x: float, y: float) -> float:
-    """Length of (x, y), also where the squares would underflow."""
+    """Returns the length of (x, y), also if the squares underflow."""
     big = max(abs(x), abs(y))
     if big > 1e-140:
         return math.sqrt(x * x + y * y)
@@ -57,18 +59,18 @@ def norm(x: float, y: float) -> float:
 
 
 @inlined
-def start(state, phase, i, params):
-    """Settles which phase ball i is in from its velocity, slip and spin, and what follows from it: AX, AY and LASTS.
+def begin_phase(state, i, params):
+    """Sets ball i's phase, and with it AX, AY and LASTS, from its velocity, slip and spin.
 
     Args:
-        state: (n, WIDTH) float64.
-        phase: (n,) int8.
-        i: The ball; a potted one stays as it is.
+        state: The `State`.
+        i: The ball; a potted one does not change.
         params: (N_PARAMS,) float64.
     """
+    phase = state.phase
     if phase[i] == POTTED:
         return
-    s = state[i]
+    s = state.rows[i]
     v = norm(s[VX], s[VY])
     s[AX] = s[AY] = 0.0
     s[LASTS] = math.inf
@@ -96,10 +98,10 @@ def start(state, phase, i, params):
 
 
 @kernel
-def place(state, phase, i, t):
-    """Position and velocity (x, y, vx, vy) of ball i, t seconds after its T0."""
-    s = state[i]
-    if phase[i] >= ROLLING and phase[i] != POTTED:
+def motion_after(state, i, t):
+    """Returns the position and velocity (x, y, vx, vy) of ball i, t seconds after its own time."""
+    s = state.rows[i]
+    if moves(state, i):
         return (
             s[X] + t * (s[VX] + 0.5 * t * s[AX]),
             s[Y] + t * (s[VY] + 0.5 * t * s[AY]),
@@ -111,56 +113,49 @@ def place(state, phase, i, t):
 
 @kernel
 def spin_after(wz, t, params):
-    """The spin about the vertical axis after t seconds, rad/s."""
+    """Returns the spin about the vertical axis after t seconds, rad/s."""
     left = abs(wz) - params[SPIN_DECAY] * t
     return math.copysign(left, wz) if left > 0.0 else 0.0
 
 
 @kernel
-def move(state, phase, i, hi, lo, params):
-    """Brings ball i's row to the time (hi, lo), within its phase."""
-    s = state[i]
-    t = since(hi, lo, s[T0], s[T0_LO])
+def advance(state, i, time, params):
+    """Brings ball i's row to a `Time` within its phase."""
+    s = state.rows[i]
+    t = since(time, own_time(state, i))
     if t > 0.0:
-        x, y, vx, vy = place(state, phase, i, t)
-        if phase[i] == SLIDING:
+        x, y, vx, vy = motion_after(state, i, t)
+        if state.phase[i] == SLIDING:
             s[UX] += 3.5 * t * s[AX]
             s[UY] += 3.5 * t * s[AY]
         s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
         if s[WZ] != 0.0:
             s[WZ] = spin_after(s[WZ], t, params)
         s[LASTS] -= t
-    s[T0], s[T0_LO] = hi, lo
+    s[T0], s[T0_LO] = time.hi, time.lo
 
 
 @inlined
-def end_phase(state, phase, i, hi, lo, params):
-    """Ends ball i's phase at (hi, lo), when it has run its course: slip, velocity or spin is exactly zero then.
+def end_phase(state, i, time, params):
+    """Ends ball i's phase at the `Time` at which its slip, velocity or spin becomes exactly zero.
 
-    What phase follows is for `start` to settle.
+    `begin_phase` sets the next phase.
     """
-    move(state, phase, i, hi, lo, params)
-    s = state[i]
-    if phase[i] == SLIDING:
+    advance(state, i, time, params)
+    s = state.rows[i]
+    if state.phase[i] == SLIDING:
         s[UX] = s[UY] = 0.0
-    elif phase[i] == ROLLING:
+    elif state.phase[i] == ROLLING:
         s[VX] = s[VY] = 0.0
-    elif phase[i] == SPINNING:
+    elif state.phase[i] == SPINNING:
         s[WZ] = 0.0
 
 
 @kernel
-def finish(state, phase, i, hi, lo, params):
-    """Ends ball i's phase at (hi, lo) as `end_phase` does, and settles the next."""
-    end_phase(state, phase, i, hi, lo, params)
-    start(state, phase, i, params)
-
-
-@kernel
-def capture(state, phase, i, x, y):
-    """Takes ball i out of play, to the centre (x, y) of a pocket."""
-    s = state[i]
+def capture(state, i, x, y):
+    """Takes ball i out of play and puts it at the centre (x, y) of a pocket, m."""
+    s = state.rows[i]
     for c in (VX, VY, AX, AY, UX, UY, WZ):
         s[c] = 0.0
     s[X], s[Y] = x, y
-    phase[i] = POTTED
+    state.phase[i] = POTTED

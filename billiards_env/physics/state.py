@@ -1,62 +1,135 @@
-"""How a shot's state is laid out in arrays.
+"""The data that the compiled functions work on: a scene as arrays, and the motion of its balls.
 
-`state` is (n, WIDTH) float64, a row a ball: position, velocity, acceleration, slip and spin *at the ball's own time*
-T0, that is when its motion last changed. Between changes nothing is written: a ball's place at any later instant
-follows from its row in closed form, so nothing is rounded twice and a ball at rest costs nothing.
-
-Times are unevaluated sums of two doubles, (hi, lo) with abs(lo) <= ulp(hi)/2 (Dekker 1971): ten seconds into a shot a
-single double would only resolve 2e-15 s.
+A ball's motion is stored as a row of numbers at the ball's own time, which is the time at which its motion last
+changed. Between changes nothing is written: the position at any later time follows from the row in closed form. So
+nothing is rounded twice, and a ball at rest costs nothing.
 """
 
 from __future__ import annotations
 
-from billiards_env.physics.double_double import two_sum
-from billiards_env.physics.jit import kernel
+from typing import Any, NamedTuple
 
-# Columns of `state`.
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.physics.double_double import two_sum
+from billiards_env.physics.jit import allocating, inlined, kernel
+
+# Columns of `State.rows`.
 X, Y = 0, 1  # m
 VX, VY = 2, 3  # m/s
 AX, AY = 4, 5  # m/s^2
 UX, UY = 6, 7  # slip: velocity of the point that touches the cloth, m/s
 WZ = 8  # spin about the vertical axis, rad/s
-T0, T0_LO = 9, 10  # s
-LASTS = 11  # s from T0 until the motion changes by itself
+T0, T0_LO = 9, 10  # the ball's own time, s
+LASTS = 11  # s from T0 until the phase ends
 WIDTH = 12
 
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 
-# Laws of motion, in the order of scene.MOTIONS, and cushion models, in the order of scene.CUSHIONS.
+# Indices into scene.MOTIONS and scene.CUSHIONS.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
 RESTITUTION, HAN2005 = 0, 1
 
-# Entries of `params`, the scene's constants.
-MOTION, CUSHION = 0, 1
+# Treatments of overlaps in PIT.
+FIXES = ("push_apart", "move_back", "none")
+PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
+
+# Entries of `SceneArrays.params`.
+MOTION, CUSHION = 0, 1  # indices into scene.MOTIONS and scene.CUSHIONS
 SLIDE, ROLL = 2, 3  # decelerations mu g, m/s^2
 SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
-DT, FIX = 11, 12  # of PIT: its timestep, s, and what it does about overlaps
-CONTACT_TIME, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # s, m/s and a number, of the contact-time rule
+DT, FIX = 11, 12  # of PIT: its timestep, s, and an index into FIXES
+TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: contact time, s, then m/s and a number
 N_PARAMS = 16
 
-# m; scene.CONTACT_GAP, which says why. Repeated, as the cache of compiled kernels notices only edits among the kernels.
-CONTACT_GAP = 1e-12
+# Columns of `SceneArrays.pockets`.
+POCKET_X, POCKET_Y, POCKET_RADIUS = 0, 1, 2  # m
 
-# What PIT does about overlaps.
-FIXES = ("push_apart", "move_back", "none")
-PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
+Floats = NDArray[np.float64]
+
+
+class Time(NamedTuple):
+    """A time as an unevaluated sum of two doubles, s, with abs(lo) <= ulp(hi) / 2 (Dekker 1971).
+
+    Ten seconds into a shot a single double resolves only 2e-15 s.
+    """
+
+    hi: float
+    lo: float
+
+
+class State(NamedTuple):
+    """The motion of n balls.
+
+    Attributes:
+        rows: (n, WIDTH) float64, see the columns above.
+        phase: (n,) int8.
+    """
+
+    rows: Any
+    phase: Any
+
+
+class SceneArrays(NamedTuple):
+    """A scene of n balls.
+
+    Attributes:
+        params: (N_PARAMS,) float64, see the entries above.
+        radius: (n,) float64, m.
+        inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
+        pockets: (k, 3) float64, see the columns above.
+    """
+
+    params: Floats
+    radius: Floats
+    inv_mass: Floats
+    pockets: Floats
+
+
+@allocating
+def empty_state(n):
+    """Returns the `State` of n balls, with undefined content."""
+    return State(np.empty((n, WIDTH)), np.empty(n, np.int8))
 
 
 @kernel
-def later(hi: float, lo: float, dt: float) -> tuple[float, float]:
-    """The time (hi, lo) + dt."""
-    s, e = two_sum(hi, dt)
-    return two_sum(s, e + lo)
+def later(time: Time, dt: float) -> Time:
+    """Returns `time` + dt."""
+    s, e = two_sum(time.hi, dt)
+    hi, lo = two_sum(s, e + time.lo)
+    return Time(hi, lo)
 
 
 @kernel
-def since(hi: float, lo: float, hi0: float, lo0: float) -> float:
-    """(hi, lo) - (hi0, lo0) in s, rounded once."""
-    s, e = two_sum(hi, -hi0)
-    return s + (e + (lo - lo0))
+def since(time: Time, start: Time) -> float:
+    """Returns `time` - `start`, s, rounded once."""
+    s, e = two_sum(time.hi, -start.hi)
+    return s + (e + (time.lo - start.lo))
+
+
+@inlined
+def before(a: Time, b: Time) -> bool:
+    """Returns whether time a is earlier than time b."""
+    return a.hi < b.hi or (a.hi == b.hi and a.lo < b.lo)
+
+
+@inlined
+def same(a: Time, b: Time) -> bool:
+    """Returns whether two times are equal."""
+    return a.hi == b.hi and a.lo == b.lo
+
+
+@inlined
+def own_time(state, i):
+    """Returns the `Time` of ball i's row."""
+    return Time(state.rows[i, T0], state.rows[i, T0_LO])
+
+
+@inlined
+def moves(state, i):
+    """Returns whether ball i's centre moves."""
+    return state.phase[i] >= ROLLING and state.phase[i] != POTTED

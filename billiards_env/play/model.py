@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import MAX_SPEED, Range, real
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import ARROW, ARROW_START
-from billiards_env.engine import ShotResult, run_checked
+from billiards_env.shot import ShotResult
 from billiards_env.games import History, Played, Setup, Stroke, Table, play
 from billiards_env.games.places import Point, cue_place
 
@@ -292,8 +292,9 @@ def foresee(setup: Setup, table: Table, stroke: Stroke) -> Preview:
 
 def _velocity(recording: Recording, ball: int, time: float) -> NDArray[np.float64]:
     """A ball's velocity just after an instant, (2,) m/s."""
-    mine = np.flatnonzero(recording.ball == ball)
-    return recording.velocity[mine[np.searchsorted(recording.start[mine], time, side="right") - 1]]
+    paths = recording.trajectory
+    mine = np.flatnonzero(paths.ball == ball)
+    return paths.velocity[mine[np.searchsorted(paths.start[mine], time, side="right") - 1]]
 
 
 def _to_play(model: Model) -> Model:
@@ -371,7 +372,7 @@ def _replay(model: Model) -> Model:
     rival = model.rival
     if rival is None:
         mode, dt = ("pit", model.ghost_dt) if model.setup.mode == "pic" else ("pic", None)
-        rival = run_checked(model.setup.scene, model.last.given, mode, dt, record=True)
+        rival = run_shot(model.setup.scene, model.last.given, mode, dt, record=True)
     return dataclasses.replace(model, rival=rival, phase="replaying", preview=None, clock=0.0)
 
 

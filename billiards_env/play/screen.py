@@ -10,7 +10,7 @@ import numpy as np
 from billiards_env.drawing.canvas import BALL, RING, Canvas, Surface, pygame  # which says how to install pygame
 from billiards_env.drawing.recording import Floats, frame_times
 from billiards_env.drawing.style import CHALK, GREY, INK, PAPER
-from billiards_env.engine import ShotResult
+from billiards_env.shot import ShotResult
 from billiards_env.play import words
 from billiards_env.play.model import Model
 from billiards_env.scene import Scene

@@ -18,7 +18,7 @@ from agents.intervals import over_seeds
 from agents.ppo import evaluation_seeds
 from agents.train import Point
 from billiards_env import Scene, layouts
-from billiards_env.envs.frames import Frame
+from billiards_env.envs.action_frames import ActionTransform
 
 pytest.importorskip("matplotlib")
 
@@ -152,7 +152,7 @@ def blocked():
     envs: Any = gym.make_vec("Billiards-v0", num_envs=COUNT, **BLOCKED)
     envs.reset(seed=evaluation_seeds(study_measure.LAYOUT_SEED, COUNT).tolist())
     positions = envs.positions
-    frame = Frame("cut", Scene.named("blocked_pool"), np.array([False, True, False]), 8.0)
+    frame = ActionTransform("cut", Scene.named("blocked_pool"), np.array([False, True, False]), 8.0)
     rng, shots = np.random.default_rng(0), []
     for _ in range(4):
         actions = rng.uniform((-0.5, 0.2), (0.5, 1.0), (COUNT, 2))
@@ -245,7 +245,7 @@ def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
     scene = Scene.named(name, 3)
     places = layouts.random(scene, np.random.default_rng(seed))[None]
     targets = np.array([False, True, name == "pool", True])
-    frame = Frame("cut", scene, targets, 4.0)
+    frame = ActionTransform("cut", scene, targets, 4.0)
     velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))
     found = study_measure.cuts(velocity, places, targets, np.array(scene.balls.radius))
     assert found[0] == pytest.approx(a0, abs=1e-9)

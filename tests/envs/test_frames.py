@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import layouts, simulate_batch
-from billiards_env.envs.frames import BALLS, FRAMES, Frame, aim, choose_ball, cos_sin, cut, perturb, polar, sum_to_three
+from billiards_env.envs.action_frames import BALLS, FRAMES, ActionTransform, aim, choose_ball, cos_sin, cut, perturb, polar, sum_to_three
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 from billiards_env.scene import Scene
 
@@ -77,7 +77,7 @@ def test_every_cut_hits_and_its_sine_is_that_of_the_angle():
     offsets = np.random.default_rng(1).uniform(-1, 1, 500).astype(np.float32)
     largest = np.nextafter(np.float32(1), np.float32(0))
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
-    frame = Frame("cut", POOL, np.array([False, True]), 4.0)
+    frame = ActionTransform("cut", POOL, np.array([False, True]), 4.0)
     actions = np.column_stack((offsets, np.ones(500)))
     velocities = frame.velocities(actions, positions, np.zeros((500, 2), bool))
     pocketless = Scene(POOL.balls)
@@ -141,7 +141,7 @@ def test_the_ball_aimed_at():
 def test_leading_axes_do_not_matter_and_actions_are_clipped(frame):
     positions, potted = random_layouts(6), np.zeros((6, 2), bool)
     actions = np.random.default_rng(0).uniform(-1.3, 1.3, (6, 2)).astype(np.float32)
-    aims = Frame(frame, POOL, np.array([False, True]), 4.5)
+    aims = ActionTransform(frame, POOL, np.array([False, True]), 4.5)
     flat = aims.velocities(actions, positions, potted)
     stacked = aims.velocities(actions.reshape(2, 3, 2), positions.reshape(2, 3, 2, 2), potted.reshape(2, 3, 2))
     assert stacked.reshape(6, 2).tobytes() == flat.tobytes()

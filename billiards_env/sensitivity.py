@@ -1,11 +1,11 @@
-"""How a shot's end depends on its beginning: the derivative of the flow, carried through flights and events.
+"""The derivative of a shot's positions with respect to its start, propagated through flights and events.
 
-Each ball has a tangent, the derivative of its state (x, y, vx, vy, ux, uy, wz) at a fixed time by the initial positions
-and velocities of all balls. A flight changes it by the derivative of the law of motion, an event by the saltation
+Each ball has a tangent: the derivative of its state (x, y, vx, vy, ux, uy, wz) at a fixed time with respect to the
+initial positions and velocities of all balls. A flight changes it by the derivative of the law of motion, an event by the saltation
 matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is carried to the perturbed
 instant of the event, through the derivative of the jump there, and back to the fixed time.
 
-Nothing of this runs unless it is asked for; it reads what a recorded shot has logged.
+It is computed from the log of a recorded shot, on demand.
 """
 
 from __future__ import annotations
@@ -18,9 +18,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING
-from billiards_env.physics import state as layout
+from billiards_env.engine.log import (
+    BALL,
+    BALL_BALL,
+    BALL_CUSHION,
+    BALL_POCKET,
+    KIND,
+    OTHER,
+    ROLLING_REST,
+    RULE,
+    SLIDING_ROLLING,
+    TIME,
+    TIME_LO,
+)
 from billiards_env.physics.state import (
+    AX,
+    AY,
     CUSHION,
     CUSHION_HEIGHT,
     E_BALL,
@@ -35,7 +48,19 @@ from billiards_env.physics.state import (
     SLIDING,
     SLIDING_AND_ROLLING,
     SPIN_DECAY,
+    T0,
+    T0_LO,
+    UX,
+    UY,
+    VX,
+    VY,
+    WZ,
+    SceneArrays,
+    Time,
+    X,
+    Y,
 )
+from billiards_env.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 
@@ -45,22 +70,22 @@ UNIT_ROUNDOFF = 2.0**-53
 _R, _V, _U, _WZ = slice(0, 2), slice(2, 4), slice(4, 6), 6
 _SIZE = 7
 # The columns of a state row in that order.
-_COLUMNS = [layout.X, layout.Y, layout.VX, layout.VY, layout.UX, layout.UY, layout.WZ]
+_COLUMNS = [X, Y, VX, VY, UX, UY, WZ]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
-    """The derivative of a shot's positions by where it began.
+    """The derivative of a shot's positions with respect to its start.
 
     Attributes:
-        jacobian: (n, 2, n, 4) float64: of ball i's position by ball j's initial (x, y, vx, vy), the spins held.
-        time: The time it is taken at, s.
-        smooth: Whether the positions depend smoothly on the beginning up to that time. They do not where several
-            balls meet at one instant or where the contact-time rule acts: the jacobian then counts each impact for
-            itself and leaves the rule out.
-        condition: By how much, in metres, the positions can be off for each unit of relative error of the inputs: the
-            largest 2-norm, over the balls, of the jacobian with its columns times the size of the input that they
-            belong to. Times `UNIT_ROUNDOFF` it is the error that no double-precision engine can avoid.
+        jacobian: (n, 2, n, 4) float64: of ball i's position by ball j's initial (x, y, vx, vy), at constant spins.
+        time: The time of the positions, s.
+        smooth: Whether the positions depend smoothly on the start up to that time. They do not if several balls meet
+            at one instant or the contact-time rule acts. The jacobian then treats impacts at one instant as if they
+            followed each other, and neglects the rule.
+        condition: Largest error of a position, m, per unit of relative error of the inputs: the largest 2-norm, over
+            the balls, of the jacobian with each column times the size of its input. Times `UNIT_ROUNDOFF` it is the
+            error that no double-precision engine can avoid.
     """
 
     jacobian: Floats
@@ -70,129 +95,124 @@ class Sensitivity:
 
 
 class _Ball(NamedTuple):
-    """A ball's row of the trajectory log with the tangent there."""
+    """A ball's row of the trajectory and its tangent."""
 
     row: Floats
     phase: int
     tangent: Floats
 
 
-def sensitivity_along(
-    segments: Floats, events: Floats, arrays: tuple[Floats, Floats, Floats, Floats], times: Floats
-) -> Iterator[Sensitivity]:
-    """The sensitivity of a recorded shot at each of some times.
+def sensitivity_along(trajectory: Trajectory, events: Floats, arrays: SceneArrays, times: Floats) -> Iterator[Sensitivity]:
+    """Computes the sensitivity of a recorded shot at several times.
 
     Args:
-        segments: (k, SEGMENT_WIDTH) the trajectory log, see `engine.log`.
-        events: (l, EVENT_WIDTH) the event log.
-        arrays: The scene, from `shot.scene_arrays`.
+        trajectory: The paths of the balls.
+        events: (l, EVENT_WIDTH) the event log, see `engine.log`.
+        arrays: The scene.
         times: Ascending, s.
 
     Yields:
-        One sensitivity a time; an event at just that time counts as past.
+        One sensitivity for each time; an event at a time counts as past.
     """
-    params, radius, inv_mass, pockets = arrays
-    n = len(radius)
+    params, n = arrays.params, len(arrays.radius)
     balls: list[_Ball] = []
     scale = np.empty((n, 4))
     for i in range(n):
-        row = segments[i, 2:]
+        row, phase = trajectory.rows[i], int(trajectory.phase[i])
         tangent = np.zeros((_SIZE, n, 4))
-        if int(segments[i, 1]) != POTTED:
+        if phase != POTTED:
             for k in range(4):
                 tangent[k, i, k] = 1.0
             if params[MOTION] == SLIDING_AND_ROLLING:
-                tangent[4, i, 2] = tangent[5, i, 3] = 1.0  # slip = velocity + what the spin makes of it
+                tangent[4, i, 2] = tangent[5, i, 3] = 1.0  # slip = velocity + a term of the spin
         scale[i] = np.abs(row[_COLUMNS[:4]])
-        balls.append(_Ball(row, int(segments[i, 1]), tangent.reshape(_SIZE, -1)))
+        balls.append(_Ball(row, phase, tangent.reshape(_SIZE, -1)))
     smooth = True
-    used, previous = n, math.nan
+    piece, previous = n, math.nan  # the next piece of the trajectory; the time of the last impact
     event = 0
     for time in times:
-        while event < len(events) and events[event, 0] <= time:
-            hi, lo, kind, a, b = events[event, :5]
-            a, b, kind = int(a), int(b), int(kind)
-            acts = bool(events[event, 8])
-            smooth = smooth and not acts and not (kind == BALL_BALL and hi == previous)
-            previous = hi if kind == BALL_BALL else previous
-            row = segments[used, 2:]
+        while event < len(events) and events[event, TIME] <= time:
+            row = events[event]
+            now, kind = Time(row[TIME], row[TIME_LO]), int(row[KIND])
+            concerned = [int(row[BALL]), int(row[OTHER])] if kind == BALL_BALL else [int(row[BALL])]
+            smooth = smooth and not row[RULE] and not (kind == BALL_BALL and now.hi == previous)
+            before = [_fly(balls[i], now, params) for i in concerned]
+            after = [
+                _Ball(trajectory.rows[piece + m], int(trajectory.phase[piece + m]), ball.tangent)
+                for m, ball in enumerate(before)
+            ]
             if kind == BALL_BALL:
-                before = [_fly(balls[k], hi, lo, params) for k in (a, b)]
-                after = [
-                    _Ball(segments[used + m, 2:], int(segments[used + m, 1]), ball.tangent)
-                    for m, ball in enumerate(before)
-                ]
-                balls[a], balls[b] = _impact(before, after, inv_mass[[a, b]], params)
-                used += 2
+                previous = now.hi
+                changed = _impact(before, after, arrays.inv_mass[concerned], params)
             else:
-                before = _fly(balls[a], hi, lo, params)
-                balls[a] = _alone(
-                    before, _Ball(row, int(segments[used, 1]), before.tangent), kind, b, radius[a], params, pockets
-                )
-                used += 1
+                changed = [_single(before[0], after[0], kind, int(row[OTHER]), float(arrays.radius[concerned[0]]), params)]
+            for i, ball in zip(concerned, changed, strict=True):
+                balls[i] = ball
+            piece += len(concerned)
             event += 1
-        jacobian = np.stack([_fly(ball, float(time), 0.0, params).tangent[_R] for ball in balls]).reshape(n, 2, n, 4)
+        end = Time(float(time), 0.0)
+        jacobian = np.stack([_fly(ball, end, params).tangent[_R] for ball in balls]).reshape(n, 2, n, 4)
         scaled = (jacobian * scale).reshape(n, 2, -1)
         yield Sensitivity(jacobian, float(time), smooth, float(np.linalg.norm(scaled, 2, axis=(1, 2)).max()))
 
 
 def _rate(ball: _Ball, params: Floats) -> Floats:
-    """Time derivative of (x, y, vx, vy, ux, uy, wz), (7,)."""
+    """Returns the time derivative of (x, y, vx, vy, ux, uy, wz), (7,)."""
     rate = np.zeros(_SIZE)
     if ROLLING <= ball.phase < POTTED:
-        acceleration = ball.row[[layout.AX, layout.AY]]
-        rate[_R] = ball.row[[layout.VX, layout.VY]]
+        acceleration = ball.row[[AX, AY]]
+        rate[_R] = ball.row[[VX, VY]]
         rate[_V] = acceleration
         if ball.phase == SLIDING:
             rate[_U] = 3.5 * acceleration
-    rate[_WZ] = -math.copysign(params[SPIN_DECAY], ball.row[layout.WZ]) if ball.row[layout.WZ] else 0.0
+    rate[_WZ] = -math.copysign(params[SPIN_DECAY], ball.row[WZ]) if ball.row[WZ] else 0.0
     return rate
 
 
-def _fly(ball: _Ball, hi: float, lo: float, params: Floats) -> _Ball:
-    """The ball, and its tangent, at the time (hi, lo), in the phase that it is in."""
-    dt = (hi - ball.row[layout.T0]) + (lo - ball.row[layout.T0_LO])
+def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
+    """Returns the ball and its tangent at a time within its phase."""
+    dt = (now.hi - ball.row[T0]) + (now.lo - ball.row[T0_LO])
     row, tangent = ball.row.copy(), ball.tangent.copy()
-    row[layout.T0], row[layout.T0_LO] = hi, lo
+    row[T0], row[T0_LO] = now.hi, now.lo
     if ROLLING <= ball.phase < POTTED:
-        acceleration = row[[layout.AX, layout.AY]]
-        velocity = row[[layout.VX, layout.VY]]
-        row[[layout.X, layout.Y]] += dt * (velocity + 0.5 * dt * acceleration)
-        row[[layout.VX, layout.VY]] += dt * acceleration
+        acceleration = row[[AX, AY]]
+        velocity = row[[VX, VY]]
+        row[[X, Y]] += dt * (velocity + 0.5 * dt * acceleration)
+        row[[VX, VY]] += dt * acceleration
         d_acceleration = 0.0
         if ball.phase == SLIDING:
-            d_acceleration = -params[SLIDE] * _d_unit(row[[layout.UX, layout.UY]]) @ tangent[_U]
-            row[[layout.UX, layout.UY]] += 3.5 * dt * acceleration
+            d_acceleration = -params[SLIDE] * _d_unit(row[[UX, UY]]) @ tangent[_U]
+            row[[UX, UY]] += 3.5 * dt * acceleration
             tangent[_U] += 3.5 * dt * d_acceleration
         elif ball.phase == ROLLING:
             d_acceleration = -params[ROLL] * _d_unit(velocity) @ tangent[_V]
         tangent[_R] += dt * (tangent[_V] + 0.5 * dt * d_acceleration)
         tangent[_V] += dt * d_acceleration
-    spin = row[layout.WZ]
+    spin = row[WZ]
     if spin:
         left = abs(spin) - params[SPIN_DECAY] * dt
-        row[layout.WZ] = math.copysign(max(left, 0.0), spin)
+        row[WZ] = math.copysign(max(left, 0.0), spin)
         if left <= 0.0:
             tangent[_WZ] = 0.0
     return _Ball(row, ball.phase, tangent)
 
 
 def _d_unit(vector: Floats) -> Floats:
-    """Derivative of v/|v|, (2, 2)."""
+    """Returns the derivative of v/|v|, (2, 2)."""
     size = math.hypot(*vector)
     unit = vector / size
     return (np.eye(2) - np.outer(unit, unit)) / size
 
 
-def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: Floats) -> tuple[_Ball, _Ball]:
-    """Two balls' tangents after their impact along the line of centres."""
+def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: Floats) -> list[_Ball]:
+    """Returns two balls with their tangents after an impact along the line of centres."""
     first, second = before
-    d = second.row[[layout.X, layout.Y]] - first.row[[layout.X, layout.Y]]
-    w = second.row[[layout.VX, layout.VY]] - first.row[[layout.VX, layout.VY]]
+    d = second.row[[X, Y]] - first.row[[X, Y]]
+    w = second.row[[VX, VY]] - first.row[[VX, VY]]
     distance = math.hypot(*d)
     n = d / distance
     closing = float(n @ w)
-    # The instant shifts so that the gap stays zero.
+    # The perturbed impact is earlier or later, such that the gap is zero.
     shift = -(n @ (second.tangent[_R] - first.tangent[_R])) / closing if closing else np.zeros(first.tangent.shape[1])
     first_at, second_at = (ball.tangent + np.outer(_rate(ball, params), shift) for ball in before)
     d_d, d_w = second_at[_R] - first_at[_R], second_at[_V] - first_at[_V]
@@ -208,30 +228,30 @@ def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: F
         if params[MOTION] == SLIDING_AND_ROLLING:
             tangent[_U] += sign * inverse * d_impulse
         tangents.append(_Ball(ball.row, ball.phase, tangent - np.outer(_rate(ball, params), shift)))
-    return tangents[0], tangents[1]
+    return tangents
 
 
-def _alone(before: _Ball, after: _Ball, kind: int, other: int, radius: float, params: Floats, pockets: Floats) -> _Ball:
-    """A ball's tangent after a cushion, a pocket or a change of phase."""
+def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, params: Floats) -> _Ball:
+    """Returns a ball with its tangent after a cushion, a pocket or a change of phase."""
     row, tangent = before.row, before.tangent
-    v, u = row[[layout.VX, layout.VY]], row[[layout.UX, layout.UY]]
-    if kind == BALL_POCKET:  # it stays at the pocket's centre, wherever it fell in
+    v, u = row[[VX, VY]], row[[UX, UY]]
+    if kind == BALL_POCKET:  # it is at the pocket's centre, wherever it entered
         return _Ball(after.row, after.phase, np.zeros_like(tangent))
     if kind == BALL_CUSHION:
         axis = 0 if other < 2 else 1
         shift = -tangent[axis] / v[axis] if v[axis] else np.zeros(tangent.shape[1])
     elif kind == SLIDING_ROLLING:
-        # |u| falls at 7/2 mu_s g; at its end only its direction at the start of the slide is left to go by.
-        direction = -row[[layout.AX, layout.AY]] / params[SLIDE]
+        # |u| falls at 7/2 mu_s g. At the end it is zero, and its direction is that at the start of the slide.
+        direction = -row[[AX, AY]] / params[SLIDE]
         shift = direction @ tangent[_U] / (3.5 * params[SLIDE])
     elif kind == ROLLING_REST:
-        direction = -row[[layout.AX, layout.AY]] / params[ROLL]
+        direction = -row[[AX, AY]] / params[ROLL]
         shift = direction @ tangent[_V] / params[ROLL]
     else:
         shift = np.zeros(tangent.shape[1])
     at = tangent + np.outer(_rate(before, params), shift)
     if kind == BALL_CUSHION:
-        at = _cushion_jump(v, u, float(row[layout.WZ]), other, radius, params) @ at
+        at = _cushion_jump(v, u, float(row[WZ]), other, radius, params) @ at
     elif kind == SLIDING_ROLLING:
         at[_U] = 0.0
     elif kind == ROLLING_REST:
@@ -242,7 +262,7 @@ def _alone(before: _Ball, after: _Ball, kind: int, other: int, radius: float, pa
 
 
 def _cushion_jump(v: Floats, u: Floats, wz: float, side: int, radius: float, params: Floats) -> Floats:
-    """Derivative of the state after a cushion by the state before, (7, 7); see `physics.impulse.han2005`."""
+    """Returns the derivative of the state after a cushion with respect to that before, (7, 7); see `cushion.han2005`."""
     jump = np.eye(_SIZE)
     n, t = (2, 3) if side < 2 else (3, 2)
     e = params[E_CUSHION]

@@ -41,7 +41,7 @@ _POLAR, _CUT, _SUM_TO_THREE = range(len(FRAMES))
 _NEAREST, _FIRST = -1, -2
 
 
-class Frame:
+class ActionTransform:
     """An action frame for the shots of one game.
 
     Args:
@@ -226,7 +226,7 @@ def between(low, high, a):
 
 @kernel
 def choose_ball(ball, targets, positions, potted):
-    """The ball to aim at, see `Frame`; the cue ball itself if there is none."""
+    """The ball to aim at, see `ActionTransform`; the cue ball itself if there is none."""
     if ball > 0 and not potted[ball]:
         return ball
     best, shortest = 0, math.inf

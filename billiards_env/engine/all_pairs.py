@@ -1,0 +1,285 @@
+"""The event queue for few balls: the next meeting of every pair, in a table.
+
+The functions of this module are those that `engine.pic` needs of a queue; `engine.cell_grid` has the same for many
+balls.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.engine.resolve import add_contact
+from billiards_env.engine.predictions import (
+    PAIR_RANK,
+    Event,
+    Singles,
+    can_meet,
+    cannot_meet,
+    empty_singles,
+    predict_pair,
+    predict_single,
+    rank_of,
+    single_time,
+)
+from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
+
+MANY = 8
+"""From this number of balls on, `screen` compares a ball with all others before pairs are predicted."""
+
+LANES = 8  # numbers that one instruction of the processor handles, at most
+
+SOON = 1e-6
+"""s. Pairs that are predicted to meet within this time of an impact may be part of it."""
+
+
+class Paths(NamedTuple):
+    """Copies of the balls' paths, one array for each quantity, for `screen`.
+
+    The arrays have c >= n entries, a multiple of `LANES`, so that none is left over for a scalar loop.
+
+    Attributes:
+        x: (c,) float64, m, at the ball's own time; likewise the next five.
+        y: m.
+        vx: m/s.
+        vy: m/s.
+        ax: m/s^2.
+        ay: m/s^2.
+        start: The ball's own time, s.
+        end: Time of the ball's next event alone, s.
+        radius: m.
+    """
+
+    x: Any
+    y: Any
+    vx: Any
+    vy: Any
+    ax: Any
+    ay: Any
+    start: Any
+    end: Any
+    radius: Any
+
+
+class Queue(NamedTuple):
+    """The predictions for n balls.
+
+    Attributes:
+        singles: The `Singles`.
+        hi: (n, n) float64, time of the next meeting of balls i < j, s.
+        lo: (n, n) float64, its second part.
+        nearest_hi: (n,) float64, the earliest time of row i of `hi`.
+        nearest_lo: (n,) float64, its second part.
+        nearest: (n,) int64, the ball j of that meeting.
+        paths: The `Paths`.
+        apart: (c,) bool, the balls that do not meet the ball in question.
+        changed: (n,) bool, the balls for which predictions are being made; False between calls.
+    """
+
+    singles: Singles
+    hi: Any
+    lo: Any
+    nearest_hi: Any
+    nearest_lo: Any
+    nearest: Any
+    paths: Paths
+    apart: Any
+    changed: Any
+
+
+@allocating
+def empty_queue(scene):
+    """Returns the `Queue` for the balls of a scene."""
+    n = len(scene.radius)
+    c = -(-n // LANES) * LANES
+    return Queue(
+        empty_singles(n),
+        np.full((n, n), math.inf),
+        np.zeros((n, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n, np.int64),
+        Paths(
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+            np.zeros(c),
+        ),
+        np.zeros(c, np.bool_),
+        np.zeros(n, np.bool_),
+    )
+
+
+@allocating
+def most_contacts(scene):
+    """Returns the largest number of contacts at one instant."""
+    n = len(scene.radius)
+    return max(1, n * (n - 1) // 2)
+
+
+@inlined
+def clear(state, scene, queue):
+    """Prepares the queue for a new shot; the first call of `predict` fills it."""
+
+
+@inlined
+def _copy_path(i, state, scene, queue):
+    """Copies ball i's path for `screen`."""
+    s, paths = state.rows[i], queue.paths
+    paths.x[i], paths.y[i], paths.vx[i], paths.vy[i], paths.ax[i], paths.ay[i] = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
+    paths.start[i], paths.end[i], paths.radius[i] = s[T0], queue.singles.hi[i], scene.radius[i]
+
+
+@inlined
+def screen(i, now, until, paths, apart):
+    """Finds the balls that do not meet ball i by the end of their paths. One instruction compares several balls.
+
+    Args:
+        i: The ball, whose own time is `now`.
+        now: s.
+        until: End of ball i's path or of the shot, s.
+        paths: The `Paths`.
+        apart: (c,) bool out.
+    """
+    x, y, vx, vy, ax, ay = paths.x[i], paths.y[i], paths.vx[i], paths.vy[i], paths.ax[i], paths.ay[i]
+    radius = paths.radius[i]
+    for j in range(len(apart)):
+        t = now - paths.start[j]
+        apart[j] = cannot_meet(
+            paths.x[j] + t * (paths.vx[j] + 0.5 * t * paths.ax[j]) - x,
+            paths.y[j] + t * (paths.vy[j] + 0.5 * t * paths.ay[j]) - y,
+            paths.vx[j] + t * paths.ax[j] - vx,
+            paths.vy[j] + t * paths.ay[j] - vy,
+            paths.ax[j] - ax,
+            paths.ay[j] - ay,
+            radius + paths.radius[j],
+            min(until, paths.end[j]) - now,
+        )
+
+
+@inlined
+def _apart_now(i, j, now, until, state, scene, singles):
+    """Returns whether balls i and j do not meet, as `screen` does for one ball j."""
+    s, r = state.rows[i], state.rows[j]
+    t = now - r[T0]
+    return cannot_meet(
+        r[X] + t * (r[VX] + 0.5 * t * r[AX]) - s[X],
+        r[Y] + t * (r[VY] + 0.5 * t * r[AY]) - s[Y],
+        r[VX] + t * r[AX] - s[VX],
+        r[VY] + t * r[AY] - s[VY],
+        r[AX] - s[AX],
+        r[AY] - s[AY],
+        scene.radius[i] + scene.radius[j],
+        min(until, singles.hi[j]) - now,
+    )
+
+
+@inlined
+def _predict_pairs(i, now, state, scene, queue, limit):
+    """Predicts the meetings of ball i, whose own time is `now`, with all other balls."""
+    n, singles = len(scene.radius), queue.singles
+    until = min(singles.hi[i], limit)
+    if n >= MANY:
+        screen(i, now.hi, until, queue.paths, queue.apart)
+    queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = math.inf, 0.0, n
+    for j in range(n):
+        if j == i or (j < i and queue.changed[j]):  # ball j has predicted this pair
+            continue
+        time = Time(math.inf, 0.0)
+        a, b = min(i, j), max(i, j)
+        if can_meet(i, j, state):
+            apart = queue.apart[j] if n >= MANY else _apart_now(i, j, now.hi, until, state, scene, singles)
+            if not apart:
+                time = predict_pair(a, b, now, state, scene, singles, limit)
+        queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
+        if before(time, Time(queue.nearest_hi[a], queue.nearest_lo[a])):
+            queue.nearest_hi[a], queue.nearest_lo[a], queue.nearest[a] = time.hi, time.lo, b
+        elif queue.nearest[a] == b and j < i:
+            _find_nearest(a, queue)
+
+
+@kernel
+def _find_nearest(i, queue):
+    """Finds the earliest meeting of ball i with the balls j > i."""
+    nearest, k = Time(math.inf, 0.0), len(queue.nearest)
+    for j in range(i + 1, len(queue.nearest)):
+        time = Time(queue.hi[i, j], queue.lo[i, j])
+        if before(time, nearest):
+            nearest, k = time, j
+    queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = nearest.hi, nearest.lo, k
+
+
+@inlined
+def predict(changed, count, now, state, scene, queue, limit):
+    """Predicts what happens next to the first `count` balls of `changed`, whose own time is `now`.
+
+    Returns:
+        The amount of work, in events; negative if it was interrupted.
+    """
+    many = len(scene.radius) >= MANY
+    for c in range(count):
+        i = changed[c]
+        predict_single(i, state, scene, queue.singles)
+        if many:
+            _copy_path(i, state, scene, queue)
+        queue.changed[i] = True
+    for c in range(count):
+        _predict_pairs(changed[c], now, state, scene, queue, limit)
+    for c in range(count):
+        queue.changed[changed[c]] = False
+    return 1
+
+
+@inlined
+def earliest(state, scene, queue, limit):
+    """Returns the next `Event`."""
+    singles = queue.singles
+    time, rank, first, last = Time(math.inf, 0.0), PAIR_RANK, 0, -1
+    for i in range(len(queue.nearest)):
+        nearest = Time(queue.nearest_hi[i], queue.nearest_lo[i])
+        if before(nearest, time):
+            time = nearest
+    for i in range(len(queue.nearest)):
+        single = single_time(singles, i)
+        if single.hi > time.hi or single.hi == math.inf:
+            continue
+        r = rank_of(singles.kind[i])
+        if single.hi < time.hi or single.lo < time.lo or (single.lo == time.lo and r < rank):
+            time, rank, first, last = single, r, i, i
+        elif single.lo == time.lo and r == rank:
+            last = i
+    return Event(time, rank, first, last)
+
+
+@inlined
+def due(event, queue, found):
+    """Finds the balls that an event of single balls concerns, in order, in `found`. Returns their number."""
+    count = 0
+    for i in range(event.first, event.last + 1):
+        if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
+            found[count] = i
+            count += 1
+    return count
+
+
+@inlined
+def gather(now, state, scene, queue, contacts, limit):
+    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach. Returns their number."""
+    count, n = 0, len(queue.nearest)
+    for i in range(n):
+        if queue.nearest_hi[i] - now.hi > SOON:
+            continue
+        for j in range(i + 1, n):
+            if queue.hi[i, j] - now.hi > SOON:
+                continue
+            if add_contact(i, j, Time(queue.hi[i, j], queue.lo[i, j]), now, state, scene, contacts, count):
+                count += 1
+    return count

@@ -1,0 +1,422 @@
+"""The event queue for many balls: a heap of balls, and a grid of cells that limits the pairs to be predicted.
+
+Two costs of `engine.all_pairs` grow with the number of balls: the search for the earliest prediction, and the
+predictions of a ball's meetings with all others. Here a heap of balls has the ball with the earliest event on top. A
+grid of cells, each at least as wide as a ball, limits the meetings to those with balls in neighbouring cells; a ball
+that enters another cell meets the balls of three more (Rapaport 1980, The event scheduling problem in molecular dynamic
+simulation). Each ball stores the earliest of its meetings only. If an event changes the motion of the other ball, the
+stored time is a lower bound of the ball's next meeting. It is replaced when it reaches the top of the heap.
+
+The functions have the arguments and results of those in `engine.all_pairs`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.engine.all_pairs import SOON
+from billiards_env.engine.predictions import (
+    CROSSING_RANK,
+    PAIR_RANK,
+    Event,
+    Singles,
+    can_meet,
+    empty_singles,
+    predict_pair,
+    predict_single,
+    rank_of,
+    single_time,
+)
+from billiards_env.engine.resolve import add_contact
+from billiards_env.engine.runner import LOOK_AFTER
+from billiards_env.physics.contact import line_time
+from billiards_env.physics.interrupt import interrupted
+from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.motion import motion_after
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    LASTS,
+    Time,
+    X,
+    Y,
+    before,
+    moves,
+    own_time,
+    same,
+    since,
+)
+
+_MARGIN = 1.0 + 1e-6  # width of a cell over that of a ball: despite rounding, touching balls are in neighbouring cells
+
+
+class Queue(NamedTuple):
+    """The predictions for n balls, and their cells.
+
+    Attributes:
+        singles: The `Singles`.
+        crossing: (n,) float64, time at which a ball leaves its cell, s.
+        direction: (n,) int64, in which direction: 0 to 3 for -x, +x, -y, +y.
+        meeting_hi: (n,) float64, time of a ball's earliest meeting with another ball, s.
+        meeting_lo: (n,) float64, its second part.
+        partner: (n,) int64, the other ball.
+        partner_version: (n,) int64, the other ball's version at the prediction.
+        version: (n,) int64, number of changes of a ball's motion.
+        hi: (n,) float64, time of the earliest of all this, s.
+        lo: (n,) float64, its second part.
+        rank: (n,) int64, its rank.
+        heap: (n,) int64, the balls in the order of a binary heap.
+        slot: (n,) int64, position of a ball in the heap.
+        column: (n,) int64, column of a ball's cell.
+        row: (n,) int64, row of a ball's cell.
+        head: (columns, rows) int64, first ball in a cell, or -1.
+        next: (n,) int64, next ball in the cell, or -1.
+        previous: (n,) int64, previous ball in the cell, or -1.
+        found: (n,) int64, scratch.
+    """
+
+    singles: Singles
+    crossing: Any
+    direction: Any
+    meeting_hi: Any
+    meeting_lo: Any
+    partner: Any
+    partner_version: Any
+    version: Any
+    hi: Any
+    lo: Any
+    rank: Any
+    heap: Any
+    slot: Any
+    column: Any
+    row: Any
+    head: Any
+    next: Any
+    previous: Any
+    found: Any
+
+
+@allocating
+def _ints(n):
+    return np.empty(n, np.int64)
+
+
+@allocating
+def empty_queue(scene):
+    """Returns the `Queue` for the balls of a scene, with about as many cells as balls."""
+    n = len(scene.radius)
+    length, width = 2.0 * scene.params[HALF_LENGTH], 2.0 * scene.params[HALF_WIDTH]
+    least = max(2.0 * scene.radius.max() * _MARGIN, math.sqrt(length * width / n))
+    columns, rows = max(1, int(length / least)), max(1, int(width / least))
+    return Queue(
+        empty_singles(n),
+        np.empty(n),
+        _ints(n),
+        np.empty(n),
+        np.empty(n),
+        _ints(n),
+        _ints(n),
+        _ints(n),
+        np.empty(n),
+        np.empty(n),
+        _ints(n),
+        _ints(n),
+        _ints(n),
+        _ints(n),
+        _ints(n),
+        np.empty((columns, rows), np.int64),
+        _ints(n),
+        _ints(n),
+        _ints(n),
+    )
+
+
+@allocating
+def most_contacts(scene):
+    """Returns the largest number of contacts at one instant.
+
+    Circles that touch are a planar graph, which has fewer than 3 n edges; the margin is for pairs that `gather` drops.
+    """
+    return 6 * len(scene.radius)
+
+
+@kernel
+def _is_before(a, b, queue):
+    """Returns whether ball a's next event comes before ball b's."""
+    if queue.hi[a] != queue.hi[b]:
+        return queue.hi[a] < queue.hi[b]
+    if queue.lo[a] != queue.lo[b]:
+        return queue.lo[a] < queue.lo[b]
+    if queue.rank[a] != queue.rank[b]:
+        return queue.rank[a] < queue.rank[b]
+    return a < b
+
+
+@kernel
+def _schedule(i, queue):
+    """Puts ball i at its place in the heap by the earliest of its events (Williams 1964)."""
+    time, rank = single_time(queue.singles, i), rank_of(queue.singles.kind[i])
+    meeting = Time(queue.meeting_hi[i], queue.meeting_lo[i])
+    if before(meeting, time) or (same(meeting, time) and rank > PAIR_RANK):
+        time, rank = meeting, PAIR_RANK
+    if queue.crossing[i] < time.hi:
+        time, rank = Time(queue.crossing[i], 0.0), CROSSING_RANK
+    queue.hi[i], queue.lo[i], queue.rank[i] = time.hi, time.lo, rank
+    heap, slot = queue.heap, queue.slot
+    k, n = slot[i], len(heap)
+    while k > 0 and _is_before(i, heap[(k - 1) // 2], queue):
+        heap[k] = heap[(k - 1) // 2]
+        slot[heap[k]] = k
+        k = (k - 1) // 2
+    while 2 * k + 1 < n:
+        c = 2 * k + 1
+        if c + 1 < n and _is_before(heap[c + 1], heap[c], queue):
+            c += 1
+        if not _is_before(heap[c], i, queue):
+            break
+        heap[k] = heap[c]
+        slot[heap[k]] = k
+        k = c
+    heap[k], slot[i] = i, k
+
+
+@kernel
+def _enter(i, queue):
+    """Puts ball i at the head of the list of its cell."""
+    c, r = queue.column[i], queue.row[i]
+    after = queue.head[c, r]
+    queue.next[i], queue.previous[i] = after, -1
+    if after >= 0:
+        queue.previous[after] = i
+    queue.head[c, r] = i
+
+
+@kernel
+def _leave(i, queue):
+    """Takes ball i out of the list of its cell."""
+    after, prior = queue.next[i], queue.previous[i]
+    if prior >= 0:
+        queue.next[prior] = after
+    else:
+        queue.head[queue.column[i], queue.row[i]] = after
+    if after >= 0:
+        queue.previous[after] = prior
+
+
+@kernel
+def clear(state, scene, queue):
+    """Empties the queue and puts the balls in their cells."""
+    columns, rows = queue.head.shape
+    queue.head[:] = -1
+    queue.hi[:] = queue.lo[:] = math.inf
+    queue.rank[:] = 0
+    queue.meeting_hi[:] = queue.meeting_lo[:] = math.inf
+    queue.partner[:] = queue.partner_version[:] = -1
+    queue.version[:] = 0
+    for i in range(len(queue.heap)):
+        queue.heap[i] = queue.slot[i] = i
+        c = int((0.5 * state.rows[i, X] / scene.params[HALF_LENGTH] + 0.5) * columns)
+        r = int((0.5 * state.rows[i, Y] / scene.params[HALF_WIDTH] + 0.5) * rows)
+        queue.column[i], queue.row[i] = min(max(c, 0), columns - 1), min(max(r, 0), rows - 1)
+        _enter(i, queue)
+
+
+@kernel
+def _predict_crossing(i, now, state, scene, queue):
+    """Predicts when ball i leaves its cell after a `Time`. A cell at the border extends beyond it."""
+    queue.crossing[i], queue.direction[i] = math.inf, -1
+    if not moves(state, i):
+        return
+    columns, rows = queue.head.shape
+    s = state.rows[i]
+    t0 = since(now, own_time(state, i))
+    x, y, vx, vy = motion_after(state, i, t0)
+    first = s[LASTS] - t0
+    for k in range(4):
+        sign = 1.0 if k % 2 else -1.0
+        edge = (queue.column[i] if k < 2 else queue.row[i]) + k % 2
+        if edge == 0 or edge == (columns if k < 2 else rows):
+            continue
+        if k < 2:
+            line = (2.0 * edge / columns - 1.0) * scene.params[HALF_LENGTH]
+            t = line_time(sign * (line - x), sign * vx, sign * s[AX], first)
+        else:
+            line = (2.0 * edge / rows - 1.0) * scene.params[HALF_WIDTH]
+            t = line_time(sign * (line - y), sign * vy, sign * s[AY], first)
+        if t < first:
+            first, queue.direction[i] = t, k
+    if queue.direction[i] >= 0:
+        queue.crossing[i] = now.hi + first
+
+
+@kernel
+def _meeting(i, j, state, scene, queue, limit):
+    """Returns the `Time` at which balls i and j next meet, infinite if they do not."""
+    if not can_meet(i, j, state):
+        return Time(math.inf, 0.0)
+    start, start_j = own_time(state, i), own_time(state, j)
+    if before(start, start_j):
+        start = start_j
+    return predict_pair(min(i, j), max(i, j), start, state, scene, queue.singles, limit)
+
+
+@kernel
+def _predict_in_cell(i, c, r, state, scene, queue, limit):
+    """Predicts the meetings of ball i with the balls in a cell, and stores each for the balls whose earliest it is."""
+    j = queue.head[c, r]
+    while j >= 0:
+        if j != i:
+            time = _meeting(i, j, state, scene, queue, limit)
+            for a, b in ((i, j), (j, i)):
+                if before(time, Time(queue.meeting_hi[a], queue.meeting_lo[a])):
+                    queue.meeting_hi[a], queue.meeting_lo[a] = time.hi, time.lo
+                    queue.partner[a], queue.partner_version[a] = b, queue.version[b]
+                    if a == j:
+                        _schedule(j, queue)
+        j = queue.next[j]
+
+
+@kernel
+def _predict_neighbours(i, state, scene, queue, limit):
+    """Predicts all meetings of ball i."""
+    queue.meeting_hi[i] = math.inf
+    columns, rows = queue.head.shape
+    for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
+        for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
+            _predict_in_cell(i, c, r, state, scene, queue, limit)
+    _schedule(i, queue)
+
+
+@kernel
+def _cross(i, state, scene, queue, limit):
+    """Moves ball i into the next cell, and predicts its meetings in the cells that have become its neighbours."""
+    columns, rows = queue.head.shape
+    _leave(i, queue)
+    step = 2 * (queue.direction[i] % 2) - 1
+    along_x = queue.direction[i] < 2
+    if along_x:
+        queue.column[i] += step
+    else:
+        queue.row[i] += step
+    _enter(i, queue)
+    _predict_crossing(i, Time(queue.hi[i], 0.0), state, scene, queue)
+    if along_x:
+        c = queue.column[i] + step
+        if 0 <= c < columns:
+            for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
+                _predict_in_cell(i, c, r, state, scene, queue, limit)
+    else:
+        r = queue.row[i] + step
+        if 0 <= r < rows:
+            for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
+                _predict_in_cell(i, c, r, state, scene, queue, limit)
+    _schedule(i, queue)
+
+
+@kernel
+def predict(changed, count, now, state, scene, queue, limit):
+    """Predicts what happens next to the first `count` balls of `changed`, whose own time is `now`.
+
+    Returns:
+        The amount of work, in events; negative if it was interrupted.
+    """
+    for c in range(count):
+        i = changed[c]
+        queue.version[i] += 1
+        predict_single(i, state, scene, queue.singles)
+        _predict_crossing(i, now, state, scene, queue)
+    in_cell = 1 + len(queue.heap) // queue.head.size  # balls
+    pending = 0
+    for c in range(count):
+        _predict_neighbours(changed[c], state, scene, queue, limit)
+        pending += in_cell
+        if pending > LOOK_AFTER:
+            if interrupted():
+                return -1
+            pending = 0
+    return pending
+
+
+@kernel
+def earliest(state, scene, queue, limit):
+    """Returns the next `Event`. Before that, it moves balls to their next cells, and replaces void meetings."""
+    while True:
+        i = queue.heap[0]
+        if queue.hi[i] > limit or queue.hi[i] == math.inf:
+            break
+        if queue.rank[i] == CROSSING_RANK:
+            _cross(i, state, scene, queue, limit)
+        elif queue.rank[i] == PAIR_RANK and queue.partner_version[i] != queue.version[queue.partner[i]]:
+            _predict_neighbours(i, state, scene, queue, limit)
+        else:
+            break
+    return Event(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
+
+
+@kernel
+def _find_soon(hi, queue, found):
+    """Finds the balls with an event until SOON after a time hi, in order, in `found`. Returns their number."""
+    n, count, k = len(queue.heap), 1, 0
+    found[0] = 0  # positions in the heap at first: the earliest events are at its top
+    while k < count:
+        for child in (2 * found[k] + 1, 2 * found[k] + 2):
+            if child < n and queue.hi[queue.heap[child]] - hi <= SOON:
+                found[count] = child
+                count += 1
+        k += 1
+    for k in range(count):
+        ball, at = queue.heap[found[k]], k
+        while at > 0 and found[at - 1] > ball:  # insertion: the number is small
+            found[at] = found[at - 1]
+            at -= 1
+        found[at] = ball
+    return count
+
+
+@inlined
+def due(event, queue, found):
+    """Finds the balls that an event of single balls concerns, in order, in `found`. Returns their number."""
+    count = 0
+    for k in range(_find_soon(event.time.hi, queue, queue.found)):
+        i = queue.found[k]
+        if same(Time(queue.hi[i], queue.lo[i]), event.time) and queue.rank[i] == event.rank:
+            found[count] = i
+            count += 1
+    return count
+
+
+@kernel
+def gather(now, state, scene, queue, contacts, limit):
+    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach. Returns their number."""
+    first, second, found = contacts.first, contacts.second, queue.found
+    due_hi, due_lo = contacts.nx, contacts.ny  # scratch until the normals are known
+    columns, rows = queue.head.shape
+    count = 0
+    for k in range(_find_soon(now.hi, queue, found)):
+        i = found[k]
+        begin = count
+        for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
+            for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
+                j = queue.head[c, r]
+                while j >= 0:
+                    if j > i and count < len(first):
+                        time = _meeting(i, j, state, scene, queue, limit)
+                        if time.hi - now.hi <= SOON:
+                            at = count
+                            while at > begin and second[at - 1] > j:
+                                second[at], due_hi[at], due_lo[at] = second[at - 1], due_hi[at - 1], due_lo[at - 1]
+                                at -= 1
+                            first[count] = i
+                            second[at], due_hi[at], due_lo[at] = j, time.hi, time.lo
+                            count += 1
+                    j = queue.next[j]
+    left = 0
+    for c in range(count):
+        if add_contact(first[c], second[c], Time(due_hi[c], due_lo[c]), now, state, scene, contacts, left):
+            left += 1
+    return left

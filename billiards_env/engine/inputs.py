@@ -1,0 +1,212 @@
+"""The input of shots: its arrays and its validation."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, real
+from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.shots import Shots
+from billiards_env.engine.threads import spread
+from billiards_env.physics.interrupt import end_call, interrupted
+from billiards_env.physics.jit import entry_point
+from billiards_env.physics.state import (
+    HALF_LENGTH,
+    HALF_WIDTH,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    SceneArrays,
+    X,
+    Y,
+)
+from billiards_env.scene import CONTACT_GAP, Scene, check_positions
+
+Floats = NDArray[np.float64]
+
+_CLOSE = 1.0 + 1e-12  # closer calls are left to the slow check, which rounds differently
+_LOOK_AFTER = 10_000_000  # pairs of balls: some ten milliseconds
+
+
+class ShotInput(NamedTuple):
+    """The start of one shot or, with a leading axis, of many, in arrays that an engine may write to.
+
+    Attributes:
+        positions: (n, 2) float64, m.
+        velocities: (n, 2) float64, m/s.
+        spins: (n, 3) float64, rad/s.
+        in_play: (n,) bool.
+        limit: Time at which a shot ends, s.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: NDArray[np.bool_]
+    limit: float
+
+
+@entry_point
+def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
+    """Returns whether the shots `begin` to `end` are valid input for `simulate`.
+
+    False may also mean that a slower check is needed.
+
+    Args:
+        begin: First shot.
+        end: One past the last.
+        scene: The `SceneArrays`, as a tuple.
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool.
+
+    Returns:
+        True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
+        cushions, outside the pockets and apart from each other.
+    """
+    params, radius, inv_mass, pockets = SceneArrays(*scene)
+    n = len(radius)
+    pairs = 0
+    for k in range(begin, end):
+        pairs += n * (n + 8)
+        if pairs > _LOOK_AFTER:
+            end_call(interrupted())
+            pairs = 0
+        for i in range(n):
+            x, y = positions[k, i, X], positions[k, i, Y]
+            vx, vy = velocities[k, i, 0], velocities[k, i, 1]
+            wx, wy, wz = spins[k, i, 0], spins[k, i, 1], spins[k, i, 2]
+            speed, spin = max(abs(vx), abs(vy)), max(max(abs(wx), abs(wy)), abs(wz))
+            if inv_mass[i] == 0.0 and max(speed, spin) > 0.0:
+                return False
+            # If any of the numbers is NaN, the sum is NaN, and all comparisons are false
+            total = vx + vy + wx + wy + wz
+            if not (speed <= MAX_SPEED and spin <= MAX_SPIN and total == total and abs(x) + abs(y) < math.inf):
+                return False
+            if not in_play[k, i]:
+                continue
+            if abs(x) > params[HALF_LENGTH] - radius[i] or abs(y) > params[HALF_WIDTH] - radius[i]:
+                return False
+            for q in range(len(pockets)):
+                dx, dy, reach = x - pockets[q, POCKET_X], y - pockets[q, POCKET_Y], pockets[q, POCKET_RADIUS]
+                if dx * dx + dy * dy < _CLOSE * (reach * reach):
+                    return False
+            for j in range(i):
+                dx, dy = x - positions[k, j, X], y - positions[k, j, Y]
+                reach = radius[i] + radius[j] - CONTACT_GAP
+                if dx * dx + dy * dy < _CLOSE * (reach * reach) and in_play[k, j]:
+                    return False
+    return True
+
+
+def check_shot(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    spins: ArrayLike | None,
+    in_play: ArrayLike | None,
+    max_time: float | None,
+    into: Shots | None = None,
+    threads: int | None = 1,
+) -> ShotInput:
+    """Returns the checked input of a shot, or of a batch of shots.
+
+    Args:
+        scene: The scene.
+        positions: As in `simulate` or `simulate_batch`, like the next four.
+        velocities: See there.
+        spins: See there.
+        in_play: See there.
+        max_time: See there.
+        into: The `Shots` to write a batch to; None for new arrays.
+        threads: Number of threads that check a batch; None for one a core.
+
+    Raises:
+        ValueError: As in `simulate`; the message names the shot of a batch.
+    """
+    given = np.asarray(positions, dtype=np.float64)
+    shape = given.shape[:-1]
+    if given.ndim not in (2, 3) or given.shape[-2:] != (scene.n_balls, 2):
+        check_positions(scene, given)  # raises
+    limit = scene.physics.max_time if max_time is None else real("max_time", max_time, "limit")
+    if into is None:
+        balls = np.empty((*shape, 2)), np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_)
+    else:
+        balls = into[:4]
+    shot = ShotInput(*balls, math.inf if limit is None else float(limit))
+    shot.positions[...] = given
+    _fill_in_play(shot.in_play, in_play)
+    if spins is not None and scene.physics.motion != "sliding":
+        raise ValueError(
+            f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
+        )
+    _fill(shot.velocities, "velocities", velocities)
+    _fill(shot.spins, "spins", spins)
+    if not _is_valid_fast(scene, shot, threads):
+        check_positions(scene, shot.positions, in_play=shot.in_play)
+        _check_motion(scene, "velocities", shot.velocities, RANGES["speed"])
+        _check_motion(scene, "spins", shot.spins, RANGES["spin"])
+    return shot
+
+
+def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
+    """Fills an array with given values, or with True."""
+    given, shape = np.asarray(True if values is None else values, dtype=np.bool_), array.shape
+    if values is not None and given.shape not in (shape, shape[-1:]):
+        raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, a value a ball")
+    array[...] = given
+
+
+def _fill(array: Floats, name: str, values: ArrayLike | None) -> None:
+    """Fills an array with the values of all balls, or with those of the cue ball and zeros; does not check them."""
+    if values is None:
+        array[...] = 0.0
+        return
+    given, full = np.asarray(values, dtype=np.float64), array.shape
+    cue_ball_alone = (*full[:-2], full[-1])
+    if given.shape == full:
+        array[...] = given
+    elif given.shape == cue_ball_alone:
+        array[..., 0, :] = given
+        array[..., 1:, :] = 0.0
+    else:
+        raise ValueError(
+            f"{name} has shape {given.shape}: expected {full} for all balls or {cue_ball_alone} for the cue ball"
+        )
+
+
+def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
+    """Calls `is_valid_fast` for one shot or, on several threads, for many."""
+    arrays = tuple(scene_arrays(scene))
+    balls: tuple[NDArray[Any], ...] = shot[:4]
+    if shot.in_play.ndim == 1:
+        balls = tuple(array[None] for array in balls)
+    doubtful: list[int] = []
+
+    def work(begin: int, end: int) -> None:
+        if not is_valid_fast(begin, end, arrays, *balls):
+            doubtful.append(begin)
+
+    spread(work, len(balls[0]), threads)
+    return not doubtful
+
+
+def _check_motion(scene: Scene, name: str, array: Floats, within: Range) -> None:
+    """Raises a ValueError if a velocity or spin is out of range, or if a ball of infinite mass moves."""
+    most = within.most
+    bad = np.argwhere(~(np.abs(array) <= most).all(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        shot = f"shot {at[0]}, " if len(at) == 2 else ""
+        raise ValueError(
+            f"{name}: {shot}ball {at[-1]} has {array[at].tolist()}: expected numbers from -{most:g} to {most:g} "
+            f"{within.unit}"
+        )
+    for i in np.flatnonzero(np.isinf(scene.balls.mass)):
+        if array[..., i, :].any():
+            raise ValueError(f"{name}: ball {i} has an infinite mass: expected it to be at rest")

@@ -1,0 +1,104 @@
+"""The engines by name, and the arrays that they run a scene with."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from billiards_env.checks import RANGES, choose, fits, short
+from billiards_env.engine import pic, pit
+from billiards_env.engine.contact_rule import set_rule
+from billiards_env.physics.state import (
+    CUSHION,
+    CUSHION_HEIGHT,
+    DT,
+    E_BALL,
+    E_CUSHION,
+    FIX,
+    FIXES,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    MOTION,
+    MU_CUSHION,
+    N_PARAMS,
+    ROLL,
+    SLIDE,
+    SPIN_DECAY,
+    SceneArrays,
+)
+from billiards_env.scene import CUSHIONS, MOTIONS, Scene
+
+MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
+"""The engines; all functions have the same arguments."""
+
+MANY_BALLS = 160
+"""From this number of balls on PIC uses `engine.cell_grid`.
+
+This is the number from which it is faster in a thin gas. In a dense gas it is faster from about 110 balls on. In a
+rack, which fills a few cells of the grid, it is not faster up to 400.
+"""
+
+MAX_EVENTS = 10_000_000
+"""Default number of events after which the engine ends a shot.
+
+A break has hundreds of events, at most thousands; a heap of balls pressed into a corner by extreme spins has millions.
+"""
+
+
+def engine_of(mode: str, n_balls: int) -> Callable[..., None]:
+    """Returns the function that runs shots of a number of balls in a mode."""
+    return pic.run_shots_of_many if mode == "pic" and n_balls >= MANY_BALLS else MODES[mode]
+
+
+def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
+    """Raises a ValueError unless `mode` is an engine, and `dt` and `fix` are valid for it."""
+    choose("mode", mode, tuple(MODES))
+    if mode == "pic":
+        if dt is not None:
+            raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep")
+        if fix is not None:
+            raise ValueError(f"fix = {fix!r} with mode='pic': expected None, PIC has no overlaps to fix")
+        return
+    if not fits(dt, "dt"):
+        least, most, unit, _ = RANGES["dt"]
+        raise ValueError(
+            f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
+            "such as 1/60"
+        )
+    if fix is not None:
+        choose("fix", fix, FIXES)
+
+
+def scene_arrays(scene: Scene, dt: float | None = None, fix: str | None = None) -> SceneArrays:
+    """Returns the arrays of a scene and the settings of PIT."""
+    global _latest
+    for_scene, for_dt, for_fix, arrays = _latest
+    if for_scene is scene and for_dt == dt and for_fix == fix:
+        return arrays  # the cache would hash the scene, which takes a microsecond
+    arrays = _scene_arrays(scene, dt, fix)
+    _latest = scene, dt, fix, arrays
+    return arrays
+
+
+_latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and the result of the last call
+
+
+@functools.lru_cache(maxsize=256)
+def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArrays:
+    p = scene.physics
+    params = np.zeros(N_PARAMS)
+    params[MOTION] = MOTIONS.index(p.motion)
+    params[CUSHION] = CUSHIONS.index(p.cushion)
+    params[SLIDE], params[ROLL] = p.mu_slide * p.g, p.mu_roll * p.g
+    params[SPIN_DECAY] = p.spin_decay
+    params[E_BALL], params[E_CUSHION], params[MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
+    params[HALF_LENGTH], params[HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
+    params[CUSHION_HEIGHT] = scene.table.cushion_height
+    set_rule(params, scene.balls.mass)
+    params[DT] = 0.0 if dt is None else dt
+    params[FIX] = FIXES.index(FIXES[0] if fix is None else fix)
+    pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
+    return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets)

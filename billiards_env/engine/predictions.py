@@ -1,0 +1,221 @@
+"""Predictions: the next event of a ball alone, and the next meeting of two balls.
+
+A prediction holds until an event changes the motion of one of the balls concerned. What a ball's path cannot reach is
+not solved for. This changes no bit of a result: the tests leave a margin that is far wider than their rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.engine.contact_rule import NOISE
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
+from billiards_env.physics.contact import circle_time, line_time
+from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    LASTS,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    POTTED,
+    REST,
+    ROLLING,
+    SLIDING,
+    VX,
+    VY,
+    Time,
+    X,
+    Y,
+    later,
+    moves,
+    own_time,
+    since,
+)
+
+CROSSING_RANK, POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = -1, 0, 1, 2, 3
+"""The order of events at one instant; a ball that enters another cell of a grid is no event."""
+
+MARGIN = 1e-6  # relative, of the tests for paths that do not meet
+TINY = 1e-290  # below it squares lose digits
+
+
+class Singles(NamedTuple):
+    """The next event of each of n balls alone: a cushion, a pocket or the end of its phase.
+
+    Attributes:
+        hi: (n,) float64, time, s; infinite if the ball has no event.
+        lo: (n,) float64, its second part.
+        kind: (n,) int64, the kind of event.
+        other: (n,) int64, the cushion, the pocket or -1.
+    """
+
+    hi: Any
+    lo: Any
+    kind: Any
+    other: Any
+
+
+class Event(NamedTuple):
+    """The next event.
+
+    Attributes:
+        time: Infinite if there is none.
+        rank: Its place among the events of that time, one of the ranks above.
+        first: Unless the event is of a pair, a lower bound for the balls concerned.
+        last: An upper bound.
+    """
+
+    time: Time
+    rank: int
+    first: int
+    last: int
+
+
+@allocating
+def empty_singles(n):
+    """Returns the `Singles` of n balls, with undefined content."""
+    return Singles(np.empty(n), np.empty(n), np.empty(n, np.int64), np.empty(n, np.int64))
+
+
+@inlined
+def rank_of(kind):
+    """Returns the rank of an event of a ball alone."""
+    return POCKET_RANK if kind == BALL_POCKET else (CUSHION_RANK if kind == BALL_CUSHION else PHASE_RANK)
+
+
+@inlined
+def single_time(singles, i):
+    """Returns the `Time` of the next event of ball i alone."""
+    return Time(singles.hi[i], singles.lo[i])
+
+
+@inlined
+def _stays_within(x, v, a, end, room):
+    """Returns whether x + v t + a t^2 / 2 stays within +-room for t in [0, end], by its Bezier control points.
+
+    It may return False for a path that does.
+    """
+    room *= 1.0 - MARGIN
+    half = x + 0.5 * end * v
+    last = x + end * (v + 0.5 * end * a)
+    return abs(x) < room and abs(half) < room and abs(last) < room
+
+
+@inlined
+def predict_single(i, state, scene, singles):
+    """Predicts the next event of ball i alone, from its own time on."""
+    singles.hi[i], singles.lo[i] = math.inf, 0.0
+    phase, params = state.phase[i], scene.params
+    if phase in (REST, POTTED):
+        return
+    s = state.rows[i]
+    end = s[LASTS]
+    kind, other = SPINNING_REST, -1
+    if phase == SLIDING:
+        kind = SLIDING_ROLLING
+    elif phase == ROLLING:
+        kind = ROLLING_REST
+    if phase >= ROLLING:
+        x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
+        room = params[HALF_LENGTH] - scene.radius[i]
+        if not _stays_within(x, vx, ax, end, room):
+            for k in range(2):
+                sign = 1.0 if k else -1.0
+                t = line_time(room - sign * x, sign * vx, sign * ax, end)
+                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                    end, kind, other = t, BALL_CUSHION, k
+        room = params[HALF_WIDTH] - scene.radius[i]
+        if not _stays_within(y, vy, ay, end, room):
+            for k in range(2):
+                sign = 1.0 if k else -1.0
+                t = line_time(room - sign * y, sign * vy, sign * ay, end)
+                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                    end, kind, other = t, BALL_CUSHION, 2 + k
+        bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
+        vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
+        way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
+        pockets = scene.pockets
+        for k in range(len(pockets)):
+            dx, dy, reach = pockets[k, POCKET_X] - x, pockets[k, POCKET_Y] - y, pockets[k, POCKET_RADIUS]
+            side = abs(dx * vy - dy * vx) - bend
+            if side > 0.0 and side * side > reach * reach * vv + TINY:
+                continue
+            wide = (1.0 + MARGIN) * reach
+            if abs(dx) > wide + way_x or abs(dy) > wide + way_y:
+                continue
+            t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, 0.0)
+            if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
+                end, kind, other = t, BALL_POCKET, k
+    if end < math.inf:
+        time = later(own_time(state, i), end)
+        singles.hi[i], singles.lo[i] = time.hi, time.lo
+        singles.kind[i], singles.other[i] = kind, other
+
+
+@inlined
+def can_meet(i, j, state):
+    """Returns whether balls i and j are in play and at least one of them moves."""
+    return state.phase[i] != POTTED and state.phase[j] != POTTED and (moves(state, i) or moves(state, j))
+
+
+@kernel
+def predict_pair(i, j, now, state, scene, singles, limit):
+    """Returns the `Time` at which balls i < j next meet, infinite if they do not.
+
+    Args:
+        i: A ball.
+        j: The other ball.
+        now: The time of the last event of either.
+        state: The `State`.
+        scene: The `SceneArrays`.
+        singles: The `Singles`.
+        limit: Time at which the shot ends, s.
+    """
+    # The end of either ball's phase makes this prediction void. A phase that ends now has no meeting.
+    for k in (i, j):
+        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
+            return Time(math.inf, 0.0)
+    end = min(min(singles.hi[i], singles.hi[j]), limit) - now.hi
+    xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
+    xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
+    rows = state.rows
+    t = circle_time(
+        xj - xi,
+        yj - yi,
+        vxj - vxi,
+        vyj - vyi,
+        rows[j, AX] - rows[i, AX],
+        rows[j, AY] - rows[i, AY],
+        scene.radius[i] + scene.radius[j],
+        end,
+        NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
+    )
+    if t == math.inf:
+        return Time(math.inf, 0.0)
+    return later(now, t)
+
+
+@inlined
+def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
+    """Returns whether two balls do not meet by `end`, without a root or a branch.
+
+    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`.
+    """
+    dd = dx * dx + dy * dy
+    # The most by which they come nearer along the line of centres until then, times their distance
+    dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
+    closing = max(0.0, -dw) + end * max(0.0, -half_db)
+    least = (1.0 - MARGIN) * dd - end * closing
+    far = (least > 0.0) & (least * least > reach * reach * dd)
+    # The least distance at which they pass each other, times the relative speed
+    side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
+    wide = (side > 0.0) & (side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY)
+    return (far | wide) & (dd >= (1.0 + 1e-5) * reach * reach) & (end < math.inf)

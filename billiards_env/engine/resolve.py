@@ -1,0 +1,107 @@
+"""The resolution of events: impacts of balls at one instant, and events of a ball alone."""
+
+from __future__ import annotations
+
+from billiards_env.engine.contact_rule import collide, cushion_speed, hit_cushion
+from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
+from billiards_env.engine.shots import count_hit
+from billiards_env.physics.jit import inlined, merged
+from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
+from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
+from billiards_env.scene import CONTACT_GAP
+
+
+@inlined
+def add_contact(i, j, meeting, now, state, scene, contacts, count):
+    """Makes balls i < j contact number `count` if they meet at a `Time`, or touch and approach then.
+
+    Args:
+        i: A ball.
+        j: The other ball.
+        meeting: The time at which they are predicted to meet.
+        now: The time. Balls in contact are advanced to it.
+        state: The `State`.
+        scene: The `SceneArrays`.
+        contacts: The `Contacts`.
+        count: Number of contacts that were found before.
+
+    Returns:
+        Whether the balls are in contact.
+    """
+    xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
+    xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
+    dx, dy = xj - xi, yj - yi
+    distance = norm(dx, dy)
+    nx, ny = dx / distance, dy / distance
+    closing = -(nx * (vxj - vxi) + ny * (vyj - vyi))
+    if same(meeting, now):
+        closing = max(closing, 0.0)
+    elif distance - (scene.radius[i] + scene.radius[j]) > CONTACT_GAP or closing <= 0.0:
+        return False
+    advance(state, i, now, scene.params)
+    advance(state, j, now, scene.params)
+    contacts.first[count], contacts.second[count] = i, j
+    contacts.nx[count], contacts.ny[count], contacts.closing[count] = nx, ny, closing
+    return True
+
+
+@merged
+def resolve_impacts(count, now, k, scene, work, shots, log):
+    """Changes the velocities of the balls in the first `count` contacts, which are at the `Time` now, and records them.
+
+    Args:
+        count: Number of contacts, > 0.
+        now: The time.
+        k: The shot.
+        scene: The `SceneArrays`.
+        work: The `pic.Workspace`; the balls are listed in `changed`.
+        shots: The `Shots`.
+        log: The `Log`.
+
+    Returns:
+        The number of entries of `changed`. A ball may occur more than once.
+    """
+    contacts, changed = work.contacts, work.changed
+    acts = collide(count, now.hi, contacts, work.state, scene, work.scratch, work.memory)
+    for c in range(count):
+        i, j = contacts.first[c], contacts.second[c]
+        count_hit(k, i, j, shots)
+        log_event(log, now, BALL_BALL, i, j, work.state, contacts.closing[c], acts > 0)
+        changed[2 * c], changed[2 * c + 1] = i, j
+    shots.n_contact_rule[k] += acts
+    shots.n_events[k] += count
+    return 2 * count
+
+
+@merged
+def resolve_singles(count, now, k, scene, work, shots, log):
+    """Resolves and records events of the first `count` balls of `changed` alone, which are at the `Time` now.
+
+    Args:
+        count: Number of balls.
+        now: The time.
+        k: The shot.
+        scene: The `SceneArrays`.
+        work: The `pic.Workspace`.
+        shots: The `Shots`.
+        log: The `Log`.
+    """
+    state, singles = work.state, work.queue.singles
+    for c in range(count):
+        i = work.changed[c]
+        kind, other = singles.kind[i], singles.other[i]
+        speed, acts = 0.0, 0
+        if kind == BALL_POCKET:
+            advance(state, i, now, scene.params)
+            speed = norm(state.rows[i, VX], state.rows[i, VY])
+            capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
+        elif kind == BALL_CUSHION:
+            advance(state, i, now, scene.params)
+            speed = cushion_speed(i, other, state)
+            acts = hit_cushion(i, other, now.hi, speed, state, scene, work.memory)
+            shots.cushions[k, i] += 1
+        else:
+            end_phase(state, i, now, scene.params)
+        shots.n_contact_rule[k] += acts
+        shots.n_events[k] += 1
+        log_event(log, now, kind, i, other, state, speed, acts > 0)

@@ -1,0 +1,42 @@
+"""The loop over the shots of a batch, the same for every engine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from billiards_env.engine.shots import load, store
+from billiards_env.physics.interrupt import interrupted
+from billiards_env.physics.jit import kernel
+
+INTERRUPTED = -1
+"""Returned by a loop that was interrupted (see `physics.interrupt`). The shot has no outcome."""
+
+LOOK_AFTER = 20_000
+"""Work after which a loop calls `interrupted`: about the time of this number of events, some ten milliseconds."""
+
+
+def for_all_shots(run: Any) -> Any:
+    """Returns the kernel that runs shots one after the other.
+
+    Args:
+        run: A kernel that runs one shot and returns its amount of work, in events, or INTERRUPTED.
+    """
+
+    @kernel
+    def run_all(begin, end, scene, work, limit, max_events, shots, log):
+        """Runs shots `begin` to `end`. Returns whether it was interrupted."""
+        pending = 0
+        for k in range(begin, end):
+            load(k, shots, scene, work.state)
+            spent = run(k, scene, work, limit, max_events, shots, log)
+            if spent == INTERRUPTED:
+                return True
+            store(k, shots, scene, work.state)
+            pending += spent + len(scene.radius)
+            if pending > LOOK_AFTER:
+                if interrupted():
+                    return True
+                pending = 0
+        return False
+
+    return run_all

@@ -1,0 +1,121 @@
+"""Shots as arrays: their starts, which an engine replaces by their outcomes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.physics.jit import inlined
+from billiards_env.physics.state import MOTION, POTTED, REST, SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, X, Y
+
+STATUS = ("rest", "max_time", "event_limit", "step_limit")
+"""Names of the reasons for which a shot ends."""
+AT_REST, AT_MAX_TIME, AT_EVENT_LIMIT, AT_STEP_LIMIT = 0, 1, 2, 3
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
+
+
+class Shots(NamedTuple):
+    """m shots of n balls. The first four arrays hold the balls at the start of a shot, then those at its end.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool: balls that are not in a pocket.
+        time: (m,) float64 out: duration, s.
+        cushions: (m, n) int32 out: number of cushion contacts of each ball.
+        cushions_before_hit: (m, n) int32 out: number of cushion contacts that the cue ball had when it first touched
+            the ball, -1 if it did not touch it.
+        n_events: (m,) int64 out: number of events.
+        status: (m,) int64 out: index into `STATUS`.
+        first_hit: (m,) int64 out: the ball that the cue ball touched first, -1 if none.
+        n_contact_rule: (m,) int64 out: number of acts of the contact-time rule.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: Bools
+    time: Floats
+    cushions: Int32s
+    cushions_before_hit: Int32s
+    n_events: Int64s
+    status: Int64s
+    first_hit: Int64s
+    n_contact_rule: Int64s
+
+
+def empty_shots(m: int, n: int) -> Shots:
+    """Returns `Shots` for m shots of n balls, with undefined content."""
+    shapes = (
+        ((m, n, 2), np.float64),
+        ((m, n, 2), np.float64),
+        ((m, n, 3), np.float64),
+        ((m, n), np.bool_),
+        ((m,), np.float64),
+        ((m, n), np.int32),
+        ((m, n), np.int32),
+        *[((m,), np.int64)] * 4,
+    )
+    sizes = [-(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8 for shape, kind in shapes]
+    # One block of memory: the system provides a large block several times faster than its parts one by one. The parts
+    # are too small for NumPy to ask for huge pages, and the C library returns them to the system after each batch.
+    memory = np.empty(sum(sizes), np.uint8)
+    starts = itertools.accumulate(sizes[:-1], initial=0)
+    return Shots(*(np.ndarray(shape, kind, memory, at) for (shape, kind), at in zip(shapes, starts, strict=True)))
+
+
+@inlined
+def load(k, shots, scene, state):
+    """Sets a `State` to the start of shot k, and the outcome of the shot to that of a shot without events."""
+    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
+    for i in range(len(state.phase)):
+        s = state.rows[i]
+        s[:] = 0.0
+        s[X], s[Y] = shots.positions[k, i, 0], shots.positions[k, i, 1]
+        shots.cushions[k, i], shots.cushions_before_hit[k, i] = 0, -1
+        if not shots.in_play[k, i]:
+            state.phase[i] = POTTED
+            continue
+        state.phase[i] = REST
+        s[VX], s[VY] = shots.velocities[k, i, 0], shots.velocities[k, i, 1]
+        if slips:
+            s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, 1]
+            s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, 0]
+            s[WZ] = shots.spins[k, i, 2]
+    shots.n_events[k], shots.status[k], shots.first_hit[k], shots.n_contact_rule[k] = 0, AT_REST, -1, 0
+
+
+@inlined
+def store(k, shots, scene, state):
+    """Stores a `State` as the end of shot k."""
+    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
+    for i in range(len(state.phase)):
+        s = state.rows[i]
+        shots.positions[k, i, 0], shots.positions[k, i, 1] = s[X], s[Y]
+        shots.velocities[k, i, 0], shots.velocities[k, i, 1] = s[VX], s[VY]
+        shots.in_play[k, i] = state.phase[i] != POTTED
+        if slips:
+            shots.spins[k, i, 0] = (s[UY] - s[VY]) / scene.radius[i]
+            shots.spins[k, i, 1] = (s[VX] - s[UX]) / scene.radius[i]
+            shots.spins[k, i, 2] = s[WZ]
+
+
+@inlined
+def count_hit(k, i, j, shots):
+    """Counts an impact of balls i and j: the cue ball's first hit, and its first hit of ball j."""
+    if min(i, j) != 0:
+        return
+    other = max(i, j)
+    if shots.first_hit[k] < 0:
+        shots.first_hit[k] = other
+    if shots.cushions_before_hit[k, other] < 0:
+        shots.cushions_before_hit[k, other] = shots.cushions[k, 0]

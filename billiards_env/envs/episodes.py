@@ -1,0 +1,323 @@
+"""Episodes in compiled code, for one environment and for many."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env import layouts
+from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
+from billiards_env.envs.tasks import TASKS, Outcome, judge
+from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.state import X, Y
+from billiards_env.scene import Balls, Scene
+
+# Columns of `Episodes.tally`.
+POINTS, SCORE, SHOTS_LEFT, SUCCESS = 0, 1, 2, 3
+N_TALLY = 4
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """The arguments of an environment that its episodes depend on, checked.
+
+    Attributes:
+        scene: The scene.
+        task: One of `TASKS`.
+        targets: (n,) bool, the balls of the task.
+        layout: The layout at the start of an episode.
+        max_shots: Number of shots after which an episode ends.
+        max_speed: Speed of an action of length 1, m/s.
+        scratch_penalty: Penalty of a scratch.
+        mode: The engine.
+        dt: The timestep of "pit", s.
+        fix: The treatment of overlaps in "pit".
+    """
+
+    scene: Scene
+    task: str
+    targets: Bools
+    layout: str
+    max_shots: int
+    max_speed: float
+    scratch_penalty: float
+    mode: str
+    dt: float | None
+    fix: str | None
+
+
+class Rules(NamedTuple):
+    """The settings that the kernels use.
+
+    Attributes:
+        task: Index into `TASKS`.
+        targets: (n,) bool, the balls of the task.
+        max_shots: Number of shots after which an episode ends.
+        scratch_penalty: Penalty of a scratch.
+        half_length: Half the table's length, m.
+        half_width: Half the table's width, m.
+    """
+
+    task: int
+    targets: Any
+    max_shots: int
+    scratch_penalty: float
+    half_length: float
+    half_width: float
+
+
+class Starts(NamedTuple):
+    """The balls of m shots and, in the last two arrays, a copy of what is lost when they are run.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        in_play: (m, n) bool.
+        start: (m, n, 2) float64, m: positions before the last shot.
+        potted_before: (m, n) bool: balls off the table before the last shot.
+    """
+
+    positions: Any
+    velocities: Any
+    spins: Any
+    in_play: Any
+    start: Any
+    potted_before: Any
+
+
+class Progress(NamedTuple):
+    """The progress of m episodes.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        goals: (m, g, 2) float64, m.
+        in_play: (m, n) bool.
+        tally: (m, N_TALLY) int64: points of the last shot, points of the episode, shots left, and whether the episode
+            is a success so far.
+        over: (m,) bool: whether the episode has ended.
+    """
+
+    positions: Any
+    goals: Any
+    in_play: Any
+    tally: Any
+    over: Any
+
+
+class Episodes:
+    """m episodes in arrays.
+
+    The methods take the episodes from `begin` to `end`. Several threads may call them for different episodes.
+
+    Attributes:
+        shots: The balls and, after `shoot`, the outcome of the shots (see `engine.Shots`).
+        tally: See `Progress`.
+        over: (m,) bool: whether the episode has ended; True before the first.
+        start: (m, n, 2) float64, m: positions before the last shot.
+        potted_before: (m, n) bool: the balls that were off the table before the last shot.
+        plan: The layout at the start of an episode.
+        goals: (m, g, 2) float64, m: the goals of the task, see `envs.tasks`.
+        goal_plan: The positions that goals are drawn from: all that the cue ball, alone on the table, can have; None if
+            the task has no goal.
+    """
+
+    def __init__(self, count: int, settings: Settings) -> None:
+        scene, n = settings.scene, settings.scene.n_balls
+        self.shots = empty_shots(count, n)
+        for array in self.shots:
+            array[...] = 0
+        self.shots.in_play[...] = True
+        self.tally = np.zeros((count, N_TALLY), np.int64)
+        self.over = np.ones(count, np.bool_)
+        self.start = np.zeros((count, n, 2))
+        self.potted_before = np.zeros((count, n), np.bool_)
+        self.plan = layouts.plan(settings.layout, scene)
+        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task == "place" else None
+        self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
+        # The arguments of the kernels, as plain tuples. They share their arrays with the attributes above in a deep
+        # copy, too.
+        shots = self.shots
+        self._engine = engine_of(settings.mode, n)
+        self._scene, self._shots = tuple(scene_arrays(scene, settings.dt, settings.fix)), tuple(shots)
+        self._limit = scene.physics.max_time or math.inf
+        self._max_speed = settings.max_speed
+        self._rules = (
+            TASKS.index(settings.task),
+            settings.targets,
+            settings.max_shots,
+            settings.scratch_penalty,
+            scene.table.length / 2,
+            scene.table.width / 2,
+        )
+        self._starts = *shots[:4], self.start, self.potted_before
+        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over
+        self._hits = shots.cushions, shots.cushions_before_hit
+
+    def draw(
+        self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
+    ) -> None:
+        """Draws the positions of the balls, then the goals if the task has any.
+
+        Args:
+            begin: First episode.
+            end: One past the last.
+            mask: (m,) the episodes to draw for.
+            streams: (m, 4) their random streams, which are advanced.
+            balls: Whether to draw positions of the balls.
+            goals: Whether to draw goals.
+
+        Raises:
+            ValueError: If a ball finds no free position.
+        """
+        if balls:
+            layouts.draw_tables(self.plan, begin, end, mask, streams, self.shots.positions)
+        if goals and self.goal_plan is not None:
+            layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.goals)
+
+    def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
+        """Begins episodes with the balls at their present positions, and observes all.
+
+        Args:
+            begin: First episode.
+            end: One past the last.
+            mask: (m,) the episodes that begin.
+            observations: (m, size) float32 out.
+        """
+        begin_episodes(begin, end, mask, self._rules, self._progress, observations)
+
+    def shoot(
+        self,
+        begin: int,
+        end: int,
+        skip: Bools,
+        actions: Floats,
+        rewards: Floats,
+        potted: Bools,
+        observations: NDArray[np.float32],
+    ) -> None:
+        """Plays a shot in each episode.
+
+        If it is interrupted, the balls are where they were before.
+
+        Args:
+            begin: First episode.
+            end: One past the last.
+            skip: (m,) the episodes without a shot: their reward is 0, and their tally does not change.
+            actions: (m, 2) finite fractions of the largest speed.
+            rewards: (m,) float64 out.
+            potted: (m, n) bool out: the balls off the table.
+            observations: (m, size) float32 out.
+        """
+        aim(begin, end, skip, actions, self._max_speed, self._starts)
+        try:
+            self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+        except BaseException:
+            self.shots.positions[begin:end] = self.start[begin:end]
+            self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
+            raise
+        hits = *self._hits, self.potted_before
+        settle(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
+
+
+def cue_ball_alone(scene: Scene) -> Scene:
+    """Returns the scene without its object balls."""
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
+
+
+@kernel
+def shorten(x, y, max_speed):
+    """Returns the velocity of an action (x, y): shortened to length 1 if it is longer, times `max_speed`."""
+    # Into the box first, so that the squares cannot overflow.
+    largest = max(abs(x), abs(y), 1.0)
+    x, y = x / largest, y / largest
+    # Not hypot, whose last bit depends on the C library.
+    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
+    return x * speed, y * speed
+
+
+@kernel
+def observe(k, rules, progress, observations):
+    """Writes the observation of episode k: balls and goals over the half table and, if it fits, the shots left."""
+    positions, goals = progress.positions, progress.goals
+    n, n_goals = positions.shape[1], goals.shape[1]
+    for i in range(n):
+        observations[k, 2 * i] = min(max(positions[k, i, X] / rules.half_length, -1.0), 1.0)
+        observations[k, 2 * i + 1] = min(max(positions[k, i, Y] / rules.half_width, -1.0), 1.0)
+    for i in range(n_goals):
+        observations[k, 2 * (n + i)] = goals[k, i, X] / rules.half_length
+        observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / rules.half_width
+    if observations.shape[1] > 2 * (n + n_goals):
+        observations[k, 2 * (n + n_goals)] = progress.tally[k, SHOTS_LEFT] / rules.max_shots
+
+
+@entry_point
+def begin_episodes(begin, end, mask, rules, progress, observations):
+    """Runs the loop of `Episodes.begin`."""
+    rules, progress = Rules(*rules), Progress(*progress)
+    tally = progress.tally
+    for k in range(begin, end):
+        if mask[k]:
+            for i in range(progress.in_play.shape[1]):
+                progress.in_play[k, i] = True
+            tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
+            tally[k, SHOTS_LEFT] = rules.max_shots
+            progress.over[k] = False
+        observe(k, rules, progress, observations)
+
+
+@entry_point
+def aim(begin, end, skip, actions, max_speed, starts):
+    """Sets the balls at rest, except for the cue balls of episodes with a shot."""
+    starts = Starts(*starts)
+    for k in range(begin, end):
+        for i in range(starts.in_play.shape[1]):
+            starts.potted_before[k, i] = not starts.in_play[k, i]
+            for c in range(2):
+                starts.start[k, i, c] = starts.positions[k, i, c]
+                starts.velocities[k, i, c] = 0.0
+            for c in range(3):
+                starts.spins[k, i, c] = 0.0
+        if not skip[k]:
+            starts.velocities[k, 0, X], starts.velocities[k, 0, Y] = shorten(actions[k, X], actions[k, Y], max_speed)
+
+
+@entry_point
+def settle(begin, end, skip, rules, progress, hits, results):
+    """Computes the rewards of the shots and the observations after them.
+
+    Args:
+        begin: First episode.
+        end: One past the last.
+        skip: (m,) bool, the episodes without a shot.
+        rules: The `Rules`, as a tuple like the others.
+        progress: The `Progress`.
+        hits: `cushions` and `cushions_before_hit` of `engine.Shots`, and `potted_before`.
+        results: `rewards`, `potted` and `observations` of `Episodes.shoot`.
+    """
+    rules, progress = Rules(*rules), Progress(*progress)
+    cushions, cushions_before_hit, potted_before = hits
+    rewards, potted, observations = results
+    outcome = Outcome(progress.positions, progress.goals, potted_before, potted, cushions, cushions_before_hit)
+    tally = progress.tally
+    for k in range(begin, end):
+        for i in range(progress.in_play.shape[1]):
+            potted[k, i] = not progress.in_play[k, i]
+        rewards[k] = 0.0
+        if not skip[k]:
+            points, decided, success = judge(rules.task, k, rules.targets, outcome)
+            tally[k, POINTS] = points
+            tally[k, SCORE] += points
+            tally[k, SHOTS_LEFT] -= 1
+            if success:
+                tally[k, SUCCESS] = 1
+            progress.over[k] = decided or tally[k, SHOTS_LEFT] == 0
+            rewards[k] = points - rules.scratch_penalty if potted[k, 0] else float(points)
+        observe(k, rules, progress, observations)

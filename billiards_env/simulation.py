@@ -1,0 +1,215 @@
+"""`simulate` runs one shot, `simulate_batch` many."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import whole
+from billiards_env.engine.inputs import ShotInput, check_shot
+from billiards_env.engine.log import NO_LOG, empty_log
+from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
+from billiards_env.engine.shots import STATUS, Shots, empty_shots
+from billiards_env.engine.threads import spread
+from billiards_env.scene import Scene
+from billiards_env.shot import ShotResult, read_log
+
+
+def simulate(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    record: bool = False,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+) -> ShotResult:
+    """Runs one shot until every ball rests.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (n, 2) m/s, or (2,) for the cue ball alone.
+        mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
+        dt: The timestep of "pit", s; None for "pic", which has none.
+        fix: The treatment of overlaps in "pit": "push_apart" (its default), "move_back" or "none", see `engine.pit`;
+            None for "pic", which has no overlaps.
+        spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero.
+        in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
+        record: Whether to record the events and trajectories.
+        max_time: Time at which the shot ends, s; None for the limit of the scene.
+        max_events: The engine ends the shot, with status "event_limit", after this number of events. "pit" also ends
+            it, with status "step_limit", after `pit.MAX_STEPS` timesteps. So every shot ends.
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+
+    Raises:
+        ValueError: If balls overlap, lie outside the table or in a pocket, a value is outside its range (see
+            `checks.RANGES`), a ball of infinite mass moves, or an argument is unknown or of the wrong shape.
+        TypeError: If an argument is of the wrong type.
+        KeyboardInterrupt: Within a second of a Ctrl-C; the arguments are unchanged then.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> shot = simulate(scene, [[-0.5, 0.0], [0.0, 0.0]], [1.0, 0.0], max_time=1.0)
+        >>> shot.status, shot.first_hit, shot.velocities.tolist()
+        ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
+    """
+    check_mode(mode, dt, fix)
+    whole("max_events", max_events, "max_events")
+    if np.ndim(positions) != 2:
+        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
+    checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    return run_shot(scene, checked, mode, dt, fix, record, max_events)
+
+
+def run_shot(
+    scene: Scene,
+    shot: ShotInput,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    record: bool = False,
+    max_events: int = MAX_EVENTS,
+) -> ShotResult:
+    """Runs one shot like `simulate`, without checking its input.
+
+    Args:
+        scene: Table, balls and physics.
+        shot: Valid input, such as the end of another shot. It is overwritten unless the shot is recorded.
+        mode: As in `simulate`.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
+        record: As in `simulate`.
+        max_events: As in `simulate`.
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+    """
+    n = scene.n_balls
+    arrays, engine = scene_arrays(scene, dt, fix), engine_of(mode, n)
+    room = 256 if record else 0
+    while True:
+        balls = shot[:4]
+        if record:  # the log may prove too short
+            balls = tuple(array.copy() for array in balls)
+        log = empty_log(room, 4 * room)
+        shots = Shots(*(array[None] for array in balls), *empty_shots(1, n)[4:])
+        engine(0, 1, tuple(arrays), shot.limit, max_events, tuple(shots), tuple(log))
+        if not record or (log.used <= (len(log.events), len(log.segments))).all():
+            break
+        room = max(4 * room, int(max(log.used)))
+    return ShotResult(
+        positions=shots.positions[0],
+        velocities=shots.velocities[0],
+        spins=shots.spins[0],
+        potted=~shots.in_play[0],
+        time=shots.time.item(),
+        n_events=shots.n_events.item(),
+        status=STATUS[shots.status[0]],
+        first_hit=shots.first_hit.item(),
+        cushions=shots.cushions[0],
+        cushions_before_hit=shots.cushions_before_hit[0],
+        n_contact_rule=shots.n_contact_rule.item(),
+        **(read_log(log, scene, mode, dt, fix) if record else {}),
+    )
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class BatchResult:
+    """The outcome of m shots: the fields of `ShotResult` with a leading axis.
+
+    The arrays share one block of memory. Copy a field to keep it without the others.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        potted: (m, n) bool.
+        time: (m,) float64, s.
+        cushions: (m, n) int32.
+        cushions_before_hit: (m, n) int32.
+        n_events: (m,) int64.
+        status: (m,) int64, indices into `engine.STATUS`.
+        first_hit: (m,) int64.
+        n_contact_rule: (m,) int64.
+    """
+
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    spins: NDArray[np.float64]
+    potted: NDArray[np.bool_]
+    time: NDArray[np.float64]
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
+    n_events: NDArray[np.int64]
+    status: NDArray[np.int64]
+    first_hit: NDArray[np.int64]
+    n_contact_rule: NDArray[np.int64]
+
+
+def simulate_batch(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+    threads: int | None = None,
+) -> BatchResult:
+    """Runs m shots in one scene, each to rest and each with the same bits as in `simulate`.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone.
+        mode: The engine, as in `simulate`.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
+        spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero.
+        in_play: (m, n) or (n,) bool; by default all balls are in play.
+        max_time: As in `simulate`.
+        max_events: As in `simulate`, for each shot.
+        threads: Number of threads; None for one a core.
+
+    Returns:
+        The balls at the end of each shot, and what happened.
+
+    Raises:
+        ValueError: As in `simulate`; the message names the shot.
+        TypeError: As in `simulate`.
+        KeyboardInterrupt: As in `simulate`.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> batch = simulate_batch(scene, [[[-0.5, 0.0], [0.0, 0.0]]] * 3, [[0.1, 0.0], [0.2, 0.0], [0.0, 0.0]])
+        >>> batch.first_hit.tolist()
+        [1, 1, -1]
+    """
+    check_mode(mode, dt, fix)
+    whole("max_events", max_events, "max_events")
+    positions = np.asarray(positions, dtype=np.float64)
+    if positions.ndim != 3:
+        raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
+    if threads is not None:
+        whole("threads", threads, "threads")
+    m = len(positions)
+    shots = empty_shots(m, scene.n_balls)
+    limit = check_shot(scene, positions, velocities, spins, in_play, max_time, shots, threads).limit
+    engine, arrays, plain = engine_of(mode, scene.n_balls), tuple(scene_arrays(scene, dt, fix)), tuple(shots)
+    spread(lambda begin, end: engine(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+    outcome = shots._asdict()
+    return BatchResult(potted=~outcome.pop("in_play"), **outcome)

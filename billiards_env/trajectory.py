@@ -1,0 +1,97 @@
+"""The paths of the balls in a recorded shot, and the one place where they are evaluated."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, X, Y
+
+Floats = NDArray[np.float64]
+
+
+class Trajectory(NamedTuple):
+    """The paths of n balls as k pieces, in the order in which they begin.
+
+    On a piece the position is r0 + v0 t + a t^2 / 2, where t is the time since the piece began. A ball keeps its last
+    position until its next piece begins.
+
+    Attributes:
+        ball: (k,) int, the ball of each piece. The first n pieces are those of balls 0 to n - 1.
+        phase: (k,) int, the ball's phase, see `physics.state`.
+        rows: (k, WIDTH) float64, the ball's motion at the beginning of the piece, see `physics.state`.
+    """
+
+    ball: NDArray[np.intp]
+    phase: NDArray[np.intp]
+    rows: Floats
+
+    @property
+    def start(self) -> Floats:
+        """(k,) Time at which each piece begins, s."""
+        return self.rows[:, T0]
+
+    @property
+    def moves(self) -> NDArray[np.bool_]:
+        """(k,) Whether the ball moves on the piece."""
+        return (self.phase >= ROLLING) & (self.phase < POTTED)
+
+    @property
+    def lasts(self) -> Floats:
+        """(k,) Longest time for which the ball moves on the piece, s; it may be infinite."""
+        return np.where(self.moves, self.rows[:, LASTS], 0.0)
+
+    @property
+    def position(self) -> Floats:
+        """(k, 2) Position at the beginning of each piece, m."""
+        return self.rows[:, [X, Y]]
+
+    @property
+    def velocity(self) -> Floats:
+        """(k, 2) Velocity at the beginning of each piece, m/s."""
+        return np.where(self.moves[:, None], self.rows[:, [VX, VY]], 0.0)
+
+    @property
+    def acceleration(self) -> Floats:
+        """(k, 2) Acceleration on each piece, m/s^2."""
+        return np.where(self.moves[:, None], self.rows[:, [AX, AY]], 0.0)
+
+    @property
+    def gone(self) -> Floats:
+        """(n,) Time at which each ball was potted, s: 0 if it was not in play, infinite if it stayed on the table."""
+        gone = np.full(int(self.ball.max()) + 1, np.inf)
+        for k in np.flatnonzero(self.phase == POTTED)[::-1]:
+            gone[self.ball[k]] = self.start[k]
+        return gone
+
+    def path(self, ball: int, times: ArrayLike, before: bool = False) -> Floats:
+        """Returns the positions of a ball.
+
+        Args:
+            ball: The ball.
+            times: (m,) s, >= 0.
+            before: At a time at which a piece begins, whether to return the end of the piece before it.
+
+        Returns:
+            (m, 2) m.
+        """
+        at = np.asarray(times, dtype=np.float64)
+        mine = np.flatnonzero(self.ball == ball)
+        last = np.searchsorted(self.start[mine], at, side="left" if before else "right") - 1
+        return self._evaluate(mine[np.maximum(last, 0)], at)
+
+    def at(self, t: float) -> Floats:
+        """Returns the positions of all balls at time t (s), (n, 2) m."""
+        begun = self.start <= t
+        n = int(self.ball.max()) + 1
+        last = np.zeros(n, np.intp)
+        last[self.ball[begun]] = np.flatnonzero(begun)  # of equal indices, NumPy assigns the last
+        return self._evaluate(last, np.full(n, t))
+
+    def _evaluate(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
+        rows = self.rows[pieces]
+        since = (times - rows[:, T0]) - rows[:, T0_LO]
+        t = np.where(self.moves[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]
+        return rows[:, [X, Y]] + t * (rows[:, [VX, VY]] + 0.5 * t * rows[:, [AX, AY]])
