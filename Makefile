@@ -40,16 +40,16 @@ bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and writ
 	$(BIN)/python -m benchmarks.rendering
 	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.start_up
-	$(BIN)/python -m agents.players
+	$(BIN)/python -m studies.players
 	$(BIN)/python -m benchmarks.readme
 
 results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; finished runs are kept)
-	$(BIN)/python -m agents.results
+	$(BIN)/python -m studies.recipes
 	$(BIN)/python -m benchmarks.readme
 
 study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (half an hour; likewise)
-	$(BIN)/python -m agents.timestep_study configs/study/pot.yaml
-	$(BIN)/python -m agents.timestep_study configs/study/blocked.yaml
+	$(BIN)/python -m studies.timestep configs/study/pot.yaml
+	$(BIN)/python -m studies.timestep configs/study/blocked.yaml
 	$(BIN)/python -m benchmarks.readme
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images

@@ -20,10 +20,10 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.pots import Pots, direct_pots
 from billiards_env.games import Played, Setup, Stroke, Table, play
 from billiards_env.games.places import Point, cue_place
 from billiards_env.play.players import Player, any_place
+from billiards_env.players.pots import Pots, direct_pots
 
 Floats = NDArray[np.float64]
 

@@ -76,10 +76,11 @@ class Geometry(BaseFeaturesExtractor):
     The balls to pot come in the order of their distance from the cue ball, as the action frames choose them, those off
     the table last. For each pocket the shot at the nearest one is described by the cut that sends it there (what the
     action frame "cut" takes), the cosine of that, the room for error in units of that action, the ways of the object
-    ball and of the cue ball, and the room for error of the cue ball's direction (see `agents.pots.direct_pots`). The
-    pockets come in the order of the last, the easiest first. Of a shot that is thinner than a graze, or with a cushion
-    where the cue ball would have to be, only the ways are told; these come last, the nearest pocket first. What stands
-    in the way, how fast a shot has to be and where the cue ball goes is not told: that is left to be learnt.
+    ball and of the cue ball, and the room for error of the cue ball's direction (see
+    `billiards_env.players.pots.direct_pots`). The pockets come in the order of the last, the easiest first. Of a shot
+    that is thinner than a graze, or with a cushion where the cue ball would have to be, only the ways are told; these
+    come last, the nearest pocket first. What stands in the way, how fast a shot has to be and where the cue ball goes
+    is not told: that is left to be learnt.
 
     A table is its own mirror image. Each layout is shown in the one of its four images in which the cut into the first
     pocket is not negative and the cue ball is in the half x >= 0, so that what is learnt of one is known of all. The

@@ -33,7 +33,7 @@ from billiards_env.engine import simulate
 from billiards_env.files import write_json, write_whole
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
-from tests.oracle import OracleError, run
+from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from billiards_env.engine import simulate
 from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
-from tests.oracle import OracleError, run
+from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """The engine against constrained motion, where balls stay pressed together: `python -m benchmarks.pressed`.
 
-A ball is pressed against a cushion by its spin, or two balls against each other. The reference, `tests.oracle.pressed`,
+A ball is pressed against a cushion by its spin, or two balls against each other. The reference, `reference.pressed`,
 integrates the motion with the contact kept closed. It does not depend on the restitution, as the contact never opens
 and closes. The deviation is the largest distance of a ball's place in the engine from its place in the reference, at
 rest, or shortly before a ball reaches another cushion.
@@ -21,7 +21,7 @@ from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env.engine import simulate
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene
-from tests.oracle.pressed import PressedShot, press_cushion, press_pair
+from reference.pressed import PressedShot, press_cushion, press_pair
 
 BEFORE_IMPACT = 0.01
 """s. So long before a later impact the places are compared."""

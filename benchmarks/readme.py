@@ -15,8 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agents import players, study_report
-from agents import results as recipes
 from agents.intervals import as_percent, over_seeds
 from benchmarks import (
     RESULTS,
@@ -34,18 +32,19 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
+from studies import players, recipes, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "README.md", ROOT / "docs" / "measurements.md"
 
 
 def players_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What `agents.players` has measured."""
+    """What `studies.players` has measured."""
     return {"table": table(players.HEAD, [players.row(r) for r in result["results"]], left=2)}
 
 
 def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What each recipe of `agents.results` reaches."""
+    """What each recipe of `studies.recipes` reaches."""
     pot = [r for r in result["results"] if r["recipe"].startswith("pot") and r["env"]["max_shots"] == 1]
     million = (f"{r['recipe']} {as_percent(over_seeds(recipes.at_steps(r, 1_000_000)))}" for r in pot)
     return {
@@ -55,7 +54,7 @@ def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def study_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What a study of `agents.timestep_study` has found; pictures as the README and the pages in `docs` see them."""
+    """What a study of `studies.timestep` has found; pictures as the README and the pages in `docs` see them."""
     pictures = {
         name: f"![{text}](FOLDER/study_{result['study']}_{name}.png)"
         for name, text in (
@@ -65,8 +64,8 @@ def study_blocks(result: dict[str, Any]) -> dict[str, str]:
         )
     }
     return {
-        "findings": "\n".join(f"- {said}" for said in study_report.findings(result)),
-        **{name: table(head, rows) for name, (head, rows) in study_report.tables(result).items()},
+        "findings": "\n".join(f"- {said}" for said in timestep_report.findings(result)),
+        **{name: table(head, rows) for name, (head, rows) in timestep_report.tables(result).items()},
         "picture": pictures["success"].replace("FOLDER", "docs/images"),
         "pictures": "\n\n".join(pictures[name].replace("FOLDER", "images") for name in ("transfer", "policies")),
     }
@@ -74,20 +73,20 @@ def study_blocks(result: dict[str, Any]) -> dict[str, str]:
 
 # By the name of the results: the command, and what makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
-    "agents": ("agents.results", agents_blocks),
+    "agents": ("studies.recipes", agents_blocks),
     "ablation": ("benchmarks.ablation", ablation.blocks),
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
     "contact_rule": ("benchmarks.contact_rule", contact_rule.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "growth": ("benchmarks.growth", growth.blocks),
-    "players": ("agents.players", players_blocks),
+    "players": ("studies.players", players_blocks),
     "pressed": ("benchmarks.pressed", pressed.blocks),
     "rendering": ("benchmarks.rendering", rendering.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
-    "study_blocked": ("agents.timestep_study configs/study/blocked.yaml", study_blocks),
-    "study_pot": ("agents.timestep_study configs/study/pot.yaml", study_blocks),
+    "study_blocked": ("studies.timestep configs/study/blocked.yaml", study_blocks),
+    "study_pot": ("studies.timestep configs/study/pot.yaml", study_blocks),
     "vector": ("benchmarks.vector", vector.blocks),
 }
 

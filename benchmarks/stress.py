@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json, write_whole
-from tests.stress import families, measure
+from reference.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
 

@@ -13,7 +13,7 @@ import pytest
 from billiards_env import Scene, engine, failures
 from billiards_env.failures import FAILURES, Failure
 from billiards_env.physics.state import FIXES
-from tests import oracle
+from reference import oracle
 
 cases = pytest.mark.parametrize("name", FAILURES)
 fixes = pytest.mark.parametrize("fix", FIXES)

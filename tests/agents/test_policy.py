@@ -8,9 +8,9 @@ import torch
 
 from agents.config import Config
 from agents.policy import _DIRECT, Geometry, GeometryPolicy, shape
-from agents.pots import direct_pots
 from agents.ppo import make_model, make_vec_env, make_vector
 from billiards_env.envs import BilliardsEnv
+from billiards_env.players.pots import direct_pots
 
 POCKETS = 6
 

@@ -10,7 +10,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.drawing.page import make_page
 from billiards_env.engine import simulate
-from tests.drawing.browser import browser, find_browser
+from tests.helpers.browser import browser, find_browser
 
 CHROMIUM = find_browser()
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the PATH")

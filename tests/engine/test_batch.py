@@ -9,50 +9,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts, simulate, simulate_batch
-from billiards_env.engine import STATUS, spread
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.engine import spread
 from billiards_env.scene import SCENES
-
-ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
-SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
-
-
-def draw(scene, count, arrangement="random"):
-    rng = np.random.default_rng(0)
-    places = np.array([layouts.draw(arrangement, scene, rng) for _ in range(count)])
-    starts = rng.normal(size=(count, 2)) * 2
-    if arrangement != "random":
-        starts = 4 * (places[:, 1] - places[:, 0])
-    return places, starts, rng.normal(size=(count, 3)) * 20
-
-
-def check(batch, singles):
-    for name in ARRAYS:
-        assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
-    for name in SCALARS:
-        assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]
-    assert [STATUS[k] for k in batch.status] == [shot.status for shot in singles]
+from tests.helpers.shots import check_batch, draw_starts
 
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("threads", [1, 2, 3, None])
 def test_a_batch_gives_the_bits_of_single_shots(name, threads):
     scene = Scene.named(name, 4)
-    places, starts, spins = draw(scene, 150)
+    places, starts, spins = draw_starts(scene, 150)
     given = None if name == "ideal" else spins
     batch = simulate_batch(scene, places, starts, spins=given, threads=threads)
     singles = [
         simulate(scene, places[k], starts[k], spins=None if given is None else given[k]) for k in range(len(places))
     ]
-    check(batch, singles)
+    check_batch(batch, singles)
 
 
 @pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
 def test_breaks_in_a_batch_give_the_bits_of_single_ones(arrangement):
     scene = Scene.named("pool", 15)
-    places, starts, _ = draw(scene, 70, arrangement)
+    places, starts, _ = draw_starts(scene, 70, arrangement)
     batch = simulate_batch(scene, places, starts, threads=2)
-    check(batch, [simulate(scene, places[k], starts[k]) for k in range(len(places))])
+    check_batch(batch, [simulate(scene, places[k], starts[k]) for k in range(len(places))])
     assert batch.potted.any()
 
 
@@ -61,21 +42,21 @@ def test_rolling_balls_with_limits_in_a_batch():
     scene = dataclasses.replace(
         scene, physics=dataclasses.replace(scene.physics, motion="rolling", cushion="restitution")
     )
-    places, starts, _ = draw(scene, 40)
+    places, starts, _ = draw_starts(scene, 40)
     limits: dict[str, Any]
     for limits in ({"max_time": 0.5}, {"max_events": 3}, {"max_time": 0.0}):
         batch = simulate_batch(scene, places, starts, **limits)
-        check(batch, [simulate(scene, places[k], starts[k], **limits) for k in range(len(places))])
+        check_batch(batch, [simulate(scene, places[k], starts[k], **limits) for k in range(len(places))])
 
 
 def test_velocities_and_spins_of_all_balls_and_balls_out_of_play():
     scene = Scene.named("carom")
-    places, _, _ = draw(scene, 40)
+    places, _, _ = draw_starts(scene, 40)
     rng = np.random.default_rng(1)
     velocities, spins = rng.normal(size=(40, 3, 2)), rng.normal(size=(40, 3, 3)) * 20
     playing = rng.random((40, 3)) < 0.7
     batch = simulate_batch(scene, places, velocities, spins=spins, in_play=playing)
-    check(
+    check_batch(
         batch,
         [simulate(scene, places[k], velocities[k], spins=spins[k], in_play=playing[k]) for k in range(40)],
     )
@@ -100,7 +81,7 @@ def test_an_empty_batch_is_a_batch():
 
 def test_the_caller_s_arrays_stay_as_they_are():
     scene = Scene.named("pool")
-    places, starts, spins = draw(scene, 3)
+    places, starts, spins = draw_starts(scene, 3)
     copies = places.copy(), starts.copy(), spins.copy()
     playing = np.ones((3, 2), np.bool_)
     simulate_batch(scene, places, starts, spins=spins, in_play=playing)

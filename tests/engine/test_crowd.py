@@ -8,8 +8,8 @@ import pytest
 from billiards_env import Scene
 from billiards_env.engine import crowd, pic, shot
 from billiards_env.scene import Balls, Physics, Table
-from tests.engine.test_savings import run
-from tests.stress import draw, families
+from reference.stress import draw, families
+from tests.helpers.engine_runs import run
 
 
 def crowded(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):

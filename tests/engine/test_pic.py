@@ -13,24 +13,11 @@ from billiards_env.engine import pic
 from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.physics import state as layout
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Pocket, Table
+from tests.helpers.shots import FREE, ROLLING, SLIDING, R, at_time, draw_shot, kinds, kinetic_energy, world
 
 simulate: Any = engine.simulate  # what it records is there wherever it is asked for
 
-R = 0.03125  # exact in binary, as is the spin of a rolling ball
 G, SLIDE, ROLL = 9.81, 0.2, 0.01
-FREE = {"motion": "ideal", "cushion": "restitution", "e_ball": 1.0, "e_cushion": 1.0, "max_time": 10.0}
-ROLLING = {"motion": "rolling", "cushion": "restitution", "e_ball": 1.0}
-SLIDING = {"motion": "sliding", "e_ball": 1.0}
-SQUARE = Table(64.0, 64.0)
-
-
-def world(n, physics, table=SQUARE, mass=None, **changes):
-    """A scene of n balls on a table that is too large to matter."""
-    return Scene(Balls((R,) * n, mass or (0.2,) * n), table, Physics(**{**physics, **changes}))
-
-
-def kinds(shot):
-    return [(e["kind"], e["ball"], e["other"]) for e in shot.events]
 
 
 def rows(shot, ball):
@@ -480,38 +467,6 @@ def test_a_symmetric_break_stays_symmetric():
 
 # What holds for every shot
 
-WORLDS = {
-    "pool": {},
-    "carom": {},
-    "ideal": {},
-    "pooltool_carom": {},
-    "rolling": {"motion": "rolling", "cushion": "restitution"},
-    "sliding": {"motion": "sliding", "cushion": "restitution"},
-    "dead": {"motion": "rolling", "cushion": "restitution", "e_ball": 0.0, "e_cushion": 0.5},
-    "soft": {"motion": "sliding", "cushion": "restitution", "e_ball": 0.5, "e_cushion": 0.0},
-}
-
-
-def draw_shot(seed):
-    """A random shot: (scene, positions, velocities, spins)."""
-    rng = np.random.default_rng(seed)
-    name = sorted(WORLDS)[rng.integers(len(WORLDS))]
-    arrangement, n = [("random", rng.integers(1, 8)), ("tight_rack", 15), ("tight_rack", 6), ("rack", 10)][
-        rng.integers(4)
-    ]
-    scene = Scene.named(name if name in ("carom", "ideal", "pooltool_carom") else "pool", int(n))
-    scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **WORLDS[name]))
-    places = layouts.draw(arrangement, scene, rng)
-    velocities, spins = np.zeros((scene.n_balls, 2)), None
-    velocities[0] = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0]) + rng.normal(size=2) * 0.03
-    velocities[0] *= rng.uniform(0.5, 8)
-    if rng.random() < 0.25:
-        velocities = rng.normal(size=velocities.shape)
-    if scene.physics.motion == "sliding" and rng.random() < 0.5:
-        spins = np.zeros((scene.n_balls, 3))
-        spins[0] = rng.normal(size=3) * 50
-    return scene, places, velocities, spins
-
 
 def play(scene, places, velocities, spins, record=False):
     """The shot, ideal ones for 3 s."""
@@ -573,28 +528,6 @@ def instants(shot):
         yield times[a], before, at_time(state, phase, times[a]), phase.copy()
 
 
-def at_time(state, phase, t):
-    """(n, 7): position, velocity, slip and z spin of all balls at time t."""
-    dt = np.where(
-        (phase >= layout.SPINNING) & (phase < layout.POTTED), t - state[:, layout.T0] - state[:, layout.T0_LO], 0
-    )
-    dt = np.clip(dt, 0, state[:, layout.LASTS])[:, None]
-    a = state[:, [layout.AX, layout.AY]]
-    v, u = state[:, [layout.VX, layout.VY]], state[:, [layout.UX, layout.UY]]
-    slip = np.where((phase == layout.SLIDING)[:, None], u + 3.5 * a * dt, u)
-    return np.hstack([state[:, :2] + dt * (v + 0.5 * dt * a), v + dt * a, slip, state[:, [layout.WZ]]])
-
-
-def energy(balls, scene):
-    """Kinetic energy, J, with that of the spin about z, which a cushion can turn into motion."""
-    mass = np.where(np.isinf(scene.balls.mass), 0.0, scene.balls.mass)
-    v, u = balls[:, 2:4], balls[:, 4:6]
-    total = 0.5 * (v**2).sum(axis=1)
-    if scene.physics.motion == "sliding":
-        total += 0.2 * (((v - u) ** 2).sum(axis=1) + (np.array(scene.balls.radius) * balls[:, 6]) ** 2)
-    return float(mass @ total)
-
-
 def check_every_instant(scene, shot):
     """No overlap, nothing outside, at any event and in between."""
     radius = np.array(scene.balls.radius)
@@ -631,12 +564,12 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     # An act of the contact-time rule may lend a pair as much as friction takes from it within the contact.
     p = scene.physics
     act = 0.5 * mass.max() * (3.0 * CONTACT_TIME * (p.mu_slide if p.motion == "sliding" else p.mu_roll) * p.g) ** 2
-    start = energy(at_time(shot.segments[: scene.n_balls, 2:], shot.segments[: scene.n_balls, 1], 0.0), scene)
+    start = kinetic_energy(at_time(shot.segments[: scene.n_balls, 2:], shot.segments[: scene.n_balls, 1], 0.0), scene)
     last, rises = start, 0.0
     for t, before, after, _ in instants(shot):
-        now = energy(after, scene)
-        assert energy(before, scene) <= last + 1e-14 * start
-        rises += max(0.0, now - energy(before, scene) - 1e-14 * start)
+        now = kinetic_energy(after, scene)
+        assert kinetic_energy(before, scene) <= last + 1e-14 * start
+        rises += max(0.0, now - kinetic_energy(before, scene) - 1e-14 * start)
         last = now
         # The rule may bring balls to rest, and with them what they run into.
         if impacts[t] == {"ball_ball"} and t not in acts:
@@ -645,7 +578,7 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     assert rises <= shot.n_contact_rule * act
     if p.motion == "ideal":
         end = np.c_[shot.positions, shot.velocities, shot.velocities, shot.spins[:, 2:]]
-        assert energy(end, scene) == pytest.approx(start)
+        assert kinetic_energy(end, scene) == pytest.approx(start)
     counted = [int(((shot.events["kind"] == "cushion") & (shot.events["ball"] == i)).sum()) for i in range(len(places))]
     assert shot.cushions.tolist() == counted
 

@@ -14,8 +14,19 @@ from billiards_env import Scene, engine, layouts, simulate_batch
 from billiards_env.physics import state as layout
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import SCENES, Balls, Physics, Pocket, Table
-from tests.engine import test_batch, test_pic
-from tests.engine.test_pic import FREE, ROLLING, SLIDING, R, draw_shot, kinds, world
+from tests.helpers.shots import (
+    FREE,
+    ROLLING,
+    SLIDING,
+    R,
+    at_time,
+    check_batch,
+    draw_shot,
+    draw_starts,
+    kinds,
+    kinetic_energy,
+    world,
+)
 
 simulate: Any = engine.simulate  # what it records is there wherever it is asked for
 
@@ -345,15 +356,15 @@ def test_how_object_balls_are_numbered_changes_no_bit(seed):
 
 def energy(scene, state, phase, t):
     """Kinetic energy of all balls at time t, spin about every axis included, J."""
-    balls = test_pic.at_time(state, phase, t)
+    balls = at_time(state, phase, t)
     spin = np.abs(balls[:, 6]) - scene.physics.spin_decay * (t - state[:, layout.T0])
     mass, radius = np.array(scene.balls.mass), np.array(scene.balls.radius)
-    return test_pic.energy(balls, scene) + float(0.2 * mass @ (radius * np.maximum(0.0, spin)) ** 2)
+    return kinetic_energy(balls, scene) + float(0.2 * mass @ (radius * np.maximum(0.0, spin)) ** 2)
 
 
 def momentum(scene, state, phase, t):
     """(2,) kg m/s."""
-    return np.array(scene.balls.mass) @ test_pic.at_time(state, phase, t)[:, 2:4]
+    return np.array(scene.balls.mass) @ at_time(state, phase, t)[:, 2:4]
 
 
 @settings(max_examples=60)
@@ -404,7 +415,7 @@ def test_a_gas_with_fixed_balls_in_it_keeps_its_energy_and_they_their_places(fix
 @pytest.mark.parametrize("threads", [1, 2, 3, None])
 def test_a_batch_gives_the_bits_of_single_shots(name, threads, fix):
     scene = Scene.named(name, 4)
-    places, starts, spins = test_batch.draw(scene, 100)
+    places, starts, spins = draw_starts(scene, 100)
     options: dict[str, Any] = {"mode": "pit", "dt": 1 / 60, "fix": fix}
     given = None if name == "ideal" else spins
     batch = simulate_batch(scene, places, starts, spins=given, threads=threads, **options)
@@ -412,14 +423,14 @@ def test_a_batch_gives_the_bits_of_single_shots(name, threads, fix):
         simulate(scene, places[k], starts[k], spins=None if given is None else given[k], **options)
         for k in range(len(places))
     ]
-    test_batch.check(batch, singles)
+    check_batch(batch, singles)
     assert (batch.first_hit > 0).any()
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_default_fix_is_to_push_apart(name):
     scene = Scene.named(name, 4)
-    places, starts, _ = test_batch.draw(scene, 100)
+    places, starts, _ = draw_starts(scene, 100)
     default, named, other = (
         simulate_batch(scene, places, starts, mode="pit", dt=1 / 60, fix=fix) for fix in (None, "push_apart", "none")
     )
@@ -502,7 +513,7 @@ def test_enormous_steps_end(fix, seed):
 @pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
 def test_breaks_come_to_rest(arrangement, fix):
     scene = Scene.named("pool", 15)
-    places, starts, _ = test_batch.draw(scene, 20, arrangement)
+    places, starts, _ = draw_starts(scene, 20, arrangement)
     batch = simulate_batch(scene, places, 2 * starts, mode="pit", dt=1 / 60, fix=fix)
     assert [engine.STATUS[k] for k in batch.status] == ["rest"] * 20
     assert not batch.velocities.any()
@@ -513,7 +524,7 @@ def test_breaks_come_to_rest(arrangement, fix):
 def test_pushed_apart_balls_end_within_the_cushions():
     for name in SCENES:
         scene = Scene.named(name, 6)
-        places, starts, _ = test_batch.draw(scene, 50)
+        places, starts, _ = draw_starts(scene, 50)
         batch = simulate_batch(scene, places, starts, mode="pit", dt=1 / 60)
         room = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0]
         late = 4 * np.abs(starts).max() / 60  # a ball that moves still may be beyond one, by a step

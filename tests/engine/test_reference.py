@@ -1,4 +1,4 @@
-"""The engine against two others: shots made with pooltool, and the high-precision simulator in `tests.oracle`."""
+"""The engine against two others: shots made with pooltool, and the high-precision simulator in `reference.oracle`."""
 
 import dataclasses
 import json
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, engine, layouts
-from tests.oracle import run
+from reference.oracle import run
 
 simulate: Any = engine.simulate  # what it records is there wherever it is asked for
 

@@ -8,7 +8,7 @@ from billiards_env import layouts
 from billiards_env.engine import simulate
 from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Scene, Table
-from tests.oracle import run
+from reference.oracle import run
 
 STEP = mpmath.mpf(10) ** -25
 OBSTACLE = Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, float("inf"))), Table(2.0, 1.0), Physics(e_ball=0.9))

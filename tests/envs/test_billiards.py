@@ -17,29 +17,9 @@ from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, tables
 from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
-from billiards_env.layouts import LAYOUTS
-from billiards_env.scene import SCENES, Scene, check_positions
+from billiards_env.scene import Scene, check_positions
+from tests.helpers.environments import VARIANTS
 
-# Every scene with every task that it suits.
-FITTING = [
-    (s, t)
-    for s in SCENES
-    for t in TASKS
-    if (t != "pot" or Scene.named(s).table.pockets) and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
-]
-VARIANTS = [
-    *({"scene": scene, "task": task} for scene, task in FITTING),
-    *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
-    *({"layout": layout} for layout in (*LAYOUTS, None) if layout != "snookered"),
-    {"layout": "snookered", "scene": "blocked_pool"},
-    {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
-    {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
-    {
-        "scene": {**Scene.named("ideal").to_dict(), "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}},
-        "task": "carom",
-    },
-    {"task": "place", "n_object_balls": 0, "max_shots": 3},
-]
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values()))[:60])
 INFO_TYPES = {
     "shot_time": float,

@@ -12,7 +12,7 @@ from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
 from billiards_env.failures import FAILURES
 from billiards_env.physics.state import FIXES
-from tests.envs.test_billiards import VARIANTS
+from tests.helpers.environments import VARIANTS
 
 FRAME = 1 / 60
 FEW = (

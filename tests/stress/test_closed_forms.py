@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.stress.scenes import R, ideal, kinds, rough, run
+from reference.stress.scenes import R, ideal, kinds, rough, run
 
 G, SLIDE, ROLL = 9.81, 0.2, 0.01
 

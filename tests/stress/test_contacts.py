@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env.engine import simulate
 from billiards_env.scene import CONTACT_GAP, Scene
-from tests.stress.scenes import R, energy, ideal, kinds, momentum, rough, run, triangle
+from reference.stress.scenes import R, energy, ideal, kinds, momentum, rough, run, triangle
 
 INF = math.inf
 

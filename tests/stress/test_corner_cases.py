@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tests import oracle
-from tests.stress.scenes import R, energy, ideal, kinds, momentum, rough, run
+from reference import oracle
+from reference.stress.scenes import R, energy, ideal, kinds, momentum, rough, run
 
 
 @pytest.mark.parametrize("short", [1e-3, 1e-6, 1e-9, 1e-12, 1e-15])

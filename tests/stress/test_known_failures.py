@@ -10,9 +10,9 @@ import pytest
 from billiards_env.engine import simulate
 from billiards_env.physics.contact import circle_time
 from billiards_env.scene import Scene
-from tests.stress import families
-from tests.stress.checks import OVERLAP, run_checked
-from tests.stress.scenes import R, kinds, rough, run, triangle
+from reference.stress import families
+from reference.stress.checks import OVERLAP, run_checked
+from reference.stress.scenes import R, kinds, rough, run, triangle
 
 
 @pytest.mark.parametrize("motion", ["rolling", "sliding"])

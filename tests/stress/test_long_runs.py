@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.stress import measure
+from reference.stress import measure
 
 PI_DIGITS = [math.floor(math.pi * 10**k) for k in range(6)]
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.stress import checks, draw, families
+from reference.stress import checks, draw, families
 
 
 @pytest.mark.parametrize("name", list(families.FAMILIES))

@@ -13,7 +13,7 @@ import pytest
 from benchmarks import pressed
 from benchmarks.pressed import CUSHION_CASES, E_BALL, E_CUSHION, PAIR_CASES, Case, at_cushion, deviation, frozen_pair
 from billiards_env.scene import Balls, Physics, Scene
-from tests.oracle.pressed import PressedShot, _pushed, _World, press_cushion, press_pair
+from reference.pressed import PressedShot, _pushed, _World, press_cushion, press_pair
 
 CASES = (*CUSHION_CASES, *PAIR_CASES)
 R = Balls.uniform(1).radius[0]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mpmath
 
 from billiards_env.scene import Scene
-from tests.oracle.roots import Real
+from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]
 
@@ -178,7 +178,10 @@ def segment(
 
 
 def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
-    """The event kind ("sliding_rolling", "rolling_rest" or "spinning_rest") at the end of a segment, and the segment that follows."""
+    """Returns the event at the end of a segment and the segment that follows it.
+
+    The event is "sliding_rolling", "rolling_rest" or "spinning_rest".
+    """
     zero = mpmath.mpf(0)
     position, velocity, spin = (old.position_at(old.end), old.velocity_at(old.end), old.spin_at(old.end))
     noise = max(old.noise, world.tiny * norm(old.velocity))

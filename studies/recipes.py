@@ -1,4 +1,4 @@
-"""Trains all recipes with several seeds and reports what they reach: `python -m agents.results`.
+"""Trains all recipes with several seeds and reports what they reach: `python -m studies.recipes`.
 
 `configs/results.yaml` names them.
 A run is trained once: its folder, `benchmarks/results/agents/RECIPE/seedN`, holds its configuration, learning curve,
@@ -153,9 +153,9 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line; see `python -m agents.results --help`."""
+    """The command line; see `python -m studies.recipes --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m agents.results", description="Train all recipes with several seeds and report what they reach."
+        prog="python -m studies.recipes", description="Train all recipes with several seeds and report what they reach."
     )
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML file (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")

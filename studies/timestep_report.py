@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from agents.causes import CAUSES
 from agents.intervals import as_percent, difference, over_seeds
-from agents.study_measure import QUANTILES
+from studies.causes import CAUSES
+from studies.timestep_measure import QUANTILES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -133,7 +133,7 @@ def findings(result: Mapping[str, Any]) -> list[str]:
     """What the study found, in sentences: which timesteps will do, what the others teach, and what each costs.
 
     Args:
-        result: What `agents.timestep_study` wrote.
+        result: What `studies.timestep` wrote.
 
     Returns:
         Three sentences; none if there is no world with a timestep.

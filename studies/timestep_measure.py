@@ -8,7 +8,7 @@ a layout. `measure` plays the shots of each policy in each world and tells
   way (see `cuts`); and the turn, the angle between the shot's direction and those of the policies trained in the
   exact world (the others, for one of these) on the same layout;
 * what the shots rest on that succeed in the world their policy was trained in: how many of them fail in the exact
-  world, and by which failure of the timestep they succeed, see `agents.causes`.
+  world, and by which failure of the timestep they succeed, see `studies.causes`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.causes import CAUSES, cause
 from agents.config import Config
 from agents.evaluate import deterministic
 from agents.intervals import wilson_interval
@@ -33,6 +32,7 @@ from billiards_env.engine import simulate
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.billiards import cue_velocity
 from billiards_env.envs.action_frames import ActionTransform
+from studies.causes import CAUSES, cause
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

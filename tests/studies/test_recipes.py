@@ -6,12 +6,13 @@ import sys
 import pytest
 import yaml
 
-from agents import results, runs
+from agents import runs
 from agents.config import Config
 from agents.evaluate import deterministic, play_together
 from agents.ppo import evaluation_seeds, load_policy, make_vector
-from agents.results import Results, at_steps, main, row
 from agents.train import open_run
+from studies import recipes
+from studies.recipes import Results, at_steps, main, row
 
 
 @pytest.fixture
@@ -99,15 +100,15 @@ def test_at_least_one_job_is_needed(command):
 
 
 def test_the_list_that_comes_along_names_recipes_there_are():
-    asked = yaml.safe_load(results.CONFIG.read_text())
+    asked = yaml.safe_load(recipes.CONFIG.read_text())
     assert len(Results(**{key: tuple(value) for key, value in asked.items()}).seeds) >= 3
-    assert all((results.CONFIG.parent / recipe).is_file() for recipe in asked["recipes"])
+    assert all((recipes.CONFIG.parent / recipe).is_file() for recipe in asked["recipes"])
 
 
 def test_the_policies_that_come_along_play_as_well_as_is_told_of_them():
-    for result in json.loads(results.SUMMARY.read_text())["results"]:
+    for result in json.loads(recipes.SUMMARY.read_text())["results"]:
         told = result["runs"][0]
-        config, policy = load_policy(results.RUNS / result["recipe"] / f"seed{told['seed']}")
+        config, policy = load_policy(recipes.RUNS / result["recipe"] / f"seed{told['seed']}")
         seeds = evaluation_seeds(config.seed, config.evaluation_episodes)[:500].tolist()
         played = play_together(make_vector(config, len(seeds)), deterministic(policy), seeds)
         for name, scale in (("success_rate", 1.0), ("mean_score", max(played["mean_score"], 1.0))):

@@ -1,8 +1,8 @@
-"""How the timestep changes the policies that are learnt: `python -m agents.timestep_study configs/study/pot.yaml`.
+"""How the timestep changes the policies that are learnt: `python -m studies.timestep configs/study/pot.yaml`.
 
 One recipe of training is run in several worlds, the exact one and others in which the same balls move in steps of dt,
 with several seeds each. Then every policy plays the same layouts in every world, without its exploration noise (see
-`agents.study_measure` for what is compared). The runs, as `agents.train` makes them, are in
+`studies.timestep_measure` for what is compared). The runs, as `agents.train` makes them, are in
 `benchmarks/results/studies/NAME/WORLD`, what is found in `benchmarks/results/study_NAME.json` and the figures in
 `docs/images`. The same command resumes an interrupted study, and skips finished runs.
 """
@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from agents import study_figures, study_measure, study_report
 from agents.config import Config, at_least, load, read
 from agents.runs import train_all
 from billiards_env.engine import check_mode
 from billiards_env.files import write_json
+from studies import timestep_figures, timestep_measure, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
@@ -132,9 +132,9 @@ def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[str, int,
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m agents.timestep_study --help`."""
+    """The command line; see `python -m studies.timestep --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m agents.timestep_study",
+        prog="python -m studies.timestep",
         description="Train one recipe in the exact world and in worlds with a timestep, and compare what is learnt.",
     )
     parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
@@ -154,17 +154,17 @@ def main(arguments: list[str] | None = None) -> None:
             "study": name,
             **dataclasses.asdict(study),
             "recipe_config": recipe.to_dict(),
-            **study_measure.measure(recipe, worlds, policies, study.layouts),
+            **timestep_measure.measure(recipe, worlds, policies, study.layouts),
         }
         write_json(found, result)
-        drawn = study_figures.draw(result, args.images)
+        drawn = timestep_figures.draw(result, args.images)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from the newest checkpoints", file=sys.stderr)
         sys.exit(130)
-    print("\n".join(study_report.findings(result)))
-    for head, rows in study_report.tables(result).values():
+    print("\n".join(timestep_report.findings(result)))
+    for head, rows in timestep_report.tables(result).values():
         print(f"\n| {' | '.join(head)} |\n|{' --: |' * len(head)}")
         print("\n".join(f"| {' | '.join(row)} |" for row in rows))
     print(f"\nwritten to {found}, {', '.join(map(str, drawn))}")

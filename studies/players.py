@@ -1,4 +1,4 @@
-"""Players that need no training, and what they reach: `python -m agents.players`.
+"""Players that need no training, and what they reach: `python -m studies.players`.
 
 * "random": any action.
 * "geometric": aims at the ghost ball, where the cue ball has to be when it hits the object ball for that one to run
@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from agents.config import ENV_ID
 from agents.evaluate import play
-from agents.pots import Pots, direct_pots
 from agents.ppo import evaluation_seeds
 from billiards_env.checks import choose
 from billiards_env.engine import spread
@@ -33,6 +32,7 @@ from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.action_frames import perturb
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.files import write_json
+from billiards_env.players.pots import Pots, direct_pots
 
 Floats = NDArray[np.float64]
 Player = Callable[[BilliardsEnv, np.random.Generator], Floats]
@@ -229,9 +229,9 @@ def row(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line; see `python -m agents.players --help`."""
+    """The command line; see `python -m studies.players --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m agents.players", description="Measure players that need no training on fresh layouts."
+        prog="python -m studies.players", description="Measure players that need no training on fresh layouts."
     )
     parser.add_argument("--episodes", type=int, default=1000, help="episodes of each player (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")

@@ -13,9 +13,9 @@ from billiards_env import layouts
 from billiards_env.engine import simulate
 from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Scene, Table
-from tests import oracle
-from tests.stress import draw
-from tests.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, run_checked
+from reference import oracle
+from reference.stress import draw
+from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, run_checked
 
 LONG = 1e9  # s; longer than any run of an ideal gas here
 

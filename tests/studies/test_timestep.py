@@ -10,15 +10,15 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents import study_measure, study_report
-from agents import timestep_study as module
-from agents.causes import CAUSES
 from agents.config import Config
 from agents.intervals import over_seeds
 from agents.ppo import evaluation_seeds
 from agents.train import Point
 from billiards_env import Scene, layouts
 from billiards_env.envs.action_frames import ActionTransform
+from studies import timestep as module
+from studies import timestep_measure, timestep_report
+from studies.causes import CAUSES
 
 pytest.importorskip("matplotlib")
 
@@ -64,7 +64,7 @@ def test_a_study_trains_measures_draws_and_tells(command, tmp_path, capsys):
     for name in ("transfer", "success", "policies"):
         assert (tmp_path / "images" / f"study_tiny_{name}.png").read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
-    for head, rows in study_report.tables(result).values():
+    for head, rows in timestep_report.tables(result).values():
         assert f"| {' | '.join(head)} |" in printed
         assert all(len(row) == len(head) and f"| {' | '.join(row)} |" in printed for row in rows)
 
@@ -81,7 +81,7 @@ def test_an_interrupted_study_goes_on_where_it_was(command, tmp_path, monkeypatc
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(module.study_measure, "measure", interrupted)
+        patch.setattr(module.timestep_measure, "measure", interrupted)
         with pytest.raises(SystemExit) as stopped:
             command()
     assert stopped.value.code == 130
@@ -150,7 +150,7 @@ def blocked():
     """What is measured of two "policies" of each world that shoot at the hidden ball, fast; the layouts; the shots."""
     config = Config.from_dict({"timesteps": 1, "env": BLOCKED})
     envs: Any = gym.make_vec("Billiards-v0", num_envs=COUNT, **BLOCKED)
-    envs.reset(seed=evaluation_seeds(study_measure.LAYOUT_SEED, COUNT).tolist())
+    envs.reset(seed=evaluation_seeds(timestep_measure.LAYOUT_SEED, COUNT).tolist())
     positions = envs.positions
     frame = ActionTransform("cut", Scene.named("blocked_pool"), np.array([False, True, False]), 8.0)
     rng, shots = np.random.default_rng(0), []
@@ -159,9 +159,9 @@ def blocked():
         shots.append(frame.velocities(actions, positions, np.zeros((COUNT, 3), bool)) / 8.0)
     policies = [(world, seed, Path(f"{2 * (world != 'exact') + seed}")) for world in WORLDS for seed in (0, 1)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study_measure, "_shots", lambda folder, *_: shots[int(folder.name)])
-        patch.setattr(study_measure, "learning_curve", lambda folder: [Point(1, 60.0, 0.0, 0.0, 0.0)])
-        result = study_measure.measure(config, WORLDS, policies, COUNT)
+        patch.setattr(timestep_measure, "_shots", lambda folder, *_: shots[int(folder.name)])
+        patch.setattr(timestep_measure, "learning_curve", lambda folder: [Point(1, 60.0, 0.0, 0.0, 0.0)])
+        result = timestep_measure.measure(config, WORLDS, policies, COUNT)
     return result, positions, shots
 
 
@@ -211,7 +211,7 @@ def test_distributions_are_those_of_the_shots(blocked):
 
 def test_the_summary_is_over_seeds(blocked):
     result, _, _ = blocked
-    told, matrix = study_report.summary(result), study_report.transfer(result)
+    told, matrix = timestep_report.summary(result), timestep_report.transfer(result)
     stepped = [p for p in result["policies"] if p["world"] == "1/30"]
     own, exact = ([p["success"][world]["rate"] for p in stepped] for world in ("1/30", "exact"))
     assert told["1/30"]["own"] == over_seeds(own) == matrix["1/30"]["1/30"]
@@ -224,8 +224,8 @@ def test_the_summary_is_over_seeds(blocked):
 
 def test_the_findings_name_the_worlds_they_are_about(blocked):
     result = copy.deepcopy(blocked[0])
-    told = study_report.summary(result)
-    worth, false, cost = study_report.findings(result)
+    told = timestep_report.summary(result)
+    worth, false, cost = timestep_report.findings(result)
     assert f"succeed there on {100 * told['exact']['exact']['mean']:.1f}%" in worth
     assert "Those trained at no timestep are worse" in worth
     assert "at 1/30 s, in their own world" in false
@@ -233,7 +233,7 @@ def test_the_findings_name_the_worlds_they_are_about(blocked):
     assert cost.startswith("A run takes 1.0 min in the exact world and 1.0 min at 1/30 s")
     for policy in result["policies"]:
         policy["success"]["exact"]["rate"] = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
-    worth, *_ = study_report.findings(result)
+    worth, *_ = timestep_report.findings(result)
     assert "Those trained at 1/30 s are worse there by more than the interval" in worth
     assert "largest at 1/30 s, -40.0 (-43.0 to -37.0) points" in worth
 
@@ -247,9 +247,9 @@ def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
     targets = np.array([False, True, name == "pool", True])
     frame = ActionTransform("cut", scene, targets, 4.0)
     velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))
-    found = study_measure.cuts(velocity, places, targets, np.array(scene.balls.radius))
+    found = timestep_measure.cuts(velocity, places, targets, np.array(scene.balls.radius))
     assert found[0] == pytest.approx(a0, abs=1e-9)
-    assert np.isinf(study_measure.cuts(-velocity, places, targets, np.array(scene.balls.radius))[0])
+    assert np.isinf(timestep_measure.cuts(-velocity, places, targets, np.array(scene.balls.radius))[0])
 
 
 @pytest.mark.parametrize("name", ["pot", "blocked"])

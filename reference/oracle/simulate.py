@@ -13,9 +13,9 @@ import mpmath
 from numpy.typing import NDArray
 
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions
-from tests.oracle import contact, laws
-from tests.oracle.laws import Segment, Vector, World
-from tests.oracle.roots import Real
+from reference.oracle import contact, laws
+from reference.oracle.laws import Segment, Vector, World
+from reference.oracle.roots import Real
 
 Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
 
@@ -32,8 +32,8 @@ class Event(NamedTuple):
     """What happened when, and to which ball.
 
     `other` is the other ball, the cushion (0 is -x, 1 +x, 2 -y, 3 +y), the pocket, or -1. `kind` is "ball_ball",
-    "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or "spinning_rest" (friction has
-    stopped the spin of a ball that stands still).
+    "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or
+    "spinning_rest" (friction has stopped the spin of a ball that stands still).
     """
 
     time: Real

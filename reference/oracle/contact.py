@@ -13,8 +13,8 @@ from typing import TypeAlias
 import mpmath
 
 from billiards_env.scene import CONTACT_GAP
-from tests.oracle.laws import Segment, Vector, World, norm
-from tests.oracle.roots import Real, first_entry, first_possible_entry
+from reference.oracle.laws import Segment, Vector, World, norm
+from reference.oracle.roots import Real, first_entry, first_possible_entry
 
 Contact: TypeAlias = "tuple[Real, bool] | None"
 """Time of a contact and whether it is a resting one."""

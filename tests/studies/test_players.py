@@ -6,11 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from agents import players, pots
-from agents.players import PLAYERS, geometric, main, make_player, measure, rehearse, search
-from agents.pots import direct_pots
 from billiards_env import Scene, simulate
 from billiards_env.envs import BilliardsEnv
+from billiards_env.players import pots
+from billiards_env.players.pots import direct_pots
+from studies import players
+from studies.players import PLAYERS, geometric, main, make_player, measure, rehearse, search
 
 RNG = np.random.default_rng
 POOL = Scene.named("pool")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import ShotResult, simulate
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
-from tests.stress.checks import run_checked
+from reference.stress.checks import run_checked
 
 R = 0.03125  # m, a power of two: sums and halves of it are exact
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from agents.causes import CAUSES
-from agents.study_report import summary, transfer
 from billiards_env.files import write_whole
+from studies.causes import CAUSES
+from studies.timestep_report import summary, transfer
 
 try:
     import matplotlib
@@ -30,7 +30,7 @@ def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draws the figures.
 
     Args:
-        result: What `agents.timestep_study` wrote.
+        result: What `studies.timestep` wrote.
         folder: Where they go.
 
     Returns:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from billiards_env import layouts
 from billiards_env.scene import Balls, Physics, Scene, Table
-from tests.stress import draw
-from tests.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, run_checked
+from reference.stress import draw
+from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, run_checked
 
 Floats = NDArray[np.float64]
 Shots = tuple[Scene, Floats, Floats, Floats | None]

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
-from tests.oracle import Event, OracleShot, RestingContactError, contact, laws, run
-from tests.oracle.roots import Real, first_entry, first_possible_entry, real_roots
+from reference.oracle import Event, OracleShot, RestingContactError, contact, laws, run
+from reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
 
 DIGITS = 50
 R = 0.03125  # m, a power of two: sums and halves of it are exact
@@ -553,7 +553,7 @@ def test_more_digits_change_nothing_but_the_last():
 
 def test_the_shots_of_an_independent_simulator():
     # pooltool nudges balls 1e-9 m apart at each contact.
-    shots = json.loads((Path(__file__).parent / "data" / "pooltool_carom_shots.json").read_text())["shots"]
+    shots = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())["shots"]
     for reference in shots:
         shot = run(
             Scene.named("pooltool_carom", len(reference["positions"]) - 1),

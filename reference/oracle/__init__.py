@@ -10,6 +10,6 @@ ever serve to show, with a margin far above their rounding, that a pair cannot m
 (['sliding_rolling', 'cushion', 'sliding_rolling', 'rolling_rest'], 'rest')
 """
 
-from tests.oracle.simulate import CollapseError, Event, OracleError, OracleShot, RestingContactError, run
+from reference.oracle.simulate import CollapseError, Event, OracleError, OracleShot, RestingContactError, run
 
 __all__ = ["CollapseError", "Event", "OracleError", "OracleShot", "RestingContactError", "run"]

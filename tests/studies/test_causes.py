@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from agents.causes import CAUSES, cause, contacts, story
 from billiards_env import Scene, failures, layouts, simulate
 from billiards_env.failures import FAILURES
 from billiards_env.scene import Balls, Physics, Pocket, Table
+from studies.causes import CAUSES, cause, contacts, story
 
 
 def ideal(*pockets, balls=1, mass=0.2, max_time=1.0):

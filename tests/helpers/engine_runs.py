@@ -1,0 +1,23 @@
+"""Runs any of the engines at the lowest level, for comparisons bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH, Log
+from billiards_env.engine.shot import check_shot, scene_arrays
+
+ROOM = 2_000  # events of a log
+MOST = 20_000  # events of a shot: where plain takes too long
+
+
+def run(engine, shots, record=False, max_time=None, max_events=MOST):
+    """Everything that an engine writes: the balls, times and counters of all shots, and the log of the last."""
+    scene, places, velocities, spins = shots
+    given = check_shot(scene, places, velocities, spins, None, max_time)
+    m, n = given.positions.shape[:2]
+    rows = ROOM if record else 0
+    out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
+    log = Log(np.zeros((rows, EVENT_WIDTH)), np.zeros((4 * rows, SEGMENT_WIDTH)), np.zeros(2, np.int64))
+    engine.run_shots(0, m, tuple(scene_arrays(scene)), given.limit, max_events, (*given[:4], *out), tuple(log))
+    return [*given[:4], *out, *log]

@@ -1,0 +1,39 @@
+"""Fixtures of a tiny training run, for the tests of `agents` and `studies`."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.config import Config
+from agents.train import open_run, train
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Callable[..., dict[str, Any]]:
+    """A function that gives the settings of a tiny run: four updates, a checkpoint after the second."""
+
+    def settings(**changes: Any) -> dict[str, Any]:
+        return {
+            "timesteps": 512,
+            "n_envs": 4,
+            "seed": 5,
+            "checkpoint_every": 200,
+            "evaluation_episodes": 20,
+            "policy": {"hidden": [16]},
+            "ppo": {"n_steps": 32, "n_epochs": 2, "final_learning_rate": 1e-4},
+            **changes,
+        }
+
+    return settings
+
+
+@pytest.fixture(scope="session")
+def trained(tiny, tmp_path_factory) -> Path:
+    """The folder of a finished tiny run, not to be changed."""
+    run_dir = tmp_path_factory.mktemp("runs") / "tiny"
+    config = Config.from_dict(tiny())
+    open_run(config, run_dir)
+    train(config, run_dir)
+    return run_dir

@@ -1,0 +1,1 @@
+from tests.helpers.training import tiny, trained  # noqa: F401  (fixtures)

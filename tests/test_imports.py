@@ -1,0 +1,30 @@
+"""Test modules share fixtures and `tests.helpers`, and import nothing else of the tests."""
+
+import ast
+from pathlib import Path
+
+TESTS = Path(__file__).parent
+HELPERS = "tests.helpers"
+
+
+def imported(path):
+    """The names of the modules that a file imports."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} has a relative import"
+            yield from (f"{node.module}.{name.name}" for name in node.names)
+
+
+def test_no_test_module_imports_a_test_module():
+    for path in TESTS.rglob("*.py"):
+        modules = [name for name in imported(path) if name.split(".")[0] == "tests"]
+        assert all(f"{name}.".startswith(f"{HELPERS}.") for name in modules), path
+
+
+def test_only_tests_import_tests():
+    root = TESTS.parent
+    for package in ("agents", "benchmarks", "billiards_env", "reference", "studies"):
+        for path in (root / package).rglob("*.py"):
+            assert all(name.split(".")[0] != "tests" for name in imported(path)), path
