@@ -178,7 +178,7 @@ def rack_order(rules: str, n_object_balls: int, rng: np.random.Generator) -> lis
         rng: Where the draws come from.
 
     Returns:
-        The balls' numbers in the order of `layouts.rack`, from the apex row by row.
+        The balls' numbers in the order of `the "rack" layout`, from the apex row by row.
     """
     if rules == "nine_ball":
         a, b, c, *rest = _shuffled(range(2, 9), rng)
