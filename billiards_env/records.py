@@ -32,8 +32,8 @@ from billiards_env.checks import Range, real, short, whole
 from billiards_env.engine import MAX_EVENTS, STATUS, ShotResult, check_mode, simulate
 from billiards_env.engine.shot import check_shot
 from billiards_env.files import replacing
-from billiards_env.games.play import History, Setup, Stroke, Table, play, set_table
-from billiards_env.games.rules import State
+from billiards_env.games.game import GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.rules import RuleState
 from billiards_env.scene import Scene
 
 VERSION = 1
@@ -135,14 +135,14 @@ class GameRecord:
 
     setup: Setup
     positions: Rows
-    state: State
+    state: RuleState
     strokes: tuple[Stroke, ...]
     end: GameEnd
 
     @property
     def history(self) -> History:
         """The game as `games.replay` takes it."""
-        return History(self.setup, Table(np.array(self.positions), self.state), self.strokes)
+        return History(self.setup, GameState(np.array(self.positions), self.state), self.strokes)
 
 
 Record = ShotRecord | GameRecord
@@ -225,10 +225,10 @@ def replay(record: ShotRecord, *, check: bool = True, record_events: bool = Fals
 
 
 @overload
-def replay(record: GameRecord, *, check: bool = True, record_events: bool = False) -> Table: ...
+def replay(record: GameRecord, *, check: bool = True, record_events: bool = False) -> GameState: ...
 
 
-def replay(record: Record, *, check: bool = True, record_events: bool = False) -> ShotResult | Table:
+def replay(record: Record, *, check: bool = True, record_events: bool = False) -> ShotResult | GameState:
     """Plays a recorded shot or game again.
 
     Args:
@@ -248,10 +248,10 @@ def replay(record: Record, *, check: bool = True, record_events: bool = False) -
         if check:
             _compare(record.end, _end_of_shot(shot))
         return shot
-    table = _play_again(record.history)
+    game = _play_again(record.history)
     if check:
-        _compare(record.end, _end_of_game(table))
-    return table
+        _compare(record.end, _end_of_game(game))
+    return game
 
 
 def save(path: str | os.PathLike[str], record: Record) -> None:
@@ -408,7 +408,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     n = scene.n_balls
     setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix)
     positions = _numbers("positions", data["positions"], n, 2)
-    state = set_table(setup, positions, _fields("state", data["state"], _STATE)).state
+    state = custom_opening(setup, positions, _fields("state", data["state"], _STATE)).state
     strokes = []
     for i, item in enumerate(_list("strokes", data["strokes"])):
         stroke = _fields(f"strokes[{i}]", item, Stroke._fields)
@@ -453,24 +453,24 @@ def _run(record: ShotRecord, record_events: bool = False) -> ShotResult:
     )
 
 
-def _play_again(history: History) -> Table:
-    table = history.opening
+def _play_again(history: History) -> GameState:
+    game = history.opening
     for i, stroke in enumerate(history.strokes):
         try:
-            table = play(history.setup, table, stroke).table
+            game = play(history.setup, game, stroke).game
         except ValueError as error:
             raise ValueError(f"strokes[{i}]: {error}") from error
-    return table
+    return game
 
 
 def _end_of_shot(shot: ShotResult) -> ShotEnd:
     return ShotEnd(shot.status, shot.time, shot.n_events, _rows(shot.positions), tuple(shot.potted.tolist()))
 
 
-def _end_of_game(table: Table) -> GameEnd:
-    state = table.state
+def _end_of_game(game: GameState) -> GameEnd:
+    state = game.state
     return GameEnd(
-        _rows(table.positions), tuple(sorted(state.on_table)), state.scores, state.player, state.over, state.winner
+        _rows(game.positions), tuple(sorted(state.on_table)), state.scores, state.player, state.over, state.winner
     )
 
 

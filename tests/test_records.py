@@ -36,20 +36,20 @@ SHOTS = {
 }
 
 
-def game(rules="nine_ball", seed=2, shots=12, **kwargs):
+def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
     scene = Scene.named("pool" if RULES[rules].pockets else "carom", RULES[rules].n_object_balls[1])
     setup = Setup(rules, scene, **kwargs)
     rng = np.random.default_rng(seed)
-    table = start = opening(setup, rng)
+    game = start = opening(setup, rng)
     strokes = []
-    while len(strokes) < shots and not table.state.over:
-        place = None if table.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
+    while len(strokes) < shots and not game.state.over:
+        place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
         strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place))
-        table = play(setup, table, strokes[-1]).table
+        game = play(setup, game, strokes[-1]).game
     return records.record_game(History(setup, start, tuple(strokes)))
 
 
-RECORDS = {**SHOTS, **{rules: (lambda rules=rules: game(rules)) for rules in RULES}}
+RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}
 every_record = pytest.mark.parametrize("name", RECORDS)
 
 
@@ -84,11 +84,11 @@ def test_a_shot_is_that_of_simulate():
 @pytest.mark.parametrize("rules", RULES)
 @pytest.mark.parametrize("engine", [{}, {"mode": "pit", "dt": 1 / 100}], ids=["pic", "pit"])
 def test_a_game_plays_again_bit_for_bit(rules, engine):
-    record = records.from_json(records.to_json(game(rules, shots=40, **engine)))
+    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **engine)))
     assert isinstance(record, records.GameRecord)
-    table = records.replay(record)
-    assert table.positions.tolist() == [list(row) for row in record.end.positions]
-    assert table.state.scores == record.end.scores
+    game = records.replay(record)
+    assert game.positions.tolist() == [list(row) for row in record.end.positions]
+    assert game.state.scores == record.end.scores
 
 
 @every_record
@@ -127,13 +127,13 @@ def test_a_replay_that_ends_otherwise_is_told():
     with pytest.raises(ValueError, match="the replay ends otherwise than the record: positions = "):
         records.replay(wrong)
     assert records.replay(wrong, check=False).positions[0, 0] == record.end.positions[0][0]
-    played = game()
+    played = recorded_game()
     with pytest.raises(ValueError, match="otherwise than the record: scores = "):
         records.replay(dataclasses.replace(played, end=dataclasses.replace(played.end, scores=(7, 0))))
 
 
 def test_strokes_that_do_not_fit_are_told_by_number():
-    record = game()
+    record = recorded_game()
     strokes = (record.strokes[0]._replace(place=None), *record.strokes[1:])
     with pytest.raises(ValueError, match=r"strokes\[0\]: stroke.place = None"):
         records.replay(dataclasses.replace(record, strokes=strokes))
@@ -311,7 +311,7 @@ def changed(text, path, value):
     return json.dumps(data)
 
 
-SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(game())
+SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(recorded_game())
 FAULTS = [(SHOT_TEXT, *fault) for fault in SHOT_FAULTS] + [(GAME_TEXT, *fault) for fault in GAME_FAULTS]
 
 

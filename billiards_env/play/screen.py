@@ -64,7 +64,7 @@ class Screen:
 
     def _still(self, model: Model) -> Surface:
         canvas, frame = self.canvas, self.canvas.table.copy()
-        table, cue = model.table, model.cue
+        table, cue = model.game, model.cue
         if model.phase == "placing" and table.state.in_hand == "behind":
             x, y = model.setup.scene.table.length / 4, model.setup.scene.table.width / 2
             self._draw_line(frame, np.array([[-x, -y], [-x, y]]), CHALK)
