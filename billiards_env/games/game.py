@@ -53,8 +53,6 @@ class Setup:
     fix: str | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.rules, str):
-            raise ValueError(f"rules = {self.rules!r}: expected a name")
         choose("rules", self.rules, tuple(RULES))
         rules = self.game_rules
         low, high = rules.n_object_balls
@@ -288,8 +286,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         )
     if not isinstance(values["break_shot"], bool):
         raise ValueError(f"state.break_shot = {values['break_shot']!r}: expected True or False")
-    if not isinstance(values["in_hand"], str):
-        raise ValueError(f"state.in_hand = {values['in_hand']!r}: expected a name")
+
     choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
     values.update(scores=tuple(map(int, values["scores"])), on_table=on_table, cue_balls=tuple(values["cue_balls"]))
     rule_state = default._replace(**values)
