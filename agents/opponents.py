@@ -20,8 +20,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games import Played, Setup, Stroke, Table, play
-from billiards_env.games.places import Point, cue_place
+from billiards_env.games import GameState, PlayedShot, Setup, Stroke, play
+from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.players import Player, any_place
 from billiards_env.players.pots import Pots, direct_pots
 
@@ -46,10 +46,10 @@ def geometric(setup: Setup, argument: str = "") -> Player:
     """
     if argument:
         raise ValueError(f"player 'geometric:{argument}': expected 'geometric', it takes no argument")
-    if not setup.game.pockets:
+    if not setup.game_rules.pockets:
         raise ValueError(f"player 'geometric' with rules {setup.rules!r}: expected a game of pockets")
 
-    def stroke(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> Stroke:
+    def stroke(setup: Setup, table: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         table, place, pots = _put(setup, table, max_speed, rng)
         velocity = pots.speed[0] * pots.direction[0] if len(pots.speed) else max_speed * _full_hit(setup, table)
         return _stroke(velocity, place)
@@ -74,7 +74,7 @@ def search(setup: Setup, argument: str = "") -> Player:
     if shots < 1:
         raise ValueError(f"player 'search:{argument}': expected a whole number of shots >= 1")
 
-    def stroke(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> Stroke:
+    def stroke(setup: Setup, table: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         table, place, pots = _put(setup, table, max_speed, rng)
         angles, speeds = 2 * np.pi * rng.random(shots), max_speed * (0.1 + 0.9 * rng.random(shots))
         velocities = speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
@@ -110,7 +110,7 @@ def policy(setup: Setup, argument: str) -> Player:
     config, model = load_policy(folder)
     env = make_env(config)
     game: Any = env.unwrapped
-    wanted = 1 if setup.game.pockets else 2
+    wanted = 1 if setup.game_rules.pockets else 2
     scene, ours = game.scene, setup.scene
     if (
         scene.n_balls != 1 + wanted
@@ -122,10 +122,10 @@ def policy(setup: Setup, argument: str) -> Player:
             f"with {wanted} object ball{'s' if wanted > 1 else ''}, not {scene.n_balls - 1}"
         )
 
-    def stroke(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> Stroke:
+    def stroke(setup: Setup, table: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         table, place, _ = _put(setup, table, max_speed, rng)
         cue = table.state.cue_balls[0]
-        balls = _nearest(setup, table)[:1] if setup.game.pockets else sorted(table.state.object_balls)
+        balls = _nearest(setup, table)[:1] if setup.game_rules.pockets else sorted(table.state.object_balls)
         observation, _ = env.reset(options={"positions": table.positions[[cue, *balls]]})
         action, _ = model.predict(observation, deterministic=True)
         velocity = _base_action(env, action) * game.max_speed
@@ -143,19 +143,23 @@ def _base_action(env: gym.Env[Any, Any], action: NDArray[Any]) -> Floats:
     return np.asarray(action, dtype=np.float64)
 
 
-def _put(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> tuple[Table, Point | None, Pots]:
+def _put(
+    setup: Setup, table: GameState, max_speed: float, rng: np.random.Generator
+) -> tuple[GameState, Point | None, Pots]:
     """The table with a cue ball in hand put down, where it was put, and the direct pots from there, best first."""
     state, cue = table.state, table.state.cue_balls[0]
-    tables: list[tuple[Table, Point | None]] = [(table, None)]
+    tables: list[tuple[GameState, Point | None]] = [(table, None)]
     if state.in_hand != "no":
         tables = []
         for _ in range(_PLACES):
             wish = any_place(setup, table, rng)
             assert wish is not None
-            place = cue_place(setup.scene, table.positions, state.object_balls, cue, wish, state.in_hand == "behind")
+            place = cue_ball_point(
+                setup.scene, table.positions, state.object_balls, cue, wish, state.in_hand == "behind"
+            )
             positions = table.positions.copy()
             positions[cue] = place
-            tables.append((Table(positions, state), place))
+            tables.append((GameState(positions, state), place))
     found = [(*entry, _pots(setup, entry[0], max_speed)) for entry in tables]
     return max(found, key=lambda entry: _ease(entry[2]))
 
@@ -165,22 +169,22 @@ def _ease(pots: Pots) -> tuple[bool, float]:
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
-def _pots(setup: Setup, table: Table, max_speed: float) -> Pots:
+def _pots(setup: Setup, table: GameState, max_speed: float) -> Pots:
     every, state = np.arange(len(table.positions)), table.state
-    targets = np.isin(every, sorted(setup.game.legal(state, state.player)))
+    targets = np.isin(every, sorted(setup.game_rules.legal(state, state.player)))
     potted = ~np.isin(every, sorted(state.on_table))
     return direct_pots(setup.scene, targets, table.positions, potted, max_speed)
 
 
-def _nearest(setup: Setup, table: Table) -> list[int]:
+def _nearest(setup: Setup, table: GameState) -> list[int]:
     """The balls that may be hit, the nearest to the cue ball first."""
     state = table.state
     cue = table.positions[state.cue_balls[0]]
-    balls = sorted(setup.game.legal(state, state.player))
+    balls = sorted(setup.game_rules.legal(state, state.player))
     return sorted(balls, key=lambda ball: float(np.hypot(*(table.positions[ball] - cue))))
 
 
-def _full_hit(setup: Setup, table: Table) -> Floats:
+def _full_hit(setup: Setup, table: GameState) -> Floats:
     """The direction of the nearest ball that may be hit."""
     way = table.positions[_nearest(setup, table)[0]] - table.positions[table.state.cue_balls[0]]
     return way / np.hypot(*way)
@@ -191,8 +195,8 @@ def _stroke(velocity: Floats, place: Point | None) -> Stroke:
     return Stroke((x, y), place)
 
 
-def _worth(setup: Setup, table: Table, played: Played) -> float:
+def _worth(setup: Setup, table: GameState, played: PlayedShot) -> float:
     """What a shot is worth to who plays it: the game, points, another shot, no foul."""
     player, verdict = table.state.player, played.verdict
-    won = 0.0 if played.table.state.winner < 0 else 100.0 if played.table.state.winner == player else -100.0
-    return won + 2.0 * verdict.points + verdict.goes_on - 5.0 * bool(verdict.foul)
+    won = 0.0 if played.game.state.winner < 0 else 100.0 if played.game.state.winner == player else -100.0
+    return won + 2.0 * verdict.points + verdict.continues - 5.0 * bool(verdict.foul)

@@ -37,7 +37,7 @@ def picture(shot: ShotResult, title: str) -> Figure:
 
 def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult:
     """A recorded shot from a random layout."""
-    positions = layouts.random(scene, np.random.default_rng(seed))
+    positions = layouts.draw("random", scene, np.random.default_rng(seed))
     angle = math.radians(degrees)
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 

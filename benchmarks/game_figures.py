@@ -39,7 +39,7 @@ def window() -> GameWindow:
     for _ in range(3):  # the cue ball is put down, shot, and the break skipped
         press(shown, pygame.K_SPACE)
     model = shown.model
-    velocity = np.array(geometric(setup)(setup, model.table, 3.0, rng).velocity)
+    velocity = np.array(geometric(setup)(setup, model.game, 3.0, rng).velocity)
     cue, speed = np.array(model.cue_at), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
     return shown

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from billiards_env.engine.shot import CROWD
 from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, others, print_blocks, table
@@ -26,7 +27,6 @@ from benchmarks.figures import IMAGES, save
 from benchmarks.methods import LEAST_SECONDS, PIC, Floats, Method, run_all, timer
 from benchmarks.speed import Case
 from billiards_env.engine import crowd, pic
-from billiards_env.engine.shot import CROWD
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, Table
 

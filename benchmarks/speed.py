@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env import layouts
-from billiards_env.simulation import simulate_batch
 from billiards_env.envs.billiards import cue_velocity
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
+from billiards_env.simulation import simulate_batch
 
 MAX_SPEED = 4.0  # m/s, of a random shot: the environment's default
 BREAK_SPEED = 8.0  # m/s, of the cue ball in a break
@@ -75,7 +75,7 @@ def cases(scale: float = 1.0) -> list[Case]:
 def random_shots(name: str, scene: Scene, count: int) -> Case:
     """Random layouts, and shots as random actions of the environment give them."""
     rng = np.random.default_rng(0)
-    positions = np.array([layouts.random(scene, rng) for _ in range(count)])
+    positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
     velocities = np.array([cue_velocity(action, MAX_SPEED) for action in rng.uniform(-1, 1, (count, 2))])
     return Case(name, scene, positions, velocities)
 
@@ -94,7 +94,7 @@ def gas(name: str, n_balls: int, count: int) -> Case:
     """Frictionless, elastic disks that all move, for the 10 s that the scene lets them."""
     rng = np.random.default_rng(0)
     scene = Scene.named("ideal", n_balls - 1)
-    positions = np.array([layouts.random(scene, rng) for _ in range(count)])
+    positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
     return Case(name, scene, positions, rng.normal(0, GAS_SPEED, (count, n_balls, 2)))
 
 

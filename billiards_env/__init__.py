@@ -1,7 +1,6 @@
 """Billiards for reinforcement learning: one action is one cue shot, run to rest by an exact event-driven engine.
 
-Importing the package registers `Billiards-v0` with Gymnasium. The engine, which takes numba along, is imported when it
-is first used.
+Importing the package registers `Billiards-v0` with Gymnasium. The engine and numba are imported on first use.
 """
 
 from typing import TYPE_CHECKING, Any

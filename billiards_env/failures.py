@@ -1,20 +1,20 @@
-"""The four failures of PIT, each as a small scene with round numbers to look at and to compute by hand.
+"""The four failures of PIT, as small scenes with round numbers that can be computed by hand.
 
-They are those of section 4 of "Evaluation of Collision Handling Techniques in 2D collisions", in its world: elastic
-disks without friction, here of 3 cm radius on a table of 2 x 1 m. At 25 frames a second, with tests for overlap at the
-frames only, PIT gets every one of them wrong:
+They are the failures of section 4 of "Evaluation of Collision Handling Techniques in 2D collisions", in the paper's
+world: elastic disks without friction, here with a radius of 3 cm on a table of 2 x 1 m. With a timestep of 1/25 s, PIT
+tests for overlap at 25 instants per second and gets all four scenes wrong:
 
-* missed_collision: two balls cross each other's path. They touch at 0.088 s and would be apart again at 0.112 s; there
-  are frames at 0.08 s and 0.12 s. They should turn, each into the other's direction, and go straight on instead.
-* penetration: the balls touch with their line of centres along (4, 3). The next frame is 16.5 ms later, the first ball
-  33 mm deeper, and the line of centres along (5, 12): both balls leave 30.5 degrees wrong.
-* multiple_collisions: near a cushion, ball 0 hits ball 1, which comes back off the cushion and hits ball 0 again, all
-  between two frames. PIT knows of one hit. Ball 0 should come back; ball 1 does instead.
-* wrong_bounce: penetration once more, with a ball of infinite mass. The first ball should bounce off it backwards, and
-  goes on forwards, 61.0 degrees wrong.
+* missed_collision: the paths of two balls cross. The balls touch at 0.088 s and would separate at 0.112 s; PIT tests at
+  0.08 s and 0.12 s. Each ball should leave in the other's direction. In PIT both go straight on.
+* penetration: the balls touch with their line of centres along (4, 3). PIT tests 16.5 ms later. The first ball is then
+  33 mm deeper and the line of centres lies along (5, 12). Both balls leave in directions that are 30.5 degrees wrong.
+* multiple_collisions: near a cushion, ball 0 hits ball 1; ball 1 rebounds from the cushion and hits ball 0 again, all
+  between two tests. PIT finds one collision. Ball 0 should come back; in PIT ball 1 comes back.
+* wrong_bounce: the positions of penetration, with a ball of infinite mass. The first ball should bounce backwards. In
+  PIT it continues forwards, 61.0 degrees wrong.
 
-The figures are those of fix="push_apart" and fix="none". With fix="move_back" PIT finds the true line of centres of two
-balls that it finds in each other, which leaves it wrong about the first and the third scene only.
+These numbers hold for fix="push_apart" and fix="none". With fix="move_back", PIT computes the true line of centres of
+two overlapping balls. It is then wrong only in the first and the third scene.
 """
 
 from __future__ import annotations
@@ -28,17 +28,16 @@ from billiards_env.scene import Balls, Physics, Scene, Table
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Failure:
-    """A shot that PIT gets wrong; `mode="pic"` shows how it should be.
+    """A shot that PIT gets wrong; `mode="pic"` gives the correct result.
 
     Attributes:
-        title: What the paper calls it.
-        scene: Two balls; its `physics.max_time` ends the shot soon after what it shows.
-        positions: (2, 2) at the start, m.
-        velocities: (2, 2) at the start, m/s.
+        title: The paper's name for the failure.
+        scene: A scene with two balls; its `physics.max_time` ends the shot soon after the failure.
+        positions: (2, 2) initial positions, m.
+        velocities: (2, 2) initial velocities, m/s.
         dt: A timestep at which PIT fails, s.
-        right_below: With timesteps shorter than this, s, PIT has the hits that PIC has, in the same order, and the
-            balls end in directions that differ by less than a degree, whatever its `fix` and wherever between two steps
-            the balls touch.
+        right_below: s. With any shorter timestep PIT has the collisions of PIC in the same order, and the final
+            directions differ by less than a degree. This holds for every `fix` and for any offset of the timesteps.
     """
 
     title: str
@@ -50,12 +49,12 @@ class Failure:
 
 
 def _scene(mass: float, max_time: float) -> Scene:
-    """The paper's world for two balls, the second one of `mass` kg."""
+    """Returns the paper's world with two balls; the second has `mass` kg."""
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=max_time)
     return Scene(Balls((0.03, 0.03), (0.2, mass)), Table(2.0, 1.0), physics)
 
 
-_FRAME = 1 / 25
+_DT = 1 / 25
 
 FAILURES: dict[str, Failure] = {
     "missed_collision": Failure(
@@ -63,7 +62,7 @@ FAILURES: dict[str, Failure] = {
         scene=_scene(mass=0.2, max_time=0.2),
         positions=((-0.4, 0.0), (0.0, -0.3)),
         velocities=((4.0, 0.0), (0.0, 3.0)),
-        dt=_FRAME,
+        dt=_DT,
         right_below=0.012,
     ),
     "penetration": Failure(
@@ -71,7 +70,7 @@ FAILURES: dict[str, Failure] = {
         scene=_scene(mass=0.2, max_time=0.4),
         positions=((-0.4, 0.0), (0.015, 0.036)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
-        dt=_FRAME,
+        dt=_DT,
         right_below=0.0008,
     ),
     "multiple_collisions": Failure(
@@ -79,7 +78,7 @@ FAILURES: dict[str, Failure] = {
         scene=_scene(mass=0.2, max_time=0.4),
         positions=((0.45, 0.0), (0.96, 0.01)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
-        dt=_FRAME,
+        dt=_DT,
         right_below=0.0003,
     ),
     "wrong_bounce": Failure(
@@ -87,14 +86,14 @@ FAILURES: dict[str, Failure] = {
         scene=_scene(mass=math.inf, max_time=0.4),
         positions=((-0.4, 0.0), (0.015, 0.036)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
-        dt=_FRAME,
+        dt=_DT,
         right_below=0.0004,
     ),
 }
 
 
 def named(name: str) -> Failure:
-    """A failure by its name.
+    """Returns the failure of a given name.
 
     Args:
         name: "missed_collision", "penetration", "multiple_collisions" or "wrong_bounce".

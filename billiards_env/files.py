@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic writing of files: a file is written completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from typing import Any
 
 
 def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
-    """The path of a file to write.
+    """Checks the path of a file to be written.
 
     Args:
         path: The path.
-        suffix: What it must end in, such as ".gif".
+        suffix: The required suffix, such as ".gif".
 
     Returns:
         The path as a `Path`.
 
     Raises:
-        ValueError: If it ends otherwise.
+        ValueError: If the path has another suffix.
         FileNotFoundError: If its folder does not exist.
         IsADirectoryError: If it is a folder.
     """
@@ -38,11 +38,11 @@ def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
 
 @contextlib.contextmanager
 def replacing(target: Path) -> Iterator[Path]:
-    """A temporary file beside `target` that takes its place if the block ends well, and vanishes if not.
+    """Creates a temporary file next to `target` that replaces it if the block succeeds and is deleted otherwise.
 
-    It has the suffix of `target`, which tells some writers what to write, and is on disk before it takes the place, so
-    a crash leaves no half a file either. Its name is random and it is new, so that neither another writer nor a link
-    that somebody has put there is met. The umask gives its permissions.
+    The temporary file has the suffix of `target`, because some writers choose the format by the suffix. It is flushed
+    to disk before it replaces `target`, so a crash does not leave a partial file. It is a new file with a random name,
+    so another writer or a prepared link cannot interfere. Its permissions follow the umask.
     """
     temporary = target.with_name(f".{secrets.token_hex(16)}{target.suffix}")
     os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
@@ -56,14 +56,14 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Writes `content` to `path` so that a reader, or a crash, never meets half a file.
+    """Writes `content` to `path` completely or not at all.
 
     Args:
-        path: Where to write; a file already there is replaced, missing folders are made.
+        path: The file; an existing file is replaced and missing folders are created.
         content: The file's content.
 
     Raises:
-        OSError: If the file cannot be written; what stood at `path` is then still there.
+        OSError: If the file cannot be written; an existing file is then unchanged.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary:
@@ -71,5 +71,5 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Writes plain data to `path` as JSON, whole or not at all."""
+    """Writes plain data to `path` as JSON, completely or not at all."""
     write_whole(path, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())

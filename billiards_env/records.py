@@ -1,4 +1,4 @@
-"""Shots and whole games as JSON files, which are checked when they are loaded and replay bit for bit.
+"""Shots and games as JSON files that are validated when loaded and replay bit for bit.
 
 ```python
 >>> from billiards_env import Scene, records
@@ -10,10 +10,10 @@ True
 
 ```
 
-A file holds what goes into a shot or a game, and how it ended, by which `replay` tells whether this machine and this
-version of the engine give the same bits. Numbers are written with as many digits as give the same double again. A file
-is data and nothing else: it names no code, and whatever is not as expected is refused with a `ValueError` that says
-where.
+A file holds the input of a shot or a game and its result. `replay` compares its result with the recorded one and so
+checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to
+restore the same double. A file contains only data, no code. Any invalid content raises a `ValueError` that names the
+place.
 """
 
 from __future__ import annotations
@@ -28,24 +28,25 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import Range, real, short, whole
+from billiards_env.checks import Range, choose, real, short, whole
 from billiards_env.engine import MAX_EVENTS, STATUS, check_mode
 from billiards_env.engine.inputs import check_shot
+from billiards_env.files import replacing
+from billiards_env.games.game import GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.rules import RuleState
+from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
-from billiards_env.files import replacing
-from billiards_env.games.play import History, Setup, Stroke, Table, play, set_table
-from billiards_env.games.rules import State
-from billiards_env.scene import Scene
 
 VERSION = 1
-"""The version of the format that is written, and the newest that is read."""
+"""The version of the format that is written, and the newest version that is read."""
 
 MAX_BYTES = 4 * 2**20
-"""A larger file is not read: parsed, it could take thirty times its size. A stroke takes some hundred bytes."""
+"""The largest file that is read. The parsed data can take thirty times as much memory. A stroke takes about 100
+bytes."""
 
 MAX_BALLS = 1000
-"""Nor is a scene of more balls."""
+"""The largest number of balls in a scene that is read."""
 
 SHOT, GAME = "billiards_env/shot", "billiards_env/game"
 
@@ -54,14 +55,14 @@ Rows = tuple[tuple[float, ...], ...]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ShotEnd:
-    """How a shot ended, for comparison.
+    """The result of a shot, for comparison.
 
     Attributes:
         status: As in `ShotResult`.
-        time: s.
+        time: Duration, s.
         n_events: Number of events.
         positions: x and y of each ball, m.
-        potted: One bool a ball.
+        potted: One bool per ball.
     """
 
     status: str
@@ -73,20 +74,20 @@ class ShotEnd:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ShotRecord:
-    """What goes into a shot, and how it ended. The fields are the arguments of `simulate`.
+    """The arguments of `simulate` for a shot, and its result.
 
     Attributes:
         scene: The scene.
         positions: x and y of each ball, m.
         velocities: x and y for each ball, m/s.
-        spins: x, y and z for each ball, rad/s; None for none.
-        in_play: One bool a ball.
+        spins: x, y and z for each ball, rad/s; None for zero spin.
+        in_play: One bool per ball.
         mode: The engine.
-        dt: The timestep of "pit", s, else None.
+        dt: The timestep of "pit", s; None for "pic".
         fix: As in `simulate`.
-        max_time: s, None for the scene's.
+        max_time: Time limit, s; None for that of the scene.
         max_events: As in `simulate`.
-        end: How it ended.
+        end: The result.
     """
 
     scene: Scene
@@ -104,15 +105,15 @@ class ShotRecord:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class GameEnd:
-    """How a game, or the recorded part of it, ended, for comparison.
+    """The state of a game after its last recorded stroke, for comparison.
 
     Attributes:
         positions: x and y of each ball, m.
         on_table: The balls on the table.
-        scores: Each player's.
-        player: Whose turn it is.
-        over: Whether the game is decided.
-        winner: The player who has won, -1 for none.
+        scores: The score of each player.
+        player: The player to shoot.
+        over: Whether the game is over.
+        winner: The player who has won, or -1.
     """
 
     positions: Rows
@@ -125,26 +126,26 @@ class GameEnd:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class GameRecord:
-    """What goes into a game, and how it ended.
+    """The input of a game, and its result.
 
     Attributes:
-        setup: What stays the same from shot to shot.
-        positions: The table before the first stroke: x and y of each ball, m.
-        state: And what the rules know of it.
+        setup: The settings of the game.
+        positions: x and y of each ball before the first stroke, m.
+        state: The state of the rules before the first stroke.
         strokes: The strokes, in order.
-        end: How it ended.
+        end: The result.
     """
 
     setup: Setup
     positions: Rows
-    state: State
+    state: RuleState
     strokes: tuple[Stroke, ...]
     end: GameEnd
 
     @property
     def history(self) -> History:
-        """The game as `games.replay` takes it."""
-        return History(self.setup, Table(np.array(self.positions), self.state), self.strokes)
+        """The game as an argument of `games.replay`."""
+        return History(self.setup, GameState(np.array(self.positions), self.state), self.strokes)
 
 
 Record = ShotRecord | GameRecord
@@ -163,7 +164,7 @@ def record_shot(
     max_time: float | None = None,
     max_events: int = MAX_EVENTS,
 ) -> ShotRecord:
-    """Plays a shot and keeps what went into it.
+    """Simulates a shot and records its input and its result.
 
     Args:
         scene: As in `simulate`.
@@ -186,14 +187,14 @@ def record_shot(
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     if np.ndim(positions) != 2:
-        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
-    given = check_shot(scene, positions, velocities, spins, in_play, max_time)
+        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), one row per ball")
+    checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
     record = ShotRecord(
         scene=scene,
-        positions=_rows(given.positions),
-        velocities=_rows(given.velocities),
-        spins=None if spins is None else _rows(given.spins),
-        in_play=tuple(given.in_play.tolist()),
+        positions=_rows(checked.positions),
+        velocities=_rows(checked.velocities),
+        spins=None if spins is None else _rows(checked.spins),
+        in_play=tuple(checked.in_play.tolist()),
         mode=mode,
         dt=None if dt is None else float(dt),
         fix=fix,
@@ -205,10 +206,10 @@ def record_shot(
 
 
 def record_game(history: History) -> GameRecord:
-    """Keeps a game.
+    """Records a game.
 
     Args:
-        history: The game so far, as `games.billiards_v0.raw_env.history` gives it.
+        history: The game, for example from `games.billiards_v0.raw_env.history`.
 
     Returns:
         The record, for `save`.
@@ -227,37 +228,37 @@ def replay(record: ShotRecord, *, check: bool = True, record_events: bool = Fals
 
 
 @overload
-def replay(record: GameRecord, *, check: bool = True, record_events: bool = False) -> Table: ...
+def replay(record: GameRecord, *, check: bool = True, record_events: bool = False) -> GameState: ...
 
 
-def replay(record: Record, *, check: bool = True, record_events: bool = False) -> ShotResult | Table:
+def replay(record: Record, *, check: bool = True, record_events: bool = False) -> ShotResult | GameState:
     """Plays a recorded shot or game again.
 
     Args:
         record: The record.
-        check: Whether to compare the end with the recorded one, bit for bit.
-        record_events: Whether a shot keeps its events and trajectories; `games.replay(record.history)` gives those of a
-            game's shots.
+        check: Whether to compare the result with the recorded one, bit for bit.
+        record_events: Whether to record the events and trajectories of a shot. For the shots of a game, use
+            `games.replay(record.history)`.
 
     Returns:
-        The shot, or the table after the game's last stroke.
+        The shot, or the state of the game after its last stroke.
 
     Raises:
-        ValueError: If the end is not the recorded one.
+        ValueError: If the result differs from the recorded one.
     """
     if isinstance(record, ShotRecord):
         shot = _run(record, record_events)
         if check:
             _compare(record.end, _end_of_shot(shot))
         return shot
-    table = _play_again(record.history)
+    game = _play_again(record.history)
     if check:
-        _compare(record.end, _end_of_game(table))
-    return table
+        _compare(record.end, _end_of_game(game))
+    return game
 
 
 def save(path: str | os.PathLike[str], record: Record) -> None:
-    """Writes a record to a file, whole or not at all; a file already there is replaced.
+    """Writes a record to a file, completely or not at all; an existing file is replaced.
 
     Args:
         path: The file.
@@ -272,7 +273,7 @@ def save(path: str | os.PathLike[str], record: Record) -> None:
 
 
 def load(path: str | os.PathLike[str]) -> Record:
-    """Reads a record from a file and checks it; nothing is run.
+    """Reads a record from a file and validates it without simulating it.
 
     Args:
         path: The file.
@@ -282,7 +283,7 @@ def load(path: str | os.PathLike[str]) -> Record:
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If it is too large, is no such file, is of a newer version, or holds an impossible shot or game.
+        ValueError: If the file is too large, has another format or a newer version, or its content is invalid.
     """
     with open(path, "rb") as file:
         content = file.read(MAX_BYTES + 1)
@@ -295,7 +296,7 @@ def load(path: str | os.PathLike[str]) -> Record:
 
 
 def to_json(record: Record) -> str:
-    """A record as JSON text, a line for each of its fields.
+    """Returns a record as JSON text with one line per field.
 
     Args:
         record: The record.
@@ -326,7 +327,7 @@ def to_json(record: Record) -> str:
 
 
 def from_json(text: str) -> Record:
-    """The record that a JSON text holds; see `load`.
+    """Builds a record from JSON text; see `load`.
 
     Args:
         text: The text.
@@ -346,21 +347,19 @@ def from_json(text: str) -> Record:
     kind = _mapping("the file", data).get("format")
     if kind not in (SHOT, GAME):
         raise ValueError(f"format = {short(kind)}: expected {SHOT!r} or {GAME!r}")
-    version = data.get("version")
-    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise ValueError(f"version = {short(version)}: expected a whole number >= 1")
+    version = whole("version", data.get("version"), Range(1, None))
     if version > VERSION:
         raise ValueError(
-            f"version = {version}: expected at most {VERSION}; the file is of a newer version of billiards_env "
-            f"({short(data.get('written_by'))})"
+            f"version = {version}: expected at most {VERSION}; the file was written by a newer version of "
+            f"billiards_env ({short(data.get('written_by'))})"
         )
     try:
         return _shot(data) if kind == SHOT else _game(data)
-    except (TypeError, OverflowError, RecursionError) as error:  # of the wrong type, or a number too large for a float
+    except (TypeError, OverflowError, RecursionError) as error:  # a wrong type, or a number too large for a float
         raise ValueError(str(error)) from error
 
 
-# What a file is made of.
+# The keys of a file.
 _HEAD = ("format", "version", "written_by", "scene", "mode", "dt", "fix", "positions", "end")
 _SHOT_FIELDS = (*_HEAD, "velocities", "spins", "in_play", "max_time", "max_events")
 _GAME_FIELDS = (*_HEAD, "rules", "n_players", "target", "state", "strokes")
@@ -381,8 +380,7 @@ def _shot(data: dict[str, Any]) -> ShotRecord:
     max_events = whole("max_events", data["max_events"], "max_events")
     check_shot(scene, positions, velocities, spins, in_play, max_time)
     end = _fields("end", data["end"], _SHOT_END)
-    if end["status"] not in STATUS:
-        raise ValueError(f"end.status = {short(end['status'])}: expected one of {', '.join(map(repr, STATUS))}")
+    choose("end.status", end["status"], tuple(STATUS))
     return ShotRecord(
         scene=scene,
         positions=positions,
@@ -410,7 +408,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     n = scene.n_balls
     setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix)
     positions = _numbers("positions", data["positions"], n, 2)
-    state = set_table(setup, positions, _fields("state", data["state"], _STATE)).state
+    state = custom_opening(setup, positions, _fields("state", data["state"], _STATE)).state
     strokes = []
     for i, item in enumerate(_list("strokes", data["strokes"])):
         stroke = _fields(f"strokes[{i}]", item, Stroke._fields)
@@ -455,40 +453,40 @@ def _run(record: ShotRecord, record_events: bool = False) -> ShotResult:
     )
 
 
-def _play_again(history: History) -> Table:
-    table = history.opening
+def _play_again(history: History) -> GameState:
+    game = history.opening
     for i, stroke in enumerate(history.strokes):
         try:
-            table = play(history.setup, table, stroke).table
+            game = play(history.setup, game, stroke).game
         except ValueError as error:
             raise ValueError(f"strokes[{i}]: {error}") from error
-    return table
+    return game
 
 
 def _end_of_shot(shot: ShotResult) -> ShotEnd:
     return ShotEnd(shot.status, shot.time, shot.n_events, _rows(shot.positions), tuple(shot.potted.tolist()))
 
 
-def _end_of_game(table: Table) -> GameEnd:
-    state = table.state
+def _end_of_game(game: GameState) -> GameEnd:
+    state = game.state
     return GameEnd(
-        _rows(table.positions), tuple(sorted(state.on_table)), state.scores, state.player, state.over, state.winner
+        _rows(game.positions), tuple(sorted(state.on_table)), state.scores, state.player, state.over, state.winner
     )
 
 
 def _compare(recorded: ShotEnd | GameEnd, now: ShotEnd | GameEnd) -> None:
-    """Raises a ValueError that names the first difference; as text, which tells 0.0 from -0.0."""
+    """Raises a ValueError that names the first difference; compares text, which distinguishes 0.0 and -0.0."""
     for field in dataclasses.fields(recorded):
-        was, is_now = getattr(recorded, field.name), getattr(now, field.name)
-        if repr(was) != repr(is_now):
+        old, new = getattr(recorded, field.name), getattr(now, field.name)
+        if repr(old) != repr(new):
             raise ValueError(
-                f"the replay ends otherwise than the record: {field.name} = {short(is_now)}, expected {short(was)}; "
-                "a record of another version of the engine may do so"
+                f"the replay differs from the record: {field.name} = {short(new)}, expected {short(old)}; "
+                "this can happen if another version of the engine wrote the record"
             )
 
 
 def _plain(stroke: Stroke) -> Stroke:
-    """The stroke in plain floats."""
+    """Returns the stroke with its numbers as Python floats."""
     (vx, vy), place = stroke
     return Stroke((float(vx), float(vy)), None if place is None else (float(place[0]), float(place[1])))
 
@@ -501,7 +499,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key, value in pairs:
         if key in data:
-            raise ValueError(f"key {short(key)} is there twice: expected each once")
+            raise ValueError(f"key {short(key)} appears twice: expected each key once")
         data[key] = value
     return data
 
@@ -516,13 +514,13 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
     return value
 
 
-def _fields(name: str, value: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
-    """`value`, which has to be a mapping of just the `wanted` keys."""
+def _fields(name: str, value: Any, keys: tuple[str, ...]) -> dict[str, Any]:
+    """Returns `value`; raises unless it is a mapping with exactly the given keys."""
     data = _mapping(name, value)
     for key in data:
-        if key not in wanted:
-            raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, wanted))}")
-    for key in wanted:
+        if key not in keys:
+            raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, keys))}")
+    for key in keys:
         if key not in data:
             raise ValueError(f"key {key!r} of {name} is missing")
     return data
@@ -530,8 +528,8 @@ def _fields(name: str, value: Any, wanted: tuple[str, ...]) -> dict[str, Any]:
 
 def _list(name: str, value: Any, count: int | None = None) -> list[Any]:
     if not isinstance(value, list) or count not in (None, len(value)):
-        wanted = "a list" if count is None else f"a list of {count}"
-        raise ValueError(f"{name} = {short(value)}: expected {wanted}")
+        expected = "a list" if count is None else f"a list of {count}"
+        raise ValueError(f"{name} = {short(value)}: expected {expected}")
     return value
 
 
@@ -555,16 +553,12 @@ def _bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
 
 
 def _head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]:
-    """What shots and games share: scene, mode, dt and fix."""
+    """Returns the fields that shots and games share: scene, mode, dt and fix."""
     if not isinstance(data["written_by"], str):
         raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     scene = Scene.from_dict(data["scene"])
-    if scene.n_balls > MAX_BALLS:
-        raise ValueError(f"scene.balls: {scene.n_balls} of them, expected at most {MAX_BALLS}")
+    whole("number of balls", scene.n_balls, Range(1, MAX_BALLS))
     mode, dt, fix = data["mode"], data["dt"], data["fix"]
     dt = None if dt is None else real("dt", dt)
-    for name, value in (("mode", mode), ("fix", fix)):
-        if not isinstance(value, str) and not (name == "fix" and value is None):
-            raise ValueError(f"{name} = {short(value)}: expected a name")
     check_mode(mode, dt, fix)
     return scene, mode, dt, fix

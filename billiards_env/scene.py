@@ -1,10 +1,9 @@
-"""A scene is all that stays the same from shot to shot: table, balls and physics.
+"""Scenes: the table, the balls and the physics, which stay the same from shot to shot.
 
-Everything is in SI units. The frame's origin is the table's centre, x runs along its length, y along its width. Scenes
-are immutable and are checked on construction, so code further down takes them as they are; `checks.RANGES` states what
-each number may be.
+All quantities are in SI units. The origin is the table's centre, x runs along the table's length and y along its width.
+Scenes are immutable and are validated on construction. `checks.RANGES` holds the range of each number.
 
-The defaults, each with its source:
+The default values and their sources:
 
 =====================  ==============  ===========================================================================
 field                  default         source
@@ -44,8 +43,8 @@ MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005")
 
 CONTACT_GAP = 1e-12
-"""m. Surfaces no further apart than this touch; placed balls may overlap by as little. It is far above the rounding
-of a coordinate (2e-16 m) and far below anything that can be measured on a table."""
+"""m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
+above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
 
 _INCH = 0.0254
 _POOL_LENGTH, _POOL_WIDTH = 100 * _INCH, 50 * _INCH
@@ -56,7 +55,7 @@ _CAROM_RADIUS, _CAROM_MASS, _CAROM_CUSHION = 0.03075, 0.21, 0.037
 
 
 def _check(owner: object, prefix: str, **ranges: str) -> None:
-    """Checks fields of a dataclass, each against its range, and makes floats of them."""
+    """Checks fields of a dataclass against their ranges and converts them to floats."""
     for name, within in ranges.items():
         object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
 
@@ -68,7 +67,7 @@ def _sequence(name: str, values: Any) -> tuple[Any, ...]:
 
 
 def _fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
-    """`data` as keyword arguments of dataclass `kind`, refused if a key is unknown or a needed one missing."""
+    """Returns `data` as keyword arguments of the dataclass `kind`; raises if a key is unknown or missing."""
     if not isinstance(data, Mapping):
         raise TypeError(f"{name} = {data!r}: expected a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
@@ -76,18 +75,18 @@ def _fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
         choose(f"key of {name}", key, tuple(fields))
     for key, field in fields.items():
         if key not in data and field.default is dataclasses.MISSING:
-            raise ValueError(f"{name}.{key} is missing: expected one of each of {', '.join(map(repr, fields))}")
+            raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
     return dict(data)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Pocket:
-    """A pocket captures every ball whose centre enters its circle.
+    """A circle that captures every ball whose centre enters it.
 
     Attributes:
-        x: The circle's centre along the table's length, m.
-        y: The circle's centre along the table's width, m.
-        radius: The circle's radius, m.
+        x: Centre along the table's length, m.
+        y: Centre along the table's width, m.
+        radius: Radius, m.
     """
 
     x: float
@@ -99,7 +98,7 @@ class Pocket:
 
 
 def six_pockets(length: float = _POOL_LENGTH, width: float = _POOL_WIDTH) -> tuple[Pocket, ...]:
-    """Four corner pockets and two side pockets, on the cushion line of a table `length` by `width` metres."""
+    """Returns four corner pockets and two side pockets on the cushion lines of a table `length` by `width` metres."""
     x, y = length / 2, width / 2
     corners = [Pocket(sx * x, sy * y, _CORNER_RADIUS) for sx in (-1, 1) for sy in (-1, 1)]
     sides = [Pocket(0.0, sy * y, _SIDE_RADIUS) for sy in (-1, 1)]
@@ -111,10 +110,10 @@ class Table:
     """A rectangle of cushions, with or without pockets.
 
     Attributes:
-        length: Between the noses of the short cushions (along x), m.
-        width: Between the noses of the long cushions (along y), m.
+        length: Distance between the noses of the short cushions (along x), m.
+        width: Distance between the noses of the long cushions (along y), m.
         cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
-        pockets: The pockets, often `six_pockets()`; none by default.
+        pockets: The pockets, for example `six_pockets()`; empty by default.
     """
 
     length: float = _POOL_LENGTH
@@ -125,7 +124,7 @@ class Table:
     def __post_init__(self) -> None:
         _check(self, "table", length="length", width="length", cushion_height="cushion_height")
         if not isinstance(self.pockets, tuple):
-            raise TypeError(f"table.pockets = {self.pockets!r}: expected a tuple, a Pocket each")
+            raise TypeError(f"table.pockets = {self.pockets!r}: expected a tuple of Pocket objects")
         for k, p in enumerate(self.pockets):
             if not isinstance(p, Pocket):
                 raise TypeError(f"table.pockets[{k}] = {p!r}: expected a Pocket")
@@ -142,8 +141,8 @@ class Balls:
     """The balls; ball 0 is the cue ball.
 
     Attributes:
-        radius: One radius a ball, m.
-        mass: One mass a ball, kg. `math.inf` makes the ball a fixed obstacle.
+        radius: Radius of each ball, m.
+        mass: Mass of each ball, kg. A ball of mass `math.inf` is a fixed obstacle.
     """
 
     radius: tuple[float, ...]
@@ -153,7 +152,7 @@ class Balls:
         for name, within in (("radius", "length"), ("mass", "mass")):
             values = getattr(self, name)
             if not isinstance(values, tuple):
-                raise TypeError(f"balls.{name} = {values!r}: expected a tuple, a number each")
+                raise TypeError(f"balls.{name} = {values!r}: expected a tuple of numbers")
             checked = (
                 math.inf if name == "mass" and value == math.inf else real(f"balls.{name}[{i}]", value, within)
                 for i, value in enumerate(values)
@@ -164,14 +163,15 @@ class Balls:
         whole("number of balls", len(self.radius), "balls")
         if len(self.radius) != len(self.mass):
             raise ValueError(
-                f"balls.mass has {len(self.mass)} values, balls.radius {len(self.radius)}: expected one of each a ball"
+                f"balls.mass has {len(self.mass)} values and balls.radius has {len(self.radius)}: "
+                "expected one value per ball in both"
             )
         if math.isinf(self.mass[0]):
-            raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball has to move")
+            raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move")
 
     @classmethod
     def uniform(cls, count: int, radius: float = _POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
-        """`count` like balls of `radius` metres and `mass` kilograms."""
+        """Returns `count` equal balls of `radius` metres and `mass` kilograms."""
         count = whole("count", count, "balls")
         return cls((radius,) * count, (mass,) * count)
 
@@ -181,7 +181,7 @@ class Balls:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Physics:
-    """The laws of motion and of collision, with their constants.
+    """The laws of motion and collision, with their constants.
 
     Attributes:
         motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
@@ -195,8 +195,7 @@ class Physics:
         e_ball: Restitution of a ball-ball collision, 0 to 1.
         e_cushion: Restitution of a ball-cushion collision, 0 to 1.
         mu_cushion: Coefficient of friction between ball and cushion; used by the "han2005" cushions.
-        max_time: A shot ends after so many seconds even if balls still move; None for no such limit, which "ideal"
-            motion does not allow.
+        max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
     motion: str = "sliding"
@@ -218,7 +217,7 @@ class Physics:
         if self.max_time is not None:
             _check(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
-            raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never comes to rest")
+            raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
         if self.cushion == "han2005" and self.motion != "sliding":
             raise ValueError(
                 f"physics.cushion = 'han2005' with physics.motion = {self.motion!r}: expected motion 'sliding' "
@@ -228,11 +227,11 @@ class Physics:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scene:
-    """A table, balls and physics; see the module's docstring for the defaults.
+    """Balls, a table and physics; the module's docstring lists the defaults.
 
     Attributes:
-        table: The table.
         balls: The balls.
+        table: The table.
         physics: The laws and their constants.
     """
 
@@ -254,31 +253,31 @@ class Scene:
                 if not 0 < self.table.cushion_height < 2 * radius:
                     raise ValueError(
                         f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
-                        f"of ball {i} ({2 * radius} m), which 'han2005' cushions hit below its top"
+                        f"of ball {i} ({2 * radius} m), 'han2005' cushions must hit a ball below its top"
                     )
 
     @property
     def n_balls(self) -> int:
-        """Number of balls, the cue ball among them."""
+        """Number of balls, including the cue ball."""
         return len(self.balls)
 
     @classmethod
     def named(cls, name: str, n_object_balls: int | None = None) -> Scene:
-        """A scene by its name.
+        """Returns the scene of a given name.
 
         Args:
-            name: "pool" (9-foot table with six pockets), "blocked_pool" (the same with ball 2 a fixed post), "carom"
-                (no pockets), "ideal" (the frictionless, elastic world without pockets; a shot ends after 10 s),
-                "pooltool_carom" (carom with elastic balls, the setting of the reference shots made with pooltool) or
+            name: "pool" (9-foot table with six pockets), "blocked_pool" (the same, with ball 2 as a fixed obstacle),
+                "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
+                "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool) or
                 "sum_to_three" (the small table of pooltool's game of that name).
-            n_object_balls: Number of object balls; None for the usual one (2 on carom tables and in "blocked_pool", 1
-                elsewhere).
+            n_object_balls: Number of object balls; None for the default: 2 in "carom", "pooltool_carom" and
+                "blocked_pool", 1 in the others.
 
         Returns:
             The scene.
 
         Raises:
-            ValueError: If the name is unknown or the number of balls does not suit it.
+            ValueError: If the name is unknown or the scene does not allow this number of balls.
 
         Example:
             >>> scene = Scene.named("pool", n_object_balls=15)
@@ -292,18 +291,18 @@ class Scene:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
-        """A scene from plain data, as read from YAML or JSON.
+        """Builds a scene from plain data, as read from YAML or JSON.
 
         Args:
-            data: The keys are the fields of `Scene`, their values mappings of the fields of `Table`, `Balls` and
-                `Physics`. Fields that have a default may be left out; an infinite mass may be written "inf".
+            data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
+                `Table` and `Physics`. Fields with a default are optional. An infinite mass may be written "inf".
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
 
         Raises:
-            ValueError: If a key is unknown or missing, or a value impossible.
-            TypeError: If a value is of the wrong type.
+            ValueError: If a key is unknown or missing, or a value is outside its range.
+            TypeError: If a value has the wrong type.
 
         Example:
             >>> Scene.from_dict({"balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}).balls.mass
@@ -328,7 +327,7 @@ class Scene:
         return cls(**fields)
 
     def to_dict(self) -> dict[str, Any]:
-        """The scene as plain data: dicts, lists, strings and finite numbers, ready for JSON or YAML.
+        """Returns the scene as plain data for JSON or YAML: dicts, lists, strings and finite numbers.
 
         Example:
             >>> Scene.named("ideal").to_dict()["physics"]["motion"]
@@ -365,7 +364,7 @@ def _ideal(n_balls: int) -> Scene:
 
 
 def _pooltool_carom(n_balls: int) -> Scene:
-    # pooltool's spin coefficient is a length, 4/9 of a radius long; its spin decays at 5 mu_spin g / (2 R).
+    # pooltool's spin coefficient is a length, 4/9 of a radius; its spin decays at 5 mu_spin g / (2 R).
     spin_decay = 5 * (4 / 90 * 10 * _CAROM_RADIUS) * 9.81 / (2 * _CAROM_RADIUS)
     physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=spin_decay)
     return dataclasses.replace(_carom(n_balls), physics=physics)
@@ -377,8 +376,8 @@ def _sum_to_three(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
 
 
-# To add a scene: write its builder, name it here, and say in `Scene.named` what it is.
-# name: (builder, usual number of object balls, largest)
+# To add a scene, write its builder, list it here and describe it in `Scene.named`.
+# name: (builder, default number of object balls, largest number)
 _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "pool": (_pool, 1, 15),
     "blocked_pool": (_blocked_pool, 2, 15),
@@ -393,25 +392,25 @@ SCENES = tuple(_NAMED)
 def check_positions(
     scene: Scene, positions: ArrayLike, name: str = "positions", in_play: NDArray[np.bool_] | None = None
 ) -> NDArray[np.float64]:
-    """Checks where the balls are placed.
+    """Checks the positions of the balls.
 
     Args:
         scene: The scene.
         positions: (n, 2) centres of the balls in m, or (m, n, 2) for m layouts.
-        name: What to call them in an error.
-        in_play: (n,) or (m, n) bool; balls that are not in play may be anywhere. All are by default.
+        name: Name used in error messages.
+        in_play: (n,) or (m, n) bool; all True by default. Balls that are not in play may be anywhere.
 
     Returns:
         A float64 copy of the positions.
 
     Raises:
         ValueError: If a coordinate is not finite, a ball lies outside the cushions or in a pocket, or two balls
-            overlap; by at most `CONTACT_GAP` they may.
+            overlap by more than `CONTACT_GAP`.
     """
     array = np.array(positions, dtype=np.float64)
     n = scene.n_balls
     if array.ndim not in (2, 3) or array.shape[-2:] != (n, 2):
-        raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), a row a ball")
+        raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), one row per ball")
 
     playing = np.ones(array.shape[:-1], np.bool_) if in_play is None else in_play
 
@@ -425,11 +424,11 @@ def check_positions(
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
     radius = np.array(scene.balls.radius)
     half = np.array([scene.table.length / 2, scene.table.width / 2])
-    room = half - radius[:, None]
-    bad = np.argwhere((np.abs(array) > room + CONTACT_GAP).any(axis=-1) & playing)
+    largest = half - radius[:, None]
+    bad = np.argwhere((np.abs(array) > largest + CONTACT_GAP).any(axis=-1) & playing)
     if len(bad):
         at = tuple(bad[0])
-        limit = room[at[-1]]
+        limit = largest[at[-1]]
         raise ValueError(
             f"{where(at)} is at {array[at].tolist()}: expected |x| <= {limit[0]} and |y| <= {limit[1]}, "
             "inside the cushions"
@@ -441,20 +440,20 @@ def check_positions(
             at = tuple(bad[0])
             raise ValueError(
                 f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
-                f"a circle of {pocket.radius} m about ({pocket.x}, {pocket.y})"
+                f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
             )
     for i in range(n):
-        gap = array[..., i + 1 :, :] - array[..., i : i + 1, :]
-        distance = np.hypot(gap[..., 0], gap[..., 1])
-        reach = radius[i] + radius[i + 1 :]
-        both = playing[..., i : i + 1] & playing[..., i + 1 :]
-        bad = np.argwhere((distance < reach - CONTACT_GAP) & both)
+        offset = array[..., i + 1 :, :] - array[..., i : i + 1, :]
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        contact_distance = radius[i] + radius[i + 1 :]
+        both_in_play = playing[..., i : i + 1] & playing[..., i + 1 :]
+        bad = np.argwhere((distance < contact_distance - CONTACT_GAP) & both_in_play)
         if len(bad):
             at = tuple(bad[0])
             j = i + 1 + at[-1]
             shot = f"shot {at[0]}, " if array.ndim == 3 else ""
             raise ValueError(
-                f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: expected at least {reach[j - i - 1]} m, "
-                "the sum of their radii"
+                f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: "
+                f"expected at least {contact_distance[at[-1]]} m, the sum of their radii"
             )
     return array

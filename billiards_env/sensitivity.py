@@ -102,7 +102,9 @@ class _Ball(NamedTuple):
     tangent: Floats
 
 
-def sensitivity_along(trajectory: Trajectory, events: Floats, arrays: SceneArrays, times: Floats) -> Iterator[Sensitivity]:
+def sensitivity_along(
+    trajectory: Trajectory, events: Floats, arrays: SceneArrays, times: Floats
+) -> Iterator[Sensitivity]:
     """Computes the sensitivity of a recorded shot at several times.
 
     Args:
@@ -145,7 +147,9 @@ def sensitivity_along(trajectory: Trajectory, events: Floats, arrays: SceneArray
                 previous = now.hi
                 changed = _impact(before, after, arrays.inv_mass[concerned], params)
             else:
-                changed = [_single(before[0], after[0], kind, int(row[OTHER]), float(arrays.radius[concerned[0]]), params)]
+                changed = [
+                    _single(before[0], after[0], kind, int(row[OTHER]), float(arrays.radius[concerned[0]]), params)
+                ]
             for i, ball in zip(concerned, changed, strict=True):
                 balls[i] = ball
             piece += len(concerned)

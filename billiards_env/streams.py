@@ -1,8 +1,7 @@
-"""Random streams that kernels draw from: numpy's PCG64, bit for bit.
+"""Random streams for kernels: numpy's PCG64, bit for bit.
 
-A stream is four uint64: the high and low halves of the generator's 128-bit state and of its increment. It holds what
-`numpy.random.PCG64` holds, so a stream read from a `Generator` goes on with the very numbers that
-`Generator.random` would have given.
+A stream is four uint64: the high and low halves of the generator's 128-bit state and of its increment. A stream read
+from a `numpy.random.Generator` continues with the numbers that `Generator.random` would return.
 """
 
 from __future__ import annotations
@@ -25,27 +24,27 @@ _TO_UNIT = 2.0**-53
 
 
 def seeded(seed: int) -> Stream:
-    """The (4,) uint64 stream of `numpy.random.default_rng(seed)`."""
+    """Returns the (4,) uint64 stream of `numpy.random.default_rng(seed)`."""
     return _halves(np.random.PCG64(seed))
 
 
 def read(rng: np.random.Generator) -> Stream:
-    """The stream that `rng` is at.
+    """Returns the present stream of a generator.
 
     Args:
-        rng: A generator. From one that does not run on PCG64, the seed of a PCG64 stream is drawn.
+        rng: A generator. If it does not use PCG64, it draws the seed of a PCG64 stream.
 
     Returns:
-        (4,) uint64, a copy; `write` takes it back.
+        (4,) uint64, a copy; `write` stores it in the generator again.
     """
     bits = rng.bit_generator
     return _halves(bits) if isinstance(bits, np.random.PCG64) else seeded(int(rng.integers(1 << 63)))
 
 
 def write(rng: np.random.Generator, stream: Stream) -> None:
-    """Puts `rng`, from which `stream` was read, where drawing from the stream has brought it."""
+    """Stores `stream` in `rng`, from which it was read, so that `rng` continues after the numbers drawn."""
     bits = rng.bit_generator
-    if isinstance(bits, np.random.PCG64):  # another one has moved on when it was read
+    if isinstance(bits, np.random.PCG64):  # `read` has already advanced any other generator
         state = bits.state
         hi, lo = stream[:2].tolist()
         state["state"]["state"] = hi << 64 | lo
@@ -60,7 +59,7 @@ def _halves(bits: np.random.PCG64) -> Stream:
 
 @kernel
 def high_product(a, b):
-    """The high 64 bits of the 128-bit product of two uint64."""
+    """Returns the high 64 bits of the 128-bit product of two uint64."""
     a_hi, a_lo, b_hi, b_lo = a >> _32, a & _LOW_HALF, b >> _32, b & _LOW_HALF
     cross = a_hi * b_lo + (a_lo * b_lo >> _32)
     other = a_lo * b_hi + (cross & _LOW_HALF)
@@ -69,7 +68,7 @@ def high_product(a, b):
 
 @kernel
 def next_double(stream):
-    """The next number from [0, 1) of a stream, as `Generator.random()` gives it."""
+    """Returns the next number of a stream from [0, 1), the same as `Generator.random()`."""
     hi, lo = stream[0], stream[1]
     hi = hi * _MULTIPLIER_LO + lo * _MULTIPLIER_HI + high_product(lo, _MULTIPLIER_LO)
     lo = lo * _MULTIPLIER_LO
@@ -78,6 +77,6 @@ def next_double(stream):
     if low < lo:
         hi += _1
     stream[0], stream[1] = hi, low
-    mixed, turn = hi ^ low, hi >> _58
-    mixed = (mixed >> turn) | (mixed << (-turn & _63))
+    mixed, rotation = hi ^ low, hi >> _58
+    mixed = (mixed >> rotation) | (mixed << (-rotation & _63))
     return (mixed >> _11) * _TO_UNIT

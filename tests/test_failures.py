@@ -1,4 +1,4 @@
-"""The paper's four failures: what PIC makes of each, what PIT makes of it, and from which timestep on PIT is right."""
+"""The paper's four failures: the results of PIC and of PIT, and the timesteps below which PIT is right."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ late_fixes = pytest.mark.parametrize("fix", ["push_apart", "none"])
 
 
 def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: float = 0.0) -> Any:
-    """The recorded shot: by PIC without a fix, or else by PIT. The balls start `ahead` s further on their ways."""
+    """Returns the recorded shot, by PIC without a fix and by PIT with one; it starts `ahead` s later on the paths."""
     places = np.array(case.positions) + ahead * np.array(case.velocities)
     pit = {} if fix is None else {"mode": "pit", "dt": case.dt if dt is None else dt, "fix": fix}
     return engine.simulate(case.scene, places, case.velocities, record=True, **pit)
 
 
 def touch_after_step(touch: float, dt: float, by: float) -> float:
-    """How far ahead, s, the balls have to start for a step to end `by` s before they touch."""
+    """Returns the advance of the start, s, for which a timestep ends `by` s before the balls touch."""
     return touch - by - math.floor((touch - by) / dt) * dt
 
 
@@ -37,17 +37,17 @@ def hits(shot: Any) -> list[tuple[str, int, int]]:
 
 
 def degrees_between(a: Any, b: Any) -> Any:
-    """(n,) angles between the rows of (n, 2) arrays; 0 where both are zero."""
+    """Returns the (n,) angles between the rows of (n, 2) arrays; 0 if both are zero."""
     return np.degrees(np.abs(np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))))
 
 
 def is_right(case: Failure, exact: Any, shot: Any) -> bool:
-    """As `Failure.right_below` has it."""
+    """Returns whether a shot is right as defined by `Failure.right_below`."""
     return hits(shot) == hits(exact) and bool((degrees_between(shot.velocities, exact.velocities) < 1.0).all())
 
 
-def after_impact(case: Failure, normal: Any) -> Any:
-    """(2, 2) velocities after an elastic impact of balls of like mass, or at a fixed second one, along a normal."""
+def velocities_after_impact(case: Failure, normal: Any) -> Any:
+    """Returns the (2, 2) velocities after an elastic impact along a normal; masses are equal, or ball 1 is fixed."""
     u, n = np.array(case.velocities), np.array(normal) / math.hypot(*normal)
     closing = (u[0] - u[1]) @ n
     if math.isinf(case.scene.balls.mass[1]):
@@ -56,7 +56,7 @@ def after_impact(case: Failure, normal: Any) -> Any:
 
 
 def line_of_centres(case: Failure, t: float) -> Any:
-    """From ball 0 to ball 1 if nothing were in the way until t."""
+    """Returns the vector from ball 0 to ball 1 at time t if no collision happens before."""
     a, b = np.array(case.positions) + t * np.array(case.velocities)
     return b - a
 
@@ -64,18 +64,18 @@ def line_of_centres(case: Failure, t: float) -> Any:
 # Names
 
 
-def test_they_are_those_of_the_paper():
+def test_failures_are_those_of_the_paper():
     assert list(FAILURES) == ["missed_collision", "penetration", "multiple_collisions", "wrong_bounce"]
     assert all(failures.named(name) is case for name, case in FAILURES.items())
 
 
-def test_an_unknown_name_is_refused():
+def test_an_unknown_name_is_rejected():
     with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
         failures.named("penetrations")
 
 
 @cases
-def test_they_are_in_the_papers_world(name):
+def test_failures_use_the_physics_of_the_paper(name):
     case = FAILURES[name]
     physics = case.scene.physics
     assert (physics.motion, physics.e_ball, physics.e_cushion) == ("ideal", 1.0, 1.0)
@@ -88,7 +88,7 @@ def test_they_are_in_the_papers_world(name):
 
 
 @cases
-def test_pic_is_what_the_reference_finds(name):
+def test_pic_agrees_with_the_reference(name):
     case = FAILURES[name]
     shot, true = play(case), oracle.run(case.scene, case.positions, case.velocities)
     assert hits(shot) == [(e.kind, e.ball, e.other) for e in true.events]
@@ -105,16 +105,16 @@ def test_pic_is_what_the_reference_finds(name):
         ("wrong_bounce", [0.1835], [[-0.56, -1.92], [0.0, 0.0]]),
     ],
 )
-def test_pic_is_what_one_computes_by_hand(name, times, velocities):
+def test_pic_agrees_with_hand_calculation(name, times, velocities):
     shot = play(FAILURES[name])
     assert shot.events["time"] == pytest.approx(times, abs=1e-15)
     assert shot.velocities == pytest.approx(np.array(velocities), abs=1e-14)
     normal = line_of_centres(FAILURES[name], times[0])
     assert math.hypot(*normal) == pytest.approx(0.06, abs=1e-15)
-    assert after_impact(FAILURES[name], normal) == pytest.approx(np.array(velocities), abs=1e-14)
+    assert velocities_after_impact(FAILURES[name], normal) == pytest.approx(np.array(velocities), abs=1e-14)
 
 
-def test_pic_has_all_three_hits_between_two_frames():
+def test_pic_finds_all_three_collisions_within_one_timestep():
     case = FAILURES["multiple_collisions"]
     shot = play(case)
     assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1), ("ball_ball", 0, 1)]
@@ -122,7 +122,7 @@ def test_pic_has_all_three_hits_between_two_frames():
     assert shot.velocities[0, 0] < -1.5 < -0.5 < shot.velocities[1, 0] < 0
 
 
-# PIT at the given dt
+# PIT at the failure's dt
 
 
 @fixes
@@ -134,15 +134,15 @@ def test_pit_misses_the_collision(fix):
     assert shot.velocities.tolist() == [list(v) for v in case.velocities]
     straight = np.array(case.positions) + case.scene.physics.max_time * np.array(case.velocities)
     assert shot.positions == pytest.approx(straight, abs=1e-15)
-    # Nothing but the frames is to blame: between two of them the balls lie in each other.
-    frames = np.arange(0, 6) * case.dt
-    assert min(math.hypot(*line_of_centres(case, t)) for t in frames) > 0.06 * 1.5
+    # The balls overlap only between two timesteps.
+    instants = np.arange(0, 6) * case.dt
+    assert min(math.hypot(*line_of_centres(case, t)) for t in instants) > 0.06 * 1.5
     assert math.hypot(*line_of_centres(case, 0.1)) < 1e-15
 
 
 @late_fixes
 @pytest.mark.parametrize(("name", "wrong"), [("penetration", [30.51, 30.51]), ("wrong_bounce", [61.02, 0.0])])
-def test_pit_takes_a_late_line_of_centres(name, wrong, fix):
+def test_pit_uses_a_late_line_of_centres(name, wrong, fix):
     case = FAILURES[name]
     shot = play(case, fix)
     assert hits(shot) == hits(play(case))
@@ -150,31 +150,31 @@ def test_pit_takes_a_late_line_of_centres(name, wrong, fix):
     assert hit["time"] == pytest.approx(0.2)
     late = line_of_centres(case, 0.2)
     assert late == pytest.approx([0.015, 0.036])
-    assert shot.velocities == pytest.approx(after_impact(case, late), abs=1e-14)
-    # Between the true line, along (4, 3), and the late one, along (5, 12); a bounce doubles the angle.
+    assert shot.velocities == pytest.approx(velocities_after_impact(case, late), abs=1e-14)
+    # The angle between the true line, along (4, 3), and the late one, along (5, 12); a bounce doubles it.
     turned = math.degrees(math.atan2(12, 5) - math.atan2(3, 4)) * (2 if name == "wrong_bounce" else 1)
     assert degrees_between(shot.velocities, play(case).velocities)[0] == pytest.approx(turned, abs=1e-12)
     assert degrees_between(shot.velocities, play(case).velocities) == pytest.approx(wrong, abs=0.005)
 
 
 @pytest.mark.parametrize("name", ["penetration", "wrong_bounce"])
-def test_pit_finds_the_line_of_centres_when_it_moves_back_but_comes_late(name):
+def test_pit_with_move_back_has_the_right_velocities_but_late_positions(name):
     case = FAILURES[name]
     shot, exact = play(case, "move_back"), play(case)
     assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
-    behind = exact.velocities * (0.2 - exact.events["time"][0])
-    assert shot.positions == pytest.approx(exact.positions - behind, abs=1e-13)
+    lag = exact.velocities * (0.2 - exact.events["time"][0])
+    assert shot.positions == pytest.approx(exact.positions - lag, abs=1e-13)
 
 
 @fixes
-def test_pit_skips_the_second_hit(fix):
+def test_pit_misses_the_second_collision(fix):
     case = FAILURES["multiple_collisions"]
     shot, exact = play(case, fix), play(case)
     assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
     assert shot.events["time"][0] == pytest.approx(0.24)
     if fix != "move_back":
         assert shot.velocities == pytest.approx(np.array([[0.2, -0.6], [-1.8, 0.6]]), abs=1e-13)
-    # It is ball 1 that comes back then, and not ball 0.
+    # In PIT ball 1 comes back instead of ball 0.
     assert exact.velocities[0, 0] < -1.5 < 0 < shot.velocities[0, 0] < 0.25
     assert shot.velocities[1, 0] < -1.75 < -0.3 < exact.velocities[1, 0]
     assert (degrees_between(shot.velocities, exact.velocities) > 50).all()
@@ -182,7 +182,7 @@ def test_pit_skips_the_second_hit(fix):
 
 @cases
 @fixes
-def test_pit_keeps_the_energy_and_between_two_moving_balls_the_momentum(name, fix):
+def test_pit_conserves_energy_and_the_momentum_of_two_moving_balls(name, fix):
     case = FAILURES[name]
     shot = play(case, fix)
     masses = np.array([m if math.isfinite(m) else 0.0 for m in case.scene.balls.mass])
@@ -194,14 +194,14 @@ def test_pit_keeps_the_energy_and_between_two_moving_balls_the_momentum(name, fi
 
 @cases
 @fixes
-def test_nothing_of_it_hangs_on_the_last_bits(name, fix):
+def test_failures_do_not_depend_on_rounding(name, fix):
     case = FAILURES[name]
     for ahead in (-1e-4, 1e-4):
         for dt in (case.dt * (1 - 1e-4), case.dt * (1 + 1e-4)):
             assert hits(play(case, fix, dt, ahead)) == hits(play(case, fix))
 
 
-# From which dt on PIT is right
+# Timesteps for which PIT is right
 
 
 @cases
@@ -217,8 +217,8 @@ def test_below_its_limit_pit_is_right(name, fix):
 
 
 @cases
-def test_the_limit_is_no_lower_than_it_need_be(name):
-    # Of the timesteps up to 1.5 times the limit some are wrong.
+def test_the_limit_is_not_lower_than_necessary(name):
+    # Some timesteps up to 1.5 times the limit are wrong.
     case = FAILURES[name]
     exact = play(case)
     steps = case.right_below * np.linspace(1.0, 1.5, 400)
@@ -226,24 +226,24 @@ def test_the_limit_is_no_lower_than_it_need_be(name):
 
 
 @fixes
-def test_the_limit_of_the_missed_collision_is_the_time_in_which_the_balls_approach_within_reach(fix):
-    # At 5 m/s head-on they are within reach, and approach, for a distance of 6 cm.
+def test_the_limit_of_the_missed_collision_is_the_time_of_approach_while_overlapping(fix):
+    # At 5 m/s head-on the balls overlap and approach over a distance of 6 cm.
     case = FAILURES["missed_collision"]
     closing = math.dist(*case.velocities)
     limit = sum(case.scene.balls.radius) / closing
     assert closing == 5.0
     assert case.right_below == limit
     [touch] = play(case).events["time"]
-    for factor, seen in ((0.999, True), (1.001, False)):
+    for factor, found in ((0.999, True), (1.001, False)):
         dt = factor * limit
         shot = play(case, fix, dt, touch_after_step(touch, dt, by=1e-6))
-        assert len(shot.events) == seen
+        assert len(shot.events) == found
 
 
 @late_fixes
 @pytest.mark.parametrize(("name", "turns"), [("penetration", 1.0), ("wrong_bounce", 2.0)])
-def test_the_limit_of_the_late_lines_of_centres_is_that_of_a_hit_a_whole_step_late(name, turns, fix):
-    # x mm late, the line of centres has turned from atan(36 / 48) to atan(36 / (48 - x)), and a bounce by twice that.
+def test_the_limit_of_late_lines_of_centres_is_a_contact_found_one_full_timestep_late(name, turns, fix):
+    # x mm late, the line of centres turns from atan(36 / 48) to atan(36 / (48 - x)), and a bounce by twice that.
     case = FAILURES[name]
     exact = play(case)
     allowed = math.atan(36 / 48) + math.radians(1.0) / turns
@@ -257,13 +257,15 @@ def test_the_limit_of_the_late_lines_of_centres_is_that_of_a_hit_a_whole_step_la
         late = shot.events["time"][0] - (touch - ahead)
         assert late == pytest.approx(dt, abs=1e-9)
         assert hits(shot) == hits(exact)
-        assert shot.velocities == pytest.approx(after_impact(case, line_of_centres(case, touch + late)), abs=1e-12)
+        assert shot.velocities == pytest.approx(
+            velocities_after_impact(case, line_of_centres(case, touch + late)), abs=1e-12
+        )
         assert is_right(case, exact, shot) == good
 
 
 @cases
 @fixes
-def test_pit_comes_to_the_right_end_as_dt_goes_to_zero(name, fix):
+def test_pit_converges_to_pic_as_dt_goes_to_zero(name, fix):
     case = FAILURES[name]
     exact = play(case)
     coarse, fine = (
@@ -292,9 +294,9 @@ def test_the_figures_are_drawn_from_these_scenes(paper_figures, tmp_path, capsys
     assert sorted(number for view in paper_figures.VIEWS.values() for number in view.numbers) == list(range(1, 9))
 
 
-def test_the_figures_say_what_the_runs_say(paper_figures):
-    said = [text for name in FAILURES for text in paper_figures.captions(name, *paper_figures.run(FAILURES[name]))]
-    numbers = [re.findall(r"\d+\.\d+", text) for text in said]
+def test_the_captions_contain_the_numbers_of_the_runs(paper_figures):
+    texts = [text for name in FAILURES for text in paper_figures.captions(name, *paper_figures.run(FAILURES[name]))]
+    numbers = [re.findall(r"\d+\.\d+", text) for text in texts]
     exact = [[f"{t:.3f}" for t in play(case).events["time"]] for case in FAILURES.values()]
     assert numbers == [
         [],
@@ -309,7 +311,7 @@ def test_the_figures_say_what_the_runs_say(paper_figures):
 
 
 @cases
-def test_the_figures_show_all_of_what_happens(paper_figures, name):
+def test_the_figures_contain_all_balls_and_events(paper_figures, name):
     view, (pit, pic) = paper_figures.VIEWS[name], paper_figures.run(FAILURES[name])
     dt, radius = FAILURES[name].dt, 0.03
     half = np.array([view.height * paper_figures.PANEL[0] / paper_figures.PANEL[1], view.height]) / 2

@@ -8,7 +8,7 @@ import pytest
 from billiards_env.files import replacing, write_json, write_whole
 
 
-def test_the_content_replaces_that_of_an_older_file(tmp_path):
+def test_new_content_replaces_an_older_file(tmp_path):
     path = tmp_path / "new" / "file"
     write_whole(path, b"old")
     write_whole(path, b"new")
@@ -16,7 +16,7 @@ def test_the_content_replaces_that_of_an_older_file(tmp_path):
     assert os.listdir(path.parent) == ["file"]
 
 
-def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
+def test_a_file_is_replaced_completely_or_not_at_all(tmp_path):
     target = tmp_path / "a.gif"
     target.write_text("old")
 
@@ -35,7 +35,7 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path):
     assert os.listdir(tmp_path) == ["a.gif"]
 
 
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeypatch):
     path = tmp_path / "file"
     write_whole(path, b"old")
 
@@ -49,14 +49,14 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path, monke
     assert os.listdir(tmp_path) == ["file"]
 
 
-def test_json_knows_no_nan(tmp_path):
+def test_nan_is_not_written_as_json(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "file", float("nan"))
     assert os.listdir(tmp_path) == []
 
 
-def test_a_link_at_a_guessed_temporary_name_is_not_followed(tmp_path):
-    """Before, the name was known in advance, and what a link of that name led to was overwritten."""
+def test_a_link_with_a_guessed_temporary_name_is_not_followed(tmp_path):
+    """The name was once predictable, so the target of a link with that name was overwritten."""
     path, victim = tmp_path / "game.json", tmp_path / "victim"
     victim.write_text("precious")
     for name in (f".game.{os.getpid()}.json", f"game.json.{os.getpid()}", ".game.json.tmp"):
@@ -66,8 +66,8 @@ def test_a_link_at_a_guessed_temporary_name_is_not_followed(tmp_path):
     assert victim.read_text() == "precious"
 
 
-def test_threads_that_save_to_one_path_do_not_meet(tmp_path):
-    """Before, they shared a temporary file, and 307 of 800 saves failed."""
+def test_threads_that_write_one_path_do_not_interfere(tmp_path):
+    """They once shared a temporary file, and 307 of 800 writes failed."""
     path = tmp_path / "file"
 
     def save(k):
@@ -80,9 +80,9 @@ def test_threads_that_save_to_one_path_do_not_meet(tmp_path):
     assert os.listdir(tmp_path) == ["file"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no umask there")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask")
 @pytest.mark.parametrize("mask", [0o022, 0o027])
-def test_a_file_has_the_permissions_of_the_umask(tmp_path, mask):
+def test_file_permissions_follow_the_umask(tmp_path, mask):
     before = os.umask(mask)
     try:
         write_whole(tmp_path / "file", b"new")

@@ -38,7 +38,7 @@ def test_random_balls_are_clear_of_each_other_of_cushions_and_of_pockets(scene, 
         assert gaps.min() >= layouts.MARGIN - 1e-15
 
 
-def test_random_balls_reach_the_whole_table_evenly():
+def test_random_balls_are_uniform_over_the_table():
     scene = Scene.named("carom", 1)
     positions = draws("random", scene, 4000)
     reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
@@ -53,7 +53,7 @@ def test_random_places_balls_of_any_size():
     check_positions(LARGE_AND_SMALL, positions)
 
 
-def test_random_finds_room_for_one_large_ball_among_many_small_ones():
+def test_random_places_one_large_ball_among_many_small_ones():
     balls = Balls(radius=(*[0.03] * 60, 0.5), mass=(0.2,) * 61)
     scene = dataclasses.replace(Scene.named("ideal"), balls=balls)
     check_positions(scene, draws("random", scene, 20))
@@ -64,13 +64,13 @@ def test_random_fills_a_table_with_500_balls():
     check_positions(scene, draws("random", scene, 1))
 
 
-def test_random_gives_up_on_balls_that_do_not_fit():
+def test_random_raises_if_the_balls_do_not_fit():
     scene = dataclasses.replace(Scene.named("ideal"), balls=Balls.uniform(8, radius=0.3))
     with pytest.raises(ValueError, match=r"layout = 'random': found no room for ball \d .*radius 0.3 m.*10000 tries"):
-        layouts.random(scene, np.random.default_rng(0))
+        layouts.draw("random", scene, np.random.default_rng(0))
 
 
-def test_random_needs_a_table_with_room_for_the_margin():
+def test_random_raises_if_the_table_has_no_room_for_the_margin():
     scene = Scene.from_dict(
         {
             "balls": {"radius": [0.1], "mass": [0.2]},
@@ -79,13 +79,13 @@ def test_random_needs_a_table_with_room_for_the_margin():
         }
     )
     with pytest.raises(ValueError, match="found no room for ball 0"):
-        layouts.random(scene, np.random.default_rng(0))
+        layouts.draw("random", scene, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("name", ["rack", "tight_rack"])
 @pytest.mark.parametrize("n_object_balls", [0, 1, 2, 3, 6, 9, 10, 15])
 @pytest.mark.parametrize("scene", SCENES)
-def test_racks_are_accepted_and_the_cue_ball_is_behind_the_head_string(scene, n_object_balls, name):
+def test_racks_are_valid_and_the_cue_ball_is_behind_the_head_string(scene, n_object_balls, name):
     scene = Scene.named(scene, n_object_balls)
     positions = draws(name, scene, 50)
     check_positions(scene, positions)
@@ -96,7 +96,7 @@ def test_racks_are_accepted_and_the_cue_ball_is_behind_the_head_string(scene, n_
 
 
 def neighbour_gaps(scene, positions):
-    """Gaps, m, between the object balls that are neighbours in the rack."""
+    """Returns the gaps, m, between neighbouring object balls of the rack."""
     radius = scene.balls.radius[0]
     pairs = itertools.combinations(range(1, scene.n_balls), 2)
     gaps = np.array([np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) for i, j in pairs]) - 2 * radius
@@ -104,7 +104,7 @@ def neighbour_gaps(scene, positions):
 
 
 @pytest.mark.parametrize(("n_object_balls", "contacts"), [(2, 1), (3, 3), (9, 16), (15, 30)])
-def test_a_loose_rack_has_small_random_gaps_and_a_tight_one_none(n_object_balls, contacts):
+def test_a_loose_rack_has_small_random_gaps_and_a_tight_rack_has_no_gaps(n_object_balls, contacts):
     scene = Scene.named("pool", n_object_balls)
     loose = neighbour_gaps(scene, draws("rack", scene, 500))
     low, high = layouts.RACK_GAP
@@ -116,25 +116,25 @@ def test_a_loose_rack_has_small_random_gaps_and_a_tight_one_none(n_object_balls,
     assert np.abs(tight).max() < 1e-15
 
 
-def test_a_rack_stands_at_the_foot_spot_row_by_row():
+def test_a_rack_is_filled_row_by_row_from_the_foot_spot():
     scene = Scene.named("pool", 15)
-    rack = layouts.tight_rack(scene, np.random.default_rng(0))[1:]
+    rack = layouts.draw("tight_rack", scene, np.random.default_rng(0))[1:]
     assert rack[0].tolist() == [scene.table.length / 4, 0.0]
     rows, counts = np.unique(rack[:, 0].round(9), return_counts=True)
     assert counts.tolist() == [1, 2, 3, 4, 5]
     np.testing.assert_allclose(np.diff(rows), math.sqrt(3) * scene.balls.radius[0], atol=1e-8)
-    diamond = layouts.tight_rack(Scene.named("pool", 9), np.random.default_rng(0))[1:]
+    diamond = layouts.draw("tight_rack", Scene.named("pool", 9), np.random.default_rng(0))[1:]
     assert np.unique(diamond[:, 0].round(9), return_counts=True)[1].tolist() == [1, 2, 3, 2, 1]
 
 
-def test_a_tight_rack_needs_object_balls_of_one_size():
+def test_a_tight_rack_needs_object_balls_of_one_radius():
     with pytest.raises(ValueError, match=r"layout = 'tight_rack' .*radii \[0.01, 0.05, 0.2\] m: expected one radius"):
-        layouts.tight_rack(LARGE_AND_SMALL, np.random.default_rng(0))
+        layouts.draw("tight_rack", LARGE_AND_SMALL, np.random.default_rng(0))
 
 
-def test_a_rack_that_does_not_fit_is_refused():
+def test_a_rack_that_does_not_fit_is_rejected():
     with pytest.raises(ValueError, match=r"layout 'rack': ball \d+ is at .*inside the cushions"):
-        layouts.rack(Scene.named("ideal", 200), np.random.default_rng(0))
+        layouts.draw("rack", Scene.named("ideal", 200), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -147,20 +147,20 @@ def test_the_carom_opening_is_fixed(scene, n_object_balls):
     assert positions[0, 1].tolist() == [scene.table.length / 4, 0.0]
 
 
-def test_the_carom_opening_has_the_spots_of_the_rules():
+def test_the_carom_opening_uses_the_spots_of_the_rules():
     positions = draws("carom_opening", Scene.named("carom"), 1)[0]
     np.testing.assert_allclose(positions, [[-0.71, -0.1825], [0.71, 0.0], [-0.71, 0.0]], rtol=1e-15)
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_line_puts_both_balls_on_the_long_axis(scene):
+def test_line_places_both_balls_on_the_long_axis(scene):
     scene = Scene.named(scene, 1)
     length = scene.table.length
     assert draws("line", scene, 1)[0].tolist() == [[-length / 4, 0.0], [length / 4, 0.0]]
 
 
 def three_balls(cue, target, blocker):
-    """The blocked pool table with balls of other radii, m."""
+    """Returns the "blocked_pool" scene with the given radii, m."""
     scene = Scene.named("blocked_pool")
     return dataclasses.replace(scene, balls=Balls((cue, target, blocker), scene.balls.mass))
 
@@ -170,8 +170,8 @@ SNOOKERED = st.tuples(RADII, RADII, RADII).map(lambda r: three_balls(r[0], *sort
 
 
 @given(scene=SNOOKERED, seed=st.integers(0, 2**32))
-def test_snookered_balls_lie_in_a_line_clear_of_everything(scene, seed):
-    places = layouts.snookered(scene, np.random.default_rng(seed))
+def test_snookered_balls_lie_on_a_line_clear_of_everything(scene, seed):
+    places = layouts.draw("snookered", scene, np.random.default_rng(seed))
     check_positions(scene, places)
     assert places[2].tolist() == (0.5 * (places[0] + places[1])).tolist()
     radius = np.array(scene.balls.radius)
@@ -186,8 +186,8 @@ def test_snookered_balls_lie_in_a_line_clear_of_everything(scene, seed):
 
 @given(scene=SNOOKERED, seed=st.integers(0, 2**32), cut=st.floats(-1, 1), speed=st.floats(2.0, 8.0))
 def test_no_straight_path_of_a_snookered_cue_ball_meets_ball_1_first(scene, seed, cut, speed):
-    places = layouts.snookered(scene, np.random.default_rng(seed))
-    # The line along which the cue ball sets out passes the centre of ball 1 at `cut` times the sum of the radii.
+    places = layouts.draw("snookered", scene, np.random.default_rng(seed))
+    # The cue ball's initial line passes the centre of ball 1 at `cut` times the sum of the radii.
     way, reach = places[1] - places[0], scene.balls.radius[0] + scene.balls.radius[1]
     angle = math.atan2(way[1], way[0]) + math.asin(cut * reach / math.hypot(*way))
     velocity = speed * math.cos(angle), speed * math.sin(angle)
@@ -197,25 +197,25 @@ def test_no_straight_path_of_a_snookered_cue_ball_meets_ball_1_first(scene, seed
     assert (touched["kind"], touched["ball"], touched["other"]) == ("ball_ball", 0, 2)
 
 
-def test_snookered_is_spread_over_the_whole_table():
+def test_snookered_covers_the_whole_table():
     scene = Scene.named("blocked_pool")
     positions = draws("snookered", scene, 3000)
     reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
     assert (np.abs(positions[:, :2] / reach).max(axis=(0, 1)) > 0.99).all()
     assert np.abs((positions / reach).mean(axis=0)).max() < 0.05
-    # Either ball is as likely to be on the left: neither is drawn around the other.
+    # Each ball is on the left with probability 1/2, so neither is drawn relative to the other.
     assert abs((positions[:, 0, 0] < positions[:, 1, 0]).mean() - 0.5) < 0.03
 
 
 def test_snookered_needs_a_ball_that_hides_ball_1():
     with pytest.raises(ValueError, match=r"layout = 'snookered' with balls 1 and 2 of radii 0.03 and 0.02 m: expected"):
-        layouts.snookered(three_balls(0.03, 0.03, 0.02), np.random.default_rng(0))
+        layouts.draw("snookered", three_balls(0.03, 0.03, 0.02), np.random.default_rng(0))
 
 
-def test_snookered_gives_up_on_a_table_without_room_between_the_balls():
+def test_snookered_raises_if_there_is_no_room_between_the_balls():
     scene = dataclasses.replace(Scene.named("ideal"), balls=Balls.uniform(3, radius=0.45))
     with pytest.raises(ValueError, match=r"layout = 'snookered': found no room for ball \d .*10000 tries"):
-        layouts.snookered(scene, np.random.default_rng(0))
+        layouts.draw("snookered", scene, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
@@ -229,13 +229,13 @@ def test_snookered_gives_up_on_a_table_without_room_between_the_balls():
         ("rak", 1, "layout = 'rak': expected one of .* \\(did you mean 'rack'\\?\\)"),
     ],
 )
-def test_layouts_refuse_what_does_not_suit_them(name, n_object_balls, message):
+def test_layouts_reject_unsuitable_scenes(name, n_object_balls, message):
     with pytest.raises(ValueError, match=message):
         layouts.draw(name, Scene.named("pool", n_object_balls), np.random.default_rng(0))
 
 
 def test_draws_are_the_same_on_every_machine():
-    """A digest of the raw doubles, so a different last bit anywhere fails."""
+    """Compares a digest of the raw doubles, so any different bit fails."""
     digest = hashlib.sha256()
     for name, n_object_balls in [("random", 15), ("rack", 9), ("tight_rack", 15), ("carom_opening", 2), ("line", 1)]:
         digest.update(draws(name, Scene.named("pool", n_object_balls), 20, seed=1).astype("<f8").tobytes())

@@ -36,36 +36,36 @@ SHOTS = {
 }
 
 
-def game(rules="nine_ball", seed=2, shots=12, **kwargs):
+def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
     scene = Scene.named("pool" if RULES[rules].pockets else "carom", RULES[rules].n_object_balls[1])
     setup = Setup(rules, scene, **kwargs)
     rng = np.random.default_rng(seed)
-    table = start = opening(setup, rng)
+    game = start = opening(setup, rng)
     strokes = []
-    while len(strokes) < shots and not table.state.over:
-        place = None if table.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
+    while len(strokes) < shots and not game.state.over:
+        place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
         strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place))
-        table = play(setup, table, strokes[-1]).table
+        game = play(setup, game, strokes[-1]).game
     return records.record_game(History(setup, start, tuple(strokes)))
 
 
-RECORDS = {**SHOTS, **{rules: (lambda rules=rules: game(rules)) for rules in RULES}}
+RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}
 every_record = pytest.mark.parametrize("name", RECORDS)
 
 
 @every_record
-def test_a_record_comes_back_as_it_was(name, tmp_path):
+def test_a_record_survives_a_file(name, tmp_path):
     record = RECORDS[name]()
     records.save(tmp_path / "a.json", record)
     loaded = records.load(tmp_path / "a.json")
     assert loaded == record
-    assert repr(loaded) == repr(record)  # which tells 0.0 from -0.0
+    assert repr(loaded) == repr(record)  # text distinguishes 0.0 and -0.0
     records.save(str(tmp_path / "b.json"), loaded)
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
 
 
 @pytest.mark.parametrize("name", SHOTS)
-def test_a_shot_plays_again_bit_for_bit(name):
+def test_a_shot_replays_bit_for_bit(name):
     record = records.from_json(records.to_json(SHOTS[name]()))
     assert isinstance(record, records.ShotRecord)
     shot = records.replay(record, record_events=True)
@@ -75,7 +75,7 @@ def test_a_shot_plays_again_bit_for_bit(name):
     assert records.replay(record).events is None
 
 
-def test_a_shot_is_that_of_simulate():
+def test_a_recorded_shot_equals_that_of_simulate():
     record = SHOTS["pit"]()
     shot = simulate(Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=2.5)
     assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
@@ -83,12 +83,12 @@ def test_a_shot_is_that_of_simulate():
 
 @pytest.mark.parametrize("rules", RULES)
 @pytest.mark.parametrize("engine", [{}, {"mode": "pit", "dt": 1 / 100}], ids=["pic", "pit"])
-def test_a_game_plays_again_bit_for_bit(rules, engine):
-    record = records.from_json(records.to_json(game(rules, shots=40, **engine)))
+def test_a_game_replays_bit_for_bit(rules, engine):
+    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **engine)))
     assert isinstance(record, records.GameRecord)
-    table = records.replay(record)
-    assert table.positions.tolist() == [list(row) for row in record.end.positions]
-    assert table.state.scores == record.end.scores
+    game = records.replay(record)
+    assert game.positions.tolist() == [list(row) for row in record.end.positions]
+    assert game.state.scores == record.end.scores
 
 
 @every_record
@@ -104,7 +104,7 @@ def test_an_infinite_mass_is_written_as_text():
     assert json.loads(records.to_json(SHOTS["masses"]()))["scene"]["balls"]["mass"][2] == "inf"
 
 
-def test_recording_checks_as_simulate_does():
+def test_record_shot_rejects_what_simulate_rejects():
     scene = Scene.named("pool")
     for args, kwargs in [
         (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
@@ -117,23 +117,23 @@ def test_recording_checks_as_simulate_does():
             records.record_shot(scene, *args, **kwargs)
 
 
-def test_a_replay_that_ends_otherwise_is_told():
+def test_a_replay_with_another_result_raises():
     record = SHOTS["plain"]()
     off = np.nextafter(record.end.positions[0][0], 1.0)
     end = dataclasses.replace(
         record.end, positions=((float(off), record.end.positions[0][1]), *record.end.positions[1:])
     )
     wrong = dataclasses.replace(record, end=end)
-    with pytest.raises(ValueError, match="the replay ends otherwise than the record: positions = "):
+    with pytest.raises(ValueError, match="the replay differs from the record: positions = "):
         records.replay(wrong)
     assert records.replay(wrong, check=False).positions[0, 0] == record.end.positions[0][0]
-    played = game()
-    with pytest.raises(ValueError, match="otherwise than the record: scores = "):
+    played = recorded_game()
+    with pytest.raises(ValueError, match="the replay differs from the record: scores = "):
         records.replay(dataclasses.replace(played, end=dataclasses.replace(played.end, scores=(7, 0))))
 
 
-def test_strokes_that_do_not_fit_are_told_by_number():
-    record = game()
+def test_an_impossible_stroke_is_named_by_its_index():
+    record = recorded_game()
     strokes = (record.strokes[0]._replace(place=None), *record.strokes[1:])
     with pytest.raises(ValueError, match=r"strokes\[0\]: stroke.place = None"):
         records.replay(dataclasses.replace(record, strokes=strokes))
@@ -143,7 +143,7 @@ def test_strokes_that_do_not_fit_are_told_by_number():
 # Files.
 
 
-def test_a_file_is_replaced_whole_or_stays(tmp_path, monkeypatch):
+def test_a_file_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "shot.json"
     records.save(path, SHOTS["plain"]())
     before = path.read_bytes()
@@ -173,14 +173,14 @@ def test_missing_files_and_folders_are_os_errors(tmp_path):
         records.load(tmp_path)
 
 
-def test_errors_name_the_file(tmp_path):
+def test_errors_contain_the_path(tmp_path):
     path = tmp_path / "shot.json"
     path.write_text("{")
     with pytest.raises(ValueError, match=re.escape(str(path))):
         records.load(path)
 
 
-def test_a_file_too_large_is_refused(tmp_path, monkeypatch):
+def test_a_file_that_is_too_large_is_rejected(tmp_path, monkeypatch):
     records.save(tmp_path / "shot.json", SHOTS["plain"]())
     monkeypatch.setattr(records, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="more than 100 bytes"):
@@ -189,18 +189,18 @@ def test_a_file_too_large_is_refused(tmp_path, monkeypatch):
         records.from_json((tmp_path / "shot.json").read_text())
 
 
-def test_a_file_of_empty_lists_is_refused_before_it_is_parsed(tmp_path, monkeypatch):
-    """Before, 63 MB of them took 1.9 GB and ten seconds."""
+def test_a_large_file_of_empty_lists_is_rejected_before_it_is_parsed(tmp_path, monkeypatch):
+    """Such a file of 63 MB once took 1.9 GB and ten seconds."""
     path = tmp_path / "lists.json"
     path.write_bytes(b"[" + b"[]," * (21 * 2**20) + b"[]]")
-    monkeypatch.setattr(records.json, "loads", lambda *_, **__: pytest.fail("it was parsed"))
+    monkeypatch.setattr(records.json, "loads", lambda *_, **__: pytest.fail("the file was parsed"))
     with pytest.raises(ValueError, match="a file of more than 4194304 bytes: expected at most 4194304"):
         records.load(path)
 
 
 @pytest.mark.parametrize("velocity", [1e200, -1001.0])
-def test_a_file_with_a_velocity_that_would_run_for_minutes_is_refused(velocity):
-    """Before, a small file could keep `replay` busy for ever."""
+def test_a_file_with_a_velocity_that_would_take_minutes_is_rejected(velocity):
+    """A small file could once keep `replay` busy forever."""
     shot = json.loads(SHOT_TEXT) | {"mode": "pit", "dt": 1 / 60}
     shot["velocities"][0][0] = velocity
     with pytest.raises(ValueError, match=r"velocities: ball 0 has .*: expected numbers from -1000 to 1000 m/s"):
@@ -211,7 +211,7 @@ def test_a_file_with_a_velocity_that_would_run_for_minutes_is_refused(velocity):
         records.from_json(json.dumps(game))
 
 
-# What is refused in a file. A path like "scene.table.length" names what is changed.
+# Invalid files. A path such as "scene.table.length" names the value that is changed.
 
 DROP = object()
 SHOT_FAULTS = [
@@ -219,7 +219,7 @@ SHOT_FAULTS = [
     ("format", "billiards_env/film", "format = 'billiards_env/film'"),
     ("format", ["billiards_env/shot"], "format = "),
     ("version", DROP, "version = None"),
-    ("version", 2, "version = 2: expected at most 1; the file is of a newer version of billiards_env"),
+    ("version", 2, "version = 2: expected at most 1; the file was written by a newer version of billiards_env"),
     ("version", 0, "version = 0"),
     ("version", 1.0, "version = 1.0"),
     ("version", True, "version = True"),
@@ -258,7 +258,11 @@ SHOT_FAULTS = [
     ("scene.table.length", -1.0, "table.length = -1.0"),
     ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
     ("scene.balls.mass", [10**400, 0.1], r"balls.mass\[0\] = 1000.*: expected a number from"),
-    ("scene.balls", {"radius": [0.03] * 2000, "mass": [0.1] * 2000}, "2000 of them, expected at most 1000"),
+    (
+        "scene.balls",
+        {"radius": [0.03] * 2000, "mass": [0.1] * 2000},
+        "number of balls = 2000: expected a whole number from 1 to 1000",
+    ),
     ("scene.physics.motion", "glide", "physics.motion = 'glide'"),
     ("scene.physics.motion", ["ideal"], "physics.motion"),
     ("end", None, "end = None"),
@@ -300,9 +304,9 @@ GAME_FAULTS = [
 
 def changed(text, path, value):
     data = json.loads(text)
-    *way, last = (int(part) if part.isdigit() else part for part in path.split("."))
+    *parents, last = (int(part) if part.isdigit() else part for part in path.split("."))
     inner = data
-    for part in way:
+    for part in parents:
         inner = inner[part]
     if value is DROP:
         del inner[last]
@@ -311,12 +315,12 @@ def changed(text, path, value):
     return json.dumps(data)
 
 
-SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(game())
+SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(recorded_game())
 FAULTS = [(SHOT_TEXT, *fault) for fault in SHOT_FAULTS] + [(GAME_TEXT, *fault) for fault in GAME_FAULTS]
 
 
 @pytest.mark.parametrize(("text", "path", "value", "message"), FAULTS, ids=range(len(FAULTS)))
-def test_a_wrong_file_is_refused_with_what_is_wrong(text, path, value, message):
+def test_an_invalid_file_is_rejected_with_the_reason(text, path, value, message):
     with pytest.raises(ValueError, match=message):
         records.from_json(changed(text, path, value))
 
@@ -330,7 +334,7 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(text, path, value, message):
         ("3", "expected a mapping"),
         ("NaN", "NaN: expected a finite number"),
         ("[" * 100_000 + "]" * 100_000, "nested too deeply"),
-        ('{"format": "billiards_env/shot", "format": "billiards_env/game"}', "key 'format' is there twice"),
+        ('{"format": "billiards_env/shot", "format": "billiards_env/game"}', "key 'format' appears twice"),
         ('{"format": "billiards_env/shot", "version": ' + "9" * 5000 + "}", "."),
         (SHOT_TEXT.replace('"time": ', '"time": Infinity, "was": '), "Infinity: expected a finite number"),
         (SHOT_TEXT.replace("[[-0.635, 0.0]", "[[1e999, 0.0]"), r"positions\[0\]\[0\] = inf: expected a finite number"),
@@ -338,12 +342,12 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(text, path, value, message):
         (SHOT_TEXT + "x", "Extra data"),
     ],
 )
-def test_what_is_no_such_json_is_refused(text, message):
+def test_text_that_is_not_a_record_is_rejected(text, message):
     with pytest.raises(ValueError, match=message):
         records.from_json(text)
 
 
-def test_bytes_that_are_no_text_are_refused(tmp_path):
+def test_bytes_that_are_not_text_are_rejected(tmp_path):
     path = tmp_path / "a.json"
     path.write_bytes(b"\xff\xfe\x00{")
     with pytest.raises(ValueError, match="utf-8"):
@@ -364,23 +368,23 @@ ANYTHING = st.recursive(
 )
 
 
-def paths_of(value, way=()):
-    """The way to every value in nested lists and dicts."""
-    yield way
+def paths_of(value, path=()):
+    """Yields the path to every value in nested lists and dicts."""
+    yield path
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in items:
-        yield from paths_of(inner, (*way, key))
+        yield from paths_of(inner, (*path, key))
 
 
-WAYS = [(text, way) for text in (SHOT_TEXT, GAME_TEXT) for way in paths_of(json.loads(text)) if way]
+PATHS = [(text, path) for text in (SHOT_TEXT, GAME_TEXT) for path in paths_of(json.loads(text)) if path]
 
 
-@given(st.sampled_from(WAYS), ANYTHING, st.sampled_from(["set", "drop", "add"]))
-def test_a_mangled_value_is_either_fine_or_a_value_error(place, value, how):
-    text, (*way, last) = place
+@given(st.sampled_from(PATHS), ANYTHING, st.sampled_from(["set", "drop", "add"]))
+def test_a_changed_value_is_either_valid_or_a_value_error(target, value, how):
+    text, (*parents, last) = target
     data = json.loads(text)
     inner = data
-    for part in way:
+    for part in parents:
         inner = inner[part]
     if how == "set":
         inner[last] = value
@@ -398,7 +402,7 @@ def test_a_mangled_value_is_either_fine_or_a_value_error(place, value, how):
 
 
 @given(st.data())
-def test_mangled_bytes_are_either_fine_or_a_value_error(tmp_path_factory, data):
+def test_changed_bytes_are_either_valid_or_a_value_error(tmp_path_factory, data):
     text = bytearray(data.draw(st.sampled_from([SHOT_TEXT, GAME_TEXT])).encode())
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, len(text) - 1))
@@ -410,12 +414,12 @@ def test_mangled_bytes_are_either_fine_or_a_value_error(tmp_path_factory, data):
 
 
 @given(st.text(max_size=40))
-def test_any_text_is_a_value_error(text):
+def test_arbitrary_text_is_a_value_error(text):
     with pytest.raises(ValueError, match=r"."):
         records.from_json(text)
 
 
-def test_loading_runs_nothing(monkeypatch):
+def test_loading_does_not_simulate(monkeypatch):
     def fail(*args, **kwargs):
         raise AssertionError("a shot was run")
 

@@ -1,4 +1,4 @@
-"""Compiled streams give numpy's numbers."""
+"""Compiled streams return the same numbers as numpy."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def draw(stream, out):
 
 
 @given(st.integers(0, 2**130), st.integers(0, 200))
-def test_a_seeded_stream_gives_the_numbers_of_numpy(seed, count):
+def test_a_seeded_stream_returns_the_numbers_of_numpy(seed, count):
     rng, out, stream = np.random.default_rng(seed), np.empty(count), streams.seeded(seed)
     draw(stream, out)
     assert out.tobytes() == rng.random(count).tobytes()
@@ -27,7 +27,7 @@ def test_a_seeded_stream_gives_the_numbers_of_numpy(seed, count):
 
 
 @given(WORDS, WORDS, WORDS, WORDS)
-def test_any_state_and_increment_go_on_as_numpy_s(hi, lo, inc_hi, inc_lo):
+def test_any_state_and_increment_continue_as_in_numpy(hi, lo, inc_hi, inc_lo):
     bits = np.random.PCG64()
     bits.state = {**bits.state, "state": {"state": hi << 64 | lo, "inc": inc_hi << 64 | inc_lo}}
     rng = np.random.Generator(bits)
@@ -39,14 +39,14 @@ def test_any_state_and_increment_go_on_as_numpy_s(hi, lo, inc_hi, inc_lo):
 
 
 @given(WORDS, WORDS)
-def test_the_high_half_of_a_product(a, b):
+def test_high_product_is_the_high_half_of_the_product(a, b):
     assert int(streams.high_product(np.uint64(a), np.uint64(b))) == a * b >> 64
 
 
-def test_a_generator_goes_on_where_the_stream_has_come():
+def test_a_generator_continues_where_the_stream_stopped():
     rng, twin = np.random.default_rng(3), np.random.default_rng(3)
     for generator in (rng, twin):
-        generator.integers(10, dtype=np.uint32)  # leaves half a number for the next one
+        generator.integers(10, dtype=np.uint32)  # keeps half of a 64-bit number for the next call
     stream = streams.read(rng)
     draw(stream, np.empty(5))
     assert rng.bit_generator.state == twin.bit_generator.state
@@ -56,10 +56,10 @@ def test_a_generator_goes_on_where_the_stream_has_come():
 
 
 @pytest.mark.parametrize("bits", [np.random.MT19937, np.random.PCG64DXSM, np.random.SFC64, np.random.Philox])
-def test_another_kind_of_generator_draws_layouts_too(bits):
+def test_other_bit_generators_can_draw_layouts(bits):
     scene = Scene.named("pool", 5)
     rng, twin = np.random.Generator(bits(1)), np.random.Generator(bits(1))
-    first, second = (layouts.random(scene, rng) for _ in range(2))
+    first, second = (layouts.draw("random", scene, rng) for _ in range(2))
     assert not np.array_equal(first, second)
-    assert np.array_equal(first, layouts.random(scene, twin))
-    assert np.array_equal(second, layouts.random(scene, twin))
+    assert np.array_equal(first, layouts.draw("random", scene, twin))
+    assert np.array_equal(second, layouts.draw("random", scene, twin))

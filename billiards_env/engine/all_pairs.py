@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
     Event,
@@ -24,6 +23,7 @@ from billiards_env.engine.predictions import (
     rank_of,
     single_time,
 )
+from billiards_env.engine.resolve import add_contact
 from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 

@@ -173,7 +173,9 @@ def _end_next_phase(k, scene, work, shots, log):
     state, phase = work.state, work.state.phase
     first = 0
     for i in range(1, len(phase)):
-        if before(Time(work.phase_end_hi[i], work.phase_end_lo[i]), Time(work.phase_end_hi[first], work.phase_end_lo[first])):
+        if before(
+            Time(work.phase_end_hi[i], work.phase_end_lo[i]), Time(work.phase_end_hi[first], work.phase_end_lo[first])
+        ):
             first = i
     kind = SPINNING_REST
     if phase[first] == SLIDING:

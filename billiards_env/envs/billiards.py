@@ -290,7 +290,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         positions, goal = check_options(self.scene, self.task, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         episodes = self._episodes
-        episodes.shots.positions[0] = layouts.draw_one(episodes.plan, self.np_random) if positions is None else positions
+        episodes.shots.positions[0] = (
+            layouts.draw_one(episodes.plan, self.np_random) if positions is None else positions
+        )
         if episodes.goal_plan is not None:
             episodes.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
         observation = np.empty(self._size, np.float32)

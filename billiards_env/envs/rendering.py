@@ -68,7 +68,9 @@ def balls_at_rest(
     """
     n = len(positions)
     playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
-    return DrawnShot(ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles)
+    return DrawnShot(
+        ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles
+    )
 
 
 class Renderer:

@@ -52,7 +52,9 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, frame=frame, ball=ball, least_speed=least_speed)
         super().__init__(env)
         self._game: Any = env.unwrapped
-        self._frame = ActionTransform(frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed)
+        self._frame = ActionTransform(
+            frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed
+        )
 
     def action(self, action: ArrayLike) -> Floats:
         """(2,) the environment's own action for one in this frame.

@@ -1,23 +1,33 @@
-"""Games of two and more players: their rules, how a game goes on, and a PettingZoo environment in `games.billiards_v0`.
+"""Games for two or more players: rules, game states, and a PettingZoo environment in `games.billiards_v0`.
 
-PettingZoo is imported by `games.billiards_v0` alone.
+Only `games.billiards_v0` imports PettingZoo.
 """
 
-from billiards_env.games.play import History, Played, Setup, Stroke, Table, opening, play, replay, set_table
-from billiards_env.games.rules import RULES, Facts, State, Verdict
+from billiards_env.games.game import (
+    GameState,
+    History,
+    PlayedShot,
+    Setup,
+    Stroke,
+    custom_opening,
+    opening,
+    play,
+    replay,
+)
+from billiards_env.games.rules import RULES, Facts, RuleState, Verdict
 
 __all__ = [
     "RULES",
     "Facts",
+    "GameState",
     "History",
-    "Played",
+    "PlayedShot",
+    "RuleState",
     "Setup",
-    "State",
     "Stroke",
-    "Table",
     "Verdict",
+    "custom_opening",
     "opening",
     "play",
     "replay",
-    "set_table",
 ]

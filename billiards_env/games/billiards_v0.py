@@ -28,9 +28,10 @@ from numpy.typing import NDArray
 from billiards_env.checks import choose, real, whole
 from billiards_env.envs.billiards import cue_velocity, make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
-from billiards_env.games.places import Point, room
-from billiards_env.games.play import History, Played, Setup, Stroke, Table, opening, play, set_table
+from billiards_env.games.game import GameState, History, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games.placement import Point, placement_area
 from billiards_env.games.rules import RULES
+from billiards_env.scene import Scene
 
 try:
     import pettingzoo
@@ -45,72 +46,72 @@ _VALUES = 4  # of a ball in an observation
 
 
 class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
-    """Billiards for two to four players: each action is one cue shot, run until every ball rests.
+    """Billiards for two to four players: each action is one cue shot, simulated until every ball rests.
 
     ## Games
 
     | `rules` | Players | Object balls | Won by |
     |---|---|---|---|
-    | `"straight"` | 2 to 4 | 1 to 15 | most points when the table is clear, or `target` points |
-    | `"eight_ball"` | 2 | 15 | potting the own group, then the eight ball |
+    | `"straight"` | 2 to 4 | 1 to 15 | most points when no object ball is left, or `target` points |
+    | `"eight_ball"` | 2 | 15 | potting one group of balls, then the eight ball |
     | `"nine_ball"` | 2 to 4 | 9 | potting the nine ball |
     | `"carom"` | 2 to 4 | 2 | `target` points |
     | `"three_cushion"` | 2 to 4 | 2 | `target` points |
 
-    The rules are those of the World Pool-Billiard Association and of the Union Mondiale de Billard, simplified where
-    the docstring of `games.rules` says so. Agents are `"player_0"` and so on; `player_0` opens. A player who may go on
-    is selected again.
+    The rules follow the World Pool-Billiard Association and the Union Mondiale de Billard, with the simplifications
+    listed in the docstring of `games.rules`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A
+    player whose turn continues is selected again.
 
     ## Action Space
 
-    `Box(-1, 1, (4,), float32)`, for the carom games, in which the cue ball is never in hand, `Box(-1, 1, (2,),
-    float32)`.
+    `Box(-1, 1, (4,), float32)`. In carom games, where the cue ball is never in hand, `Box(-1, 1, (2,), float32)`.
 
     | Num | Action |
     |---|---|
-    | 0, 1 | the cue ball's velocity along x and y, as a share of `max_speed`; shortened to 1 where it is longer |
-    | 2, 3 | with the cue ball in hand, where to put it: x and y, from one end of the room it has to the other |
+    | 0, 1 | velocity of the cue ball along x and y, in units of `max_speed`; a vector longer than 1 is scaled to 1 |
+    | 2, 3 | position of the cue ball in hand: x and y, from -1 to 1 over the placement area |
 
-    That room is the table, or the part behind the head string, as far as the ball keeps 1 mm clear of the cushions.
-    Where it would lie within 1 mm of a ball or a pocket, the nearest place that is free is taken. So every action can
-    be played. When the cue ball is not in hand, actions 2 and 3 do nothing.
+    The placement area is the table, or the part behind the head string, without a margin of 1 mm at the cushions. A
+    point within 1 mm of a ball or a pocket is replaced by the nearest free point, so every action is valid. When the
+    cue ball is not in hand, actions 2 and 3 have no effect.
 
     ## Observation Space
 
-    `Box(float32)` of `4 * n_balls + 4` values, and of a score for each player in the games won by points.
+    `Box(float32)` of `4 * n_balls + 4` values, followed by one score per player in the games won by points.
 
     | Num | Observation | Min | Max |
     |---|---|---|---|
-    | 4 i, 4 i + 1 | x and y of ball i, over half the table's length and width; of a potted one, its pocket's | -1 | 1 |
-    | 4 i + 2 | 1 if it lies on the table; 0 if it is potted, or the cue ball in hand | 0 | 1 |
-    | 4 i + 3 | 1 if the observing player may touch it first | 0 | 1 |
+    | 4 i, 4 i + 1 | x and y of ball i over half the table's length and width; of its pocket if it is potted | -1 | 1 |
+    | 4 i + 2 | 1 if ball i lies on the table; 0 if it is potted or is the cue ball in hand | 0 | 1 |
+    | 4 i + 3 | 1 if the observing player may touch ball i first | 0 | 1 |
     | 4 n | 1 if it is the observing player's turn | 0 | 1 |
     | 4 n + 1 | 1 if the next shot is the break | 0 | 1 |
     | 4 n + 2 | 1 if the cue ball is in hand behind the head string | 0 | 1 |
     | 4 n + 3 | 1 if the cue ball is in hand anywhere | 0 | 1 |
-    | last | scores over the target, or the number of balls; the observing player's first, then in turn | -1 | 1 |
+    | last | scores over the target, or over the number of object balls; the observing player's first | -1 | 1 |
 
-    The ball to be struck next comes first, then the others by number. In eight ball the fourth value tells the own
+    The ball to be struck next comes first, then the others by number. In eight ball, value 4 i + 3 marks the player's
     group.
 
     ## Rewards
 
-    What the shooter wins, the others lose in equal parts. `"eight_ball"` and `"nine_ball"`: 1 for winning the game, -1
-    for losing it. The other games: the points of the shot, so that for two players the return is by how much one leads.
+    The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"` and `"nine_ball"`
+    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, so with two
+    players the return is the lead.
 
     ## Episode End
 
-    All players terminate when the game is decided. After `max_shots` shots they are truncated: the game is a draw.
+    All players terminate when the game is over. After `max_shots` shots they are truncated, and the game is a draw.
 
     ## Starting State
 
-    `layout`: `"rack"` (the default), `"tight_rack"`, or `"random"` with the balls anywhere and no break; a carom game
-    has `"carom_opening"` or `"random"`. `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the table by
-    hand, see `games.play.set_table`; other options are ignored, as PettingZoo's API test wants it.
+    `layout` is `"rack"` (the default), `"tight_rack"`, or `"random"`, which has no break. In carom games it is
+    `"carom_opening"` (the default) or `"random"`. `reset(options={"positions": [[x, y], ...], "state": {...}})` sets
+    the state, see `games.game.custom_opening`. Other options are ignored, as PettingZoo's API test requires.
 
     ## Info
 
-    The same for all players; empty after a reset. `shooter`, `foul` ("" for none), `points`, `potted`, `spotted` and
+    The same for all players; empty after a reset. `shooter`, `foul` ("" for no foul), `points`, `potted`, `spotted` and
     `first_hit` (lists of balls), `scores`, `winner` (an agent or None), `shot_time` (s), `n_events` and `status`.
 
     ## Arguments
@@ -120,10 +121,10 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
     | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for "pool" or "carom" |
-    | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the game's usual number |
-    | `target` | int or None | `None` | the score that wins, 0 for none; None for 0 in `straight`, 10 in carom games |
+    | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
+    | `target` | int or None | `None` | the score that wins, or 0; None for 0 in `straight` and 10 in carom games |
     | `layout` | str or None | `None` | the starting state |
-    | `max_shots` | int | `200` | the most shots of a game |
+    | `max_shots` | int | `200` | the largest number of shots of a game |
     | `max_speed` | float | `8.0` | speed of the fastest shot, m/s |
     | `mode`, `dt`, `fix` | | `"pic"` | the engine, as in `Billiards-v0` |
     | `render_mode` | str or None | `None` | `"rgb_array"`, `"rgb_array_list"` or `"human"` |
@@ -156,10 +157,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         super().__init__()
-        self.setup = make_setup(rules, n_players, scene, n_object_balls, target, mode, dt, fix)
+        self.setup = Setup(rules, _make_scene(rules, scene, n_object_balls), n_players, target, mode, dt, fix)
         self.layout = layout
-        # One throw-away draw, for a layout that does not suit the game to be refused here and not at some reset.
-        opening(self.setup, np.random.default_rng(0), layout)
+        opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         if render_mode is not None:
@@ -167,52 +167,52 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, mode, dt, fix)
 
-        scene_ = self.setup.scene
-        n, players = scene_.n_balls, self.setup.n_players
+        table = self.setup.scene.table
+        n, players = self.setup.scene.n_balls, self.setup.n_players
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
-        self._half = np.array([scene_.table.length / 2, scene_.table.width / 2])
+        self._half = np.array([table.length / 2, table.width / 2])
         keeps_score = self.setup.target is not None
-        self._most = float(self.setup.target or n - 1) if keeps_score else 0.0
+        self._score_scale = float(self.setup.target or n - 1) if keeps_score else 0.0
         low = np.zeros(_VALUES * n + 4 + (players if keeps_score else 0), np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[_VALUES * n + 4 :] = -1.0
         self._size = len(low)
-        width = 4 if self.setup.game.pockets else 2
-        # One space an agent: each samples on its own.
+        width = 4 if self.setup.game_rules.pockets else 2
+        # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
         }
         self.action_spaces = {agent: gym.spaces.Box(-1.0, 1.0, (width,), np.float32) for agent in self.possible_agents}
         self._rng: np.random.Generator | None = None
-        self._opening: Table | None = None
+        self._opening: GameState | None = None
         self._strokes: list[Stroke] = []
 
     def observation_space(self, agent: str) -> gym.Space[NDArray[np.float32]]:
-        """The space of `agent`'s observations, see the class's docstring."""
+        """Returns the observation space of `agent`, see the class's docstring."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> gym.Space[NDArray[np.float32]]:
-        """The space of `agent`'s actions, see the class's docstring."""
+        """Returns the action space of `agent`, see the class's docstring."""
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Starts a game.
 
         Args:
-            seed: Seeds the generator that racks the balls; the same seed gives the same game bit for bit.
-            options: None, or "positions" and "state" to set the table by hand.
+            seed: Seed of the generator that racks the balls; the same seed gives the same game bit for bit.
+            options: None, or a dict with "positions" and "state" to set the state.
 
         Raises:
-            ValueError: If the balls cannot be placed so, or the state is impossible.
+            ValueError: If the positions or the state are invalid.
         """
-        given = options or {}
-        table = None
-        if "positions" in given:
-            table = set_table(self.setup, given["positions"], given.get("state"))
+        options = options or {}
+        game = None
+        if "positions" in options:
+            game = custom_opening(self.setup, options["positions"], options.get("state"))
         if seed is not None or self._rng is None:
             self._rng, _ = np_random(seed)
-        self.table = opening(self.setup, self._rng, self.layout) if table is None else table
-        self._opening = self.table
+        self.game = opening(self.setup, self._rng, self.layout) if game is None else game
+        self._opening = self.game
         self._strokes = []
         self.agents = self.possible_agents[:]
         self.rewards = dict.fromkeys(self.agents, 0.0)
@@ -221,10 +221,10 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.truncations = dict.fromkeys(self.agents, False)
         self.infos = {agent: {} for agent in self.agents}
         self._skip_agent_selection = None
-        self.agent_selection = self.agents[self.table.state.player]
+        self.agent_selection = self.agents[self.game.state.player]
         if self._renderer is not None:
-            in_play = np.isin(np.arange(len(self.table.positions)), sorted(self.table.state.on_table))
-            self._renderer.begin([balls_at_rest(self.table.positions, self.setup.rules, in_play)])
+            in_play = np.isin(np.arange(len(self.game.positions)), sorted(self.game.state.on_table))
+            self._renderer.begin([balls_at_rest(self.game.positions, self.setup.rules, in_play)])
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -233,7 +233,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             action: As in the class's docstring; None for an agent whose game is over.
 
         Raises:
-            ValueError: If the action is not so many finite numbers.
+            ValueError: If the action has the wrong shape or a number is not finite.
         """
         agent = self.agent_selection
         if self.terminations[agent] or self.truncations[agent]:
@@ -241,18 +241,18 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             return
         self._cumulative_rewards[agent] = 0.0
         stroke = self._stroke(action)
-        played = play(self.setup, self.table, stroke)
+        played = play(self.setup, self.game, stroke)
         shot, verdict = played.shot, played.verdict
         if shot.status in ("event_limit", "step_limit"):
             warnings.warn(
-                f"a shot was cut off at the engine's limit, after {shot.n_events} events and {shot.time} s; "
-                f"setup {self.setup}, positions {self.table.positions.tolist()}, stroke {stroke}",
+                f"a shot reached the engine's limit after {shot.n_events} events and {shot.time} s; "
+                f"setup {self.setup}, positions {self.game.positions.tolist()}, stroke {stroke}",
                 RuntimeWarning,
                 stacklevel=2,
             )
         self._strokes.append(stroke)
-        self.table = played.table
-        state = self.table.state
+        self.game = played.game
+        state = self.game.state
         shooter = self.possible_agents.index(agent)
         if self.setup.target is None:
             worth = 0.0 if state.winner < 0 else 1.0 if state.winner == shooter else -1.0
@@ -280,20 +280,20 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
-            self._renderer.step([DrawnShot(played.given, left, self._said(played))])
+            self._renderer.step([DrawnShot(played.shot_input, left, self._result_text(played))])
 
     def observe(self, agent: str) -> NDArray[np.float32]:
-        """What `agent` sees, as in the class's docstring."""
-        positions, state = self.table
+        """Returns the observation of `agent`, see the class's docstring."""
+        positions, state = self.game
         n, viewer = len(positions), self.possible_agents.index(agent)
         cue = state.cue_balls[0]
         order = [cue, *(ball for ball in range(n) if ball != cue)]
-        lying = state.on_table if state.in_hand == "no" else state.object_balls
-        legal = self.setup.game.legal(state, viewer)
+        on_table = state.on_table if state.in_hand == "no" else state.object_balls
+        legal = self.setup.game_rules.legal(state, viewer)
         observation = np.empty(self._size, np.float32)
         balls = observation[: _VALUES * n].reshape(n, _VALUES)
         balls[:, :2] = np.minimum(np.maximum(positions[order] / self._half, -1.0), 1.0)
-        balls[:, 2] = [ball in lying for ball in order]
+        balls[:, 2] = [ball in on_table for ball in order]
         balls[:, 3] = [ball in legal for ball in order]
         observation[_VALUES * n : _VALUES * n + 4] = (
             viewer == state.player,
@@ -301,24 +301,24 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             state.in_hand == "behind",
             state.in_hand == "anywhere",
         )
-        if self._most:
+        if self._score_scale:
             scores = state.scores[viewer:] + state.scores[:viewer]
-            observation[_VALUES * n + 4 :] = [min(max(score / self._most, -1.0), 1.0) for score in scores]
+            observation[_VALUES * n + 4 :] = [min(max(score / self._score_scale, -1.0), 1.0) for score in scores]
         return observation
 
     def history(self) -> History:
-        """The game so far, which `games.replay` plays again and `records.record_game` makes a file of."""
+        """Returns the game up to now, for `games.replay` and `records.record_game`."""
         if self._opening is None:
             raise ValueError("no game has begun: expected reset() before history()")
         return History(self.setup, self._opening, tuple(self._strokes))
 
     def render(self) -> NDArray[np.uint8] | list[Any] | None:
-        """Shows the shots, by the render mode as in `Billiards-v0`.
+        """Renders the shots as in `Billiards-v0`.
 
         Returns:
             "rgb_array": the last frame of the last shot, (height, width, 3) uint8. "rgb_array_list": all frames since
-            the last call or reset. None without a render mode, and with "human", which shows each shot while it is
-            played.
+            the last call or reset. None without a render mode and for "human", whose window shows each shot during
+            `step`.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
@@ -333,72 +333,47 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if self._renderer is not None:
             self._renderer.close()
 
-    def _said(self, played: Played) -> str:
-        """What there is to say of a shot, for its picture."""
-        state, verdict = played.table.state, played.verdict
-        said = [verdict.foul.replace("_", " ")] if verdict.foul else []
+    def _result_text(self, played: PlayedShot) -> str:
+        """Returns the text that a rendered shot shows at its end."""
+        state, verdict = played.game.state, played.verdict
+        parts = [verdict.foul.replace("_", " ")] if verdict.foul else []
         if self.setup.target is not None:
-            said.append(" : ".join(map(str, state.scores)))
+            parts.append(" : ".join(map(str, state.scores)))
         if state.over:
-            said.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
-        return "   ".join(said)
+            parts.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
+        return "   ".join(parts)
 
     def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
-        """What an action does to the table as it is."""
-        width = 4 if self.setup.game.pockets else 2
+        """Converts an action to a stroke in the present state."""
+        width = 4 if self.setup.game_rules.pockets else 2
         array = np.asarray(action, dtype=np.float64)
         if array.shape != (width,) or not np.isfinite(array).all():
             raise ValueError(f"action = {action!r}: expected {width} finite numbers")
-        state = self.table.state
+        state = self.game.state
         vx, vy = cue_velocity(array[:2], self.max_speed).tolist()
         place: Point | None = None
         if state.in_hand != "no":
-            x_low, x_high, y_low, y_high = room(self.setup.scene, state.cue_balls[0], state.in_hand == "behind")
+            x_low, x_high, y_low, y_high = placement_area(
+                self.setup.scene, state.cue_balls[0], state.in_hand == "behind"
+            )
             x, y = np.minimum(np.maximum(array[2:], -1.0), 1.0).tolist()
             place = (x_low + x_high) / 2 + (x_high - x_low) / 2 * x, (y_low + y_high) / 2 + (y_high - y_low) / 2 * y
         return Stroke((vx, vy), place)
 
 
-def make_setup(
-    rules: str,
-    n_players: int,
-    scene: str | Mapping[str, Any] | None,
-    n_object_balls: int | None,
-    target: int | None,
-    mode: str,
-    dt: float | None,
-    fix: str | None,
-) -> Setup:
-    """The game that the environment's arguments ask for.
-
-    Args:
-        rules: As in `raw_env`.
-        n_players: As in `raw_env`.
-        scene: As in `raw_env`.
-        n_object_balls: As in `raw_env`.
-        target: As in `raw_env`.
-        mode: As in `raw_env`.
-        dt: As in `raw_env`.
-        fix: As in `raw_env`.
-
-    Returns:
-        The setup.
-
-    Raises:
-        ValueError: If an argument is unknown, or does not suit the game.
-        TypeError: If the scene is of the wrong type.
-    """
+def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_balls: int | None) -> Scene:
+    """Returns the scene of a game; None selects the defaults of the game."""
     choose("rules", rules, tuple(RULES))
-    game = RULES[rules]
+    game_rules = RULES[rules]
     if scene is None:
-        scene = "pool" if game.pockets else "carom"
+        scene = "pool" if game_rules.pockets else "carom"
     if isinstance(scene, str) and n_object_balls is None:
-        n_object_balls = game.n_object_balls[1]
-    return Setup(rules, make_scene(scene, n_object_balls), n_players, target, mode, dt, fix)
+        n_object_balls = game_rules.n_object_balls[1]
+    return make_scene(scene, n_object_balls)
 
 
 def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArray[np.float32]]:
-    """The environment with PettingZoo's wrappers: actions out of bounds are clipped, the order of calls is checked.
+    """Returns the environment with PettingZoo's wrappers, which clip actions and check the order of calls.
 
     Args:
         **kwargs: The arguments of `raw_env`.

@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from billiards_env.checks import MAX_SPEED, Range, real
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import ARROW, ARROW_START
+from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, play
+from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.shot import ShotResult
-from billiards_env.games import History, Played, Setup, Stroke, Table, play
-from billiards_env.games.places import Point, cue_place
+from billiards_env.simulation import run_shot
 
 HUMAN = "human"
 """The name of a player who is a person."""
@@ -100,7 +101,7 @@ class Model:
         players: Each player's name; `HUMAN` for a person.
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of the ghost's PIT, s; where the game itself is played by PIT, the ghost is PIC's.
-        tables: The table before each stroke, and now.
+        games: The state before each stroke, and the present one.
         strokes: The strokes so far.
         phase: See the module's docstring.
         angle: Where the shot is aimed, radians from the x axis.
@@ -119,14 +120,14 @@ class Model:
     players: tuple[str, ...]
     max_speed: float
     ghost_dt: float
-    tables: tuple[Table, ...]
+    games: tuple[GameState, ...]
     strokes: tuple[Stroke, ...] = ()
     phase: str = "thinking"
     angle: float = 0.0
     speed: float = USUAL_SPEED
     place: Point | None = None
     preview: Preview | None = None
-    last: Played | None = None
+    last: PlayedShot | None = None
     rival: ShotResult | None = None
     clock: float = 0.0
     pace: float = 1.0
@@ -134,19 +135,19 @@ class Model:
     help: bool = False
 
     @property
-    def table(self) -> Table:
+    def game(self) -> GameState:
         """The table as it is now."""
-        return self.tables[-1]
+        return self.games[-1]
 
     @property
     def cue(self) -> int:
         """The ball to be struck."""
-        return self.table.state.cue_balls[0]
+        return self.game.state.cue_balls[0]
 
     @property
     def cue_at(self) -> Point:
         """Where it lies, or is held, m."""
-        x, y = self.table.positions[self.cue].tolist() if self.place is None else self.place
+        x, y = self.game.positions[self.cue].tolist() if self.place is None else self.place
         return x, y
 
     @property
@@ -158,7 +159,7 @@ class Model:
     @property
     def history(self) -> History:
         """The game so far."""
-        return History(self.setup, self.tables[0], self.strokes)
+        return History(self.setup, self.games[0], self.strokes)
 
     @property
     def shown(self) -> tuple[ShotResult, ShotResult | None]:
@@ -195,36 +196,36 @@ def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt
     pace = real("pace", pace, Range(1e-3, 1e3))
     if len(players) != setup.n_players:
         raise ValueError(f"{len(players)} players: expected {setup.n_players}, as the game has")
-    tables, last = [history.opening], None
+    games, last = [history.opening], None
     for stroke in history.strokes:
-        last = play(setup, tables[-1], stroke)
-        tables.append(last.table)
-    return _to_play(Model(setup, players, max_speed, ghost_dt, tuple(tables), history.strokes, last=last, pace=pace))
+        last = play(setup, games[-1], stroke)
+        games.append(last.game)
+    return _to_play(Model(setup, players, max_speed, ghost_dt, tuple(games), history.strokes, last=last, pace=pace))
 
 
-def update(model: Model, given: Input) -> Model:
+def update(model: Model, user_input: Input) -> Model:
     """The model after an input; one that makes no sense in its phase does nothing.
 
     Args:
         model: The model.
-        given: The input.
+        user_input: The input.
 
     Returns:
         The model after it.
     """
-    if isinstance(given, Do):
-        return _COMMANDS[given.what](model)
-    if model.phase == "placing" and isinstance(given, MoveTo | MoveBy):
-        x, y = given.place if isinstance(given, MoveTo) else np.add(model.cue_at, given.way).tolist()
+    if isinstance(user_input, Do):
+        return _COMMANDS[user_input.what](model)
+    if model.phase == "placing" and isinstance(user_input, MoveTo | MoveBy):
+        x, y = user_input.place if isinstance(user_input, MoveTo) else np.add(model.cue_at, user_input.way).tolist()
         return dataclasses.replace(model, place=_free_place(model, (x, y)))
     if model.phase != "aiming":
         return model
-    if isinstance(given, Turn):
-        return _aimed(model, model.angle + math.radians(given.degrees), model.speed)
-    if isinstance(given, Strengthen):
-        return _aimed(model, model.angle, model.speed + given.speed)
-    if isinstance(given, AimAt):
-        dx, dy = np.subtract(given.place, model.cue_at).tolist()
+    if isinstance(user_input, Turn):
+        return _aimed(model, model.angle + math.radians(user_input.degrees), model.speed)
+    if isinstance(user_input, Strengthen):
+        return _aimed(model, model.angle, model.speed + user_input.speed)
+    if isinstance(user_input, AimAt):
+        dx, dy = np.subtract(user_input.place, model.cue_at).tolist()
         radius = model.setup.scene.balls.radius[model.cue]
         return _aimed(model, math.atan2(dy, dx), (math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
     return model
@@ -251,10 +252,10 @@ def shoot(model: Model, stroke: Stroke) -> Model:
     Raises:
         ValueError: As `games.play` does.
     """
-    played = play(model.setup, model.table, stroke)
+    played = play(model.setup, model.game, stroke)
     return dataclasses.replace(
         model,
-        tables=(*model.tables, played.table),
+        games=(*model.games, played.game),
         strokes=(*model.strokes, stroke),
         last=played,
         rival=None,
@@ -264,19 +265,19 @@ def shoot(model: Model, stroke: Stroke) -> Model:
     )
 
 
-def foresee(setup: Setup, table: Table, stroke: Stroke) -> Preview:
+def foresee(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     """Runs a shot and tells where the cue ball first touches another.
 
     Args:
         setup: The game.
-        table: The table.
+        game: The state of the game.
         stroke: The shot.
 
     Returns:
         The preview.
     """
-    cue = table.state.cue_balls[0]
-    shot = play(setup, table, stroke).shot
+    cue = game.state.cue_balls[0]
+    shot = play(setup, game, stroke).shot
     recording = shot.recording()
     events = recording.events
     hits = events[(events["kind"] == "ball_ball") & ((events["ball"] == cue) | (events["other"] == cue))]
@@ -299,7 +300,7 @@ def _velocity(recording: Recording, ball: int, time: float) -> NDArray[np.float6
 
 def _to_play(model: Model) -> Model:
     """The model with the player to shoot at the table, and a first aim: full at the nearest ball that may be hit."""
-    state = model.table.state
+    state = model.game.state
     model = dataclasses.replace(model, place=None, preview=None, clock=0.0)
     if state.over:
         return dataclasses.replace(model, phase="over")
@@ -314,28 +315,28 @@ def _to_play(model: Model) -> Model:
 
 
 def _first_speed(model: Model) -> float:
-    if model.table.state.break_shot and model.setup.game.pockets:
+    if model.game.state.break_shot and model.setup.game_rules.pockets:
         return BREAK_SHARE * model.max_speed
     return min(USUAL_SPEED, model.max_speed)
 
 
 def _first_angle(model: Model) -> float:
-    state = model.table.state
-    balls = sorted(model.setup.game.legal(state, state.player) or state.object_balls)
-    ways = model.table.positions[balls] - model.cue_at
+    state = model.game.state
+    balls = sorted(model.setup.game_rules.legal(state, state.player) or state.object_balls)
+    ways = model.game.positions[balls] - model.cue_at
     x, y = ways[np.argmin(np.hypot(ways[:, 0], ways[:, 1]))].tolist()
     return math.atan2(y, x)
 
 
 def _free_place(model: Model, wish: Point) -> Point:
-    positions, state = model.table
-    return cue_place(model.setup.scene, positions, state.object_balls, model.cue, wish, state.in_hand == "behind")
+    positions, state = model.game
+    return cue_ball_point(model.setup.scene, positions, state.object_balls, model.cue, wish, state.in_hand == "behind")
 
 
 def _aimed(model: Model, angle: float, speed: float) -> Model:
     speed = min(max(speed, LEAST_SPEED), model.max_speed)
     model = dataclasses.replace(model, phase="aiming", angle=math.remainder(angle, math.tau), speed=speed)
-    return dataclasses.replace(model, preview=foresee(model.setup, model.table, model.stroke))
+    return dataclasses.replace(model, preview=foresee(model.setup, model.game, model.stroke))
 
 
 def _go(model: Model) -> Model:
@@ -359,9 +360,9 @@ def _place(model: Model) -> Model:
 def _undo(model: Model) -> Model:
     """Back to the last shot of a person; nothing if there is none."""
     for k in range(len(model.strokes) - 1, -1, -1):
-        if model.players[model.tables[k].state.player] == HUMAN:
-            last = play(model.setup, model.tables[k - 1], model.strokes[k - 1]) if k else None
-            kept = {"tables": model.tables[: k + 1], "strokes": model.strokes[:k], "last": last, "rival": None}
+        if model.players[model.games[k].state.player] == HUMAN:
+            last = play(model.setup, model.games[k - 1], model.strokes[k - 1]) if k else None
+            kept = {"games": model.games[: k + 1], "strokes": model.strokes[:k], "last": last, "rival": None}
             return _to_play(dataclasses.replace(model, **kept))
     return model
 
@@ -372,7 +373,7 @@ def _replay(model: Model) -> Model:
     rival = model.rival
     if rival is None:
         mode, dt = ("pit", model.ghost_dt) if model.setup.mode == "pic" else ("pic", None)
-        rival = run_shot(model.setup.scene, model.last.given, mode, dt, record=True)
+        rival = run_shot(model.setup.scene, model.last.shot_input, mode, dt, record=True)
     return dataclasses.replace(model, rival=rival, phase="replaying", preview=None, clock=0.0)
 
 

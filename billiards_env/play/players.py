@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.games import Setup, Stroke, Table
-from billiards_env.games.places import Point, room
+from billiards_env.games import GameState, Setup, Stroke
+from billiards_env.games.placement import Point, placement_area
 from billiards_env.play.model import HUMAN
 
-Player = Callable[[Setup, Table, float, np.random.Generator], Stroke]
+Player = Callable[[Setup, GameState, float, np.random.Generator], Stroke]
 
 GROUP = "billiards_env.players"
 """The entry points under which packages offer players."""
@@ -78,17 +78,17 @@ def random_player(setup: Setup, argument: str = "") -> Player:
     if argument:
         raise ValueError(f"player 'random:{argument}': expected 'random', it takes no argument")
 
-    def stroke(setup: Setup, table: Table, max_speed: float, rng: np.random.Generator) -> Stroke:
+    def stroke(setup: Setup, table: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         angle, speed = math.tau * rng.random(), max_speed * rng.random()
         return Stroke((speed * math.cos(angle), speed * math.sin(angle)), any_place(setup, table, rng))
 
     return stroke
 
 
-def any_place(setup: Setup, table: Table, rng: np.random.Generator) -> Point | None:
+def any_place(setup: Setup, table: GameState, rng: np.random.Generator) -> Point | None:
     """A place drawn for a cue ball in hand, m; None if it is not in hand."""
     state = table.state
     if state.in_hand == "no":
         return None
-    x_low, x_high, y_low, y_high = room(setup.scene, state.cue_balls[0], state.in_hand == "behind")
+    x_low, x_high, y_low, y_high = placement_area(setup.scene, state.cue_balls[0], state.in_hand == "behind")
     return x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()

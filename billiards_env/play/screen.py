@@ -10,10 +10,10 @@ import numpy as np
 from billiards_env.drawing.canvas import BALL, RING, Canvas, Surface, pygame  # which says how to install pygame
 from billiards_env.drawing.recording import Floats, frame_times
 from billiards_env.drawing.style import CHALK, GREY, INK, PAPER
-from billiards_env.shot import ShotResult
 from billiards_env.play import words
 from billiards_env.play.model import Model
 from billiards_env.scene import Scene
+from billiards_env.shot import ShotResult
 
 FPS = 60
 
@@ -64,7 +64,7 @@ class Screen:
 
     def _still(self, model: Model) -> Surface:
         canvas, frame = self.canvas, self.canvas.table.copy()
-        table, cue = model.table, model.cue
+        table, cue = model.game, model.cue
         if model.phase == "placing" and table.state.in_hand == "behind":
             x, y = model.setup.scene.table.length / 4, model.setup.scene.table.width / 2
             self._draw_line(frame, np.array([[-x, -y], [-x, y]]), CHALK)

@@ -101,9 +101,9 @@ class GameWindow:
         frame = self._screen.draw(self.model, self.note)
         self._frames.show(frame, FPS)
         if self.model.phase == "thinking":  # after the frame that says so
-            player = self._players[self.model.table.state.player]
+            player = self._players[self.model.game.state.player]
             assert player is not None
-            stroke = player(self.model.setup, self.model.table, self.model.max_speed, self._rng)
+            stroke = player(self.model.setup, self.model.game, self.model.max_speed, self._rng)
             self.model = shoot(self.model, stroke)
         return frame
 

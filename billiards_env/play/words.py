@@ -53,9 +53,9 @@ def name(model: Model, player: int) -> str:
 
 def doing(model: Model) -> str:
     """Whose turn it is, and what they are doing."""
-    state = model.table.state
+    state = model.game.state
     if model.phase in ("rolling", "replaying"):
-        shooter = name(model, model.tables[-2].state.player)
+        shooter = name(model, model.games[-2].state.player)
         return shooter if model.pace == 1 else f"{shooter}   {model.pace:g} x"
     if state.over:
         return "Nobody wins" if state.winner < 0 else f"{name(model, state.winner)} wins"
@@ -71,8 +71,8 @@ def doing(model: Model) -> str:
 
 def wanted(model: Model) -> str:
     """Which balls the player may touch first."""
-    state = model.table.state
-    legal = model.setup.game.legal(state, state.player)
+    state = model.game.state
+    legal = model.setup.game_rules.legal(state, state.player)
     if legal == state.object_balls:
         return ""
     if len(legal) == 1:
@@ -92,5 +92,5 @@ def result(model: Model) -> str:
         elif potted:
             said.append(f"potted {', '.join(map(str, potted))}")
     if model.setup.target is not None:
-        said.append(" : ".join(map(str, model.table.state.scores)))
+        said.append(" : ".join(map(str, model.game.state.scores)))
     return "   ".join(said)

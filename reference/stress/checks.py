@@ -9,6 +9,7 @@ import dataclasses
 import math
 
 import numpy as np
+from billiards_env.engine.shot import MAX_EVENTS, check_shot, scene_arrays
 from numpy.typing import NDArray
 
 from billiards_env.engine.contact_rule import CONTACT_TIME
@@ -22,7 +23,6 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.log import ENDED as STATUS_COLUMN
 from billiards_env.engine.pic import run_shots
-from billiards_env.engine.shot import MAX_EVENTS, check_shot, scene_arrays
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (

@@ -7,11 +7,11 @@ import math
 from typing import Any
 
 import numpy as np
+from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from numpy.typing import NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import simulate
-from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Scene, Table
 from reference import oracle
 from reference.stress import draw

@@ -11,7 +11,7 @@ import pytest
 
 from agents import opponents
 from billiards_env import Scene
-from billiards_env.games import RULES, Setup, opening, play, set_table
+from billiards_env.games import RULES, Setup, custom_opening, opening, play
 from billiards_env.play.players import GROUP
 
 EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
@@ -45,7 +45,8 @@ def test_the_package_offers_them():
 
 @pytest.mark.parametrize(
     ("name", "rules"),
-    [("search", rules) for rules in RULES] + [("geometric", rules) for rules in RULES if setup(rules).game.pockets],
+    [("search", rules) for rules in RULES]
+    + [("geometric", rules) for rules in RULES if setup(rules).game_rules.pockets],
 )
 def test_whole_games_are_played(name, rules):
     game = setup(rules)
@@ -55,14 +56,14 @@ def test_whole_games_are_played(name, rules):
     for _ in range(12):
         stroke = player(game, table, 6.0, rng)
         assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
-        table = play(game, table, stroke).table  # refuses what the rules forbid
+        table = play(game, table, stroke).game  # refuses what the rules forbid
         if table.state.over:
             break
 
 
 def test_the_geometric_player_pots():
     game = setup("straight", 2)
-    table = set_table(game, EASY)
+    table = custom_opening(game, EASY)
     assert play(game, table, opponents.geometric(game)(game, table, 4.0, RNG(0))).verdict.points == 1
 
 
@@ -70,7 +71,7 @@ def test_the_geometric_player_hits_what_it_may_hit():
     game = setup("nine_ball")
     # The nine ball hangs in a pocket's mouth, the one is far away: only the one may be touched first.
     balls = [[0.6, 0.1], [-0.9, -0.4], *([-1.1 + 0.1 * i, 0.55] for i in range(7)), [1.07, 0.435]]
-    table = set_table(game, balls)
+    table = custom_opening(game, balls)
     played = play(game, table, opponents.geometric(game)(game, table, 4.0, RNG(0)))
     assert played.facts.first == (1,)
 
@@ -94,9 +95,9 @@ def test_a_cue_ball_in_hand_is_put_where_a_pot_is_easy():
     # The one is before a pocket, the two in the cue ball's way to it, the others along the far cushion.
     balls = [[0.0, -0.535], [1.0, 0.365], [0.1, -0.435], *([-1.1 + 0.15 * i, -0.6] for i in range(7))]
     player = opponents.geometric(game)
-    table = set_table(game, balls)
+    table = custom_opening(game, balls)
     assert 1 not in play(game, table, player(game, table, 4.0, RNG(0))).facts.potted
-    table = set_table(game, balls, {"in_hand": "anywhere"})
+    table = custom_opening(game, balls, {"in_hand": "anywhere"})
     played = [play(game, table, player(game, table, 4.0, RNG(seed))) for seed in range(10)]
     assert sum(1 in p.facts.potted and not p.verdict.foul for p in played) >= 9
 
@@ -109,7 +110,7 @@ def test_the_search_wins_nine_ball_against_geometry():
         rng = RNG(seed)
         table = opening(game, rng)
         while not table.state.over:
-            table = play(game, table, players[table.state.player](game, table, 6.0, rng)).table
+            table = play(game, table, players[table.state.player](game, table, 6.0, rng)).game
         wins += table.state.winner == 0
     assert wins >= 7
 
@@ -121,7 +122,7 @@ def test_a_trained_agent_plays(trained):
     table = opening(game, rng, "random")
     # It is shown the ball on, and nothing else: as if that were alone on the table.
     stroke = player(game, table, 6.0, rng)
-    alone = set_table(setup("straight", 1), table.positions[[0, 1]])
+    alone = custom_opening(setup("straight", 1), table.positions[[0, 1]])
     assert stroke == opponents.policy(setup("straight", 1), str(trained))(setup("straight", 1), alone, 6.0, rng)
     assert 0 < np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)  # what it was trained with
     slow = player(game, table, 0.5, rng)

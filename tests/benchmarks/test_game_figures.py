@@ -13,7 +13,7 @@ def test_the_window_is_driven_to_an_aimed_shot():
     assert model.phase == "aiming"
     assert len(model.strokes) == 1
     assert model.preview is not None
-    assert model.preview.ball == min(model.table.state.object_balls)  # nine ball's ball on
+    assert model.preview.ball == min(model.game.state.object_balls)  # nine ball's ball on
 
 
 def test_pictures_are_small_and_the_same_each_time(tmp_path):

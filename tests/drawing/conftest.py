@@ -10,7 +10,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 SCENE = Scene.named("pool", 4)
-PLACES = layouts.random(SCENE, np.random.default_rng(140))
+PLACES = layouts.draw("random", SCENE, np.random.default_rng(140))
 VELOCITY = [-2.6777, -0.8187]  # the combination of the README's picture: balls 3 and 2 are potted
 
 

@@ -15,10 +15,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from billiards_env.engine.shot import CROWD
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.engine import simulate, simulate_batch
-from billiards_env.engine.shot import CROWD
 from billiards_env.scene import Balls, Physics, Scene, Table
 
 LONG = 10**9  # events

@@ -342,7 +342,7 @@ def test_a_pocket_comes_before_a_cushion_and_an_impact_of_the_same_instant():
 @pytest.mark.parametrize("name", ["pool", "carom", "ideal"])
 def test_a_shot_without_velocity_is_over_at_once(name):
     scene = Scene.named(name, 3)
-    places = layouts.random(scene, np.random.default_rng(0))
+    places = layouts.draw("random", scene, np.random.default_rng(0))
     for arguments in ({}, {"max_time": 0.0}, {"max_events": 0}):
         shot = simulate(scene, places, [0.0, 0.0], record=True, **arguments)
         assert (shot.status, shot.n_events, shot.time, len(shot.events)) == ("rest", 0, 0.0, 0)
@@ -351,7 +351,7 @@ def test_a_shot_without_velocity_is_over_at_once(name):
 
 def test_a_frozen_rack_at_rest_stays_at_rest():
     scene = Scene.named("pool", 15)
-    places = layouts.tight_rack(scene, np.random.default_rng(0))
+    places = layouts.draw("tight_rack", scene, np.random.default_rng(0))
     shot = simulate(scene, places, [0.0, 0.0])
     assert (shot.status, shot.n_events) == ("rest", 0)
     assert np.array_equal(shot.positions, places)
@@ -380,7 +380,7 @@ def test_a_shot_ends_at_its_time_limit_with_what_moves_still_moving():
 def test_a_shot_is_given_up_loudly_at_its_limit_of_events():
     scene = Scene.named("carom")
     rng = np.random.default_rng(3)
-    places = layouts.random(scene, rng)
+    places = layouts.draw("random", scene, rng)
     whole = simulate(scene, places, [4.0, 3.0], record=True)
     part = simulate(scene, places, [4.0, 3.0], record=True, max_events=4)
     assert (part.status, part.n_events) == ("event_limit", 4)
@@ -442,7 +442,7 @@ def test_a_frozen_rack_breaks_without_losing_momentum_or_energy():
     scene = dataclasses.replace(Scene.named("ideal", 15), balls=Balls((R,) * 16, (0.2,) * 16))
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        places = layouts.tight_rack(scene, rng)
+        places = layouts.draw("tight_rack", scene, rng)
         start = 4 * (places[1] - places[0]) + rng.normal(size=2) * 0.02
         whole = simulate(scene, places, start, record=True)
         cushion = whole.events["time"][whole.events["kind"] == "cushion"][0]
@@ -457,7 +457,7 @@ def test_a_frozen_rack_breaks_without_losing_momentum_or_energy():
 
 def test_a_symmetric_break_stays_symmetric():
     scene = Scene.named("pool", 15)
-    places = layouts.tight_rack(scene, np.random.default_rng(0))
+    places = layouts.draw("tight_rack", scene, np.random.default_rng(0))
     places[0] = -0.6, 0.0
     shot = simulate(scene, places, [5.0, 0.0])
     mirrored = {(x, -y) for x, y in shot.positions.tolist()}
@@ -506,7 +506,7 @@ def test_numbering_matters_not_where_friction_presses_a_frozen_rack_together():
     scene = Scene.named("pool", 6)
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        places, spins = layouts.tight_rack(scene, rng), rng.normal(size=(7, 3)) * 50
+        places, spins = layouts.draw("tight_rack", scene, rng), rng.normal(size=(7, 3)) * 50
         start = 3 * (places[1] - places[0])
         order = np.r_[0, 1 + rng.permutation(6)]
         shot = play(scene, places, start, spins)

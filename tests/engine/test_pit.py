@@ -97,7 +97,7 @@ def test_phases_change_and_balls_come_to_rest_at_their_own_instants():
 def test_balls_at_rest_need_no_steps(name, fix):
     # at 1e-9 s a step, a second would take minutes
     scene = Scene.named(name)
-    places = layouts.random(scene, np.random.default_rng(0))
+    places = layouts.draw("random", scene, np.random.default_rng(0))
     shot = pit(scene, places, [0.0, 0.0], dt=1e-9, fix=fix, record=True)
     assert (shot.status, shot.n_events, shot.time) == ("rest", 0, 0.0)
     assert np.array_equal(shot.positions, places)
@@ -401,7 +401,7 @@ def test_a_gas_with_fixed_balls_in_it_keeps_its_energy_and_they_their_places(fix
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=3.0)
     mass = (1.0, 0.1, 3.0, math.inf, math.inf, 1.0)
     scene = Scene(Balls((0.05, 0.03, 0.08, 0.05, 0.1, 0.05), mass), Table(1.0, 0.8), physics)
-    places = layouts.random(scene, rng)
+    places = layouts.draw("random", scene, rng)
     velocities = rng.normal(size=(6, 2)) * 2 * np.isfinite(mass)[:, None]
     shot = pit(scene, places, velocities, fix=fix, dt=1 / 30)
     fixed = np.isinf(mass)
@@ -442,7 +442,7 @@ def test_the_default_fix_is_to_push_apart(name):
 def test_pit_with_small_steps_is_near_pic(name):
     scene = Scene.named(name, 2)
     rng = np.random.default_rng(0)
-    places = np.array([layouts.random(scene, rng) for _ in range(100)])
+    places = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
     starts = rng.normal(size=(100, 2))
     exact = simulate_batch(scene, places, starts, max_time=2.0)
     for fix in FIXES:
@@ -539,7 +539,7 @@ def test_pushed_apart_balls_end_within_the_cushions():
 
 def test_a_shot_is_given_up_loudly_at_its_limit_of_events():
     scene = Scene.named("carom")
-    places = layouts.random(scene, np.random.default_rng(3))
+    places = layouts.draw("random", scene, np.random.default_rng(3))
     whole = pit(scene, places, [4.0, 3.0], record=True)
     for limit in range(whole.n_events):
         part = pit(scene, places, [4.0, 3.0], record=True, max_events=limit)

@@ -126,7 +126,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
     compared = 0
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        places = layouts.random(scene, rng)
+        places = layouts.draw("random", scene, rng)
         toward = places[1] - places[0] + rng.normal(size=2) * 0.02
         start = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5)
         spins = rng.normal(size=3) * 30 if scene.physics.motion == "sliding" else None

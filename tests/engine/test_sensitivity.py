@@ -3,10 +3,10 @@
 import mpmath
 import numpy as np
 import pytest
+from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 
 from billiards_env import layouts
 from billiards_env.engine import simulate
-from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from billiards_env.scene import Balls, Physics, Scene, Table
 from reference.oracle import run
 

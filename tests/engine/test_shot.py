@@ -23,7 +23,7 @@ def refused(message, kind: type[Exception] = ValueError):
 # Records
 
 
-SCATTERED = layouts.random(Scene.named("pool", 15), np.random.default_rng(4))
+SCATTERED = layouts.draw("random", Scene.named("pool", 15), np.random.default_rng(4))
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_recording_changes_no_bit(name):
     scene = Scene.named(name, 5)
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        places, start = layouts.random(scene, rng), rng.normal(size=2) * 3
+        places, start = layouts.draw("random", scene, rng), rng.normal(size=2) * 3
         plain, record = (simulate(scene, places, start, record=r) for r in (False, True))
         for field in ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit"):
             assert np.array_equal(getattr(plain, field), getattr(record, field))
@@ -100,7 +100,7 @@ def test_recording_changes_no_bit(name):
 def test_a_log_longer_than_its_first_room_is_complete():
     scene = Scene.named("ideal", 15)
     rng = np.random.default_rng(0)
-    places, velocities = layouts.random(scene, rng), rng.normal(size=(16, 2)) * 2
+    places, velocities = layouts.draw("random", scene, rng), rng.normal(size=(16, 2)) * 2
     shot = simulate(scene, places, velocities, record=True, max_time=30.0)
     assert shot.n_events > 1000
     assert len(shot.events) == shot.n_events

@@ -15,7 +15,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import layouts, simulate_batch
-from billiards_env.envs.action_frames import BALLS, FRAMES, ActionTransform, aim, choose_ball, cos_sin, cut, perturb, polar, sum_to_three
+from billiards_env.envs.action_frames import (
+    BALLS,
+    FRAMES,
+    ActionTransform,
+    aim,
+    choose_ball,
+    cos_sin,
+    cut,
+    perturb,
+    polar,
+    sum_to_three,
+)
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 from billiards_env.scene import Scene
 

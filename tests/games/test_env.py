@@ -192,7 +192,7 @@ def test_actions_place_a_cue_ball_in_hand_over_all_of_its_room():
         env.reset(seed=0)
         env.step(np.array([0, 0, *action], np.float32))
         assert env.history().strokes[0].place == pytest.approx(place)
-    assert env.table.state.in_hand == "anywhere"
+    assert env.game.state.in_hand == "anywhere"
     env.step(np.array([0, 0, 0.25, 0.5], np.float32))
     assert env.history().strokes[1].place == pytest.approx((0.25 * x_end, 0.5 * y_end))
 
@@ -250,7 +250,7 @@ def test_a_shot_cut_off_is_loud(monkeypatch):
     monkeypatch.setattr(billiards_v0, "play", cut)
     env = billiards_v0.raw_env("carom")
     env.reset(seed=0)
-    with pytest.warns(RuntimeWarning, match="cut off"):
+    with pytest.warns(RuntimeWarning, match="reached the engine.s limit"):
         env.step(np.zeros(2, np.float32))
 
 
@@ -265,10 +265,10 @@ def test_copies_play_on_alike(duplicate):
     for action in actions[5:]:
         env.step(action)
         other.step(action)
-    assert env.table.positions.tobytes() == other.table.positions.tobytes()
+    assert env.game.positions.tobytes() == other.game.positions.tobytes()
     env.reset()
     other.reset()
-    assert env.table.positions.tobytes() == other.table.positions.tobytes()
+    assert env.game.positions.tobytes() == other.game.positions.tobytes()
 
 
 def test_a_history_plays_again():
@@ -276,12 +276,12 @@ def test_a_history_plays_again():
     env.reset(seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 4)).astype(np.float32)
     for action in actions:
-        if env.table.state.over:
+        if env.game.state.over:
             break
         env.step(action)
     *_, last = replay(env.history())
-    assert last.table.positions.tobytes() == env.table.positions.tobytes()
-    assert last.table.state == env.table.state
+    assert last.game.positions.tobytes() == env.game.positions.tobytes()
+    assert last.game.state == env.game.state
 
 
 def test_frames():
@@ -318,7 +318,7 @@ def test_drawing_changes_no_bit():
         for k in range(4):
             env.step(np.array([0.1 * k, 0.2], np.float32))
             env.render() if env is seen else None
-    assert seen.unwrapped.table.positions.tobytes() == blind.unwrapped.table.positions.tobytes()
+    assert seen.unwrapped.game.positions.tobytes() == blind.unwrapped.game.positions.tobytes()
 
 
 def test_without_a_render_mode_nothing_is_drawn():

@@ -2,22 +2,22 @@
 
 import numpy as np
 import pytest
+from billiards_env.engine.shot import EVENT_DTYPE
 
 from billiards_env import Scene, simulate
-from billiards_env.engine.shot import EVENT_DTYPE
 from billiards_env.games.rules import (
     FOULS,
     IN_HAND,
     RULES,
     Facts,
-    State,
+    RuleState,
     Verdict,
-    after,
     carom,
     eight_ball,
     facts_of,
     group_or_eight,
     lowest_ball,
+    next_state,
     nine_ball,
     straight,
     three_cushion,
@@ -40,7 +40,7 @@ def facts(*rows, cue=0):
 
 def state(rules, *, on_table=None, players=2, **fields):
     n = 1 + RULES[rules].n_object_balls[1]
-    start = State(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
+    start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
     return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
 
 
@@ -159,7 +159,7 @@ def test_fouls(rules, fields, log, foul):
     verdict = RULES[rules].judge(state(rules, **fields), facts(*log))
     assert verdict.foul == foul
     assert verdict.in_hand == ("anywhere" if foul else "no")
-    assert not (foul and verdict.goes_on)
+    assert not (foul and verdict.continues)
     assert not verdict.over
 
 
@@ -174,7 +174,7 @@ def test_a_split_hit_counts_as_the_legal_ball_first():
 
 def test_nine_ball_any_legal_pot_goes_on():
     verdict = nine_ball(state("nine_ball"), facts(("hit", 0, 1), ("hit", 1, 6), ("pocket", 6)))
-    assert verdict == Verdict(goes_on=True)
+    assert verdict == Verdict(continues=True)
 
 
 def test_nine_ball_a_miss_passes_the_turn():
@@ -183,7 +183,7 @@ def test_nine_ball_a_miss_passes_the_turn():
 
 def test_nine_ball_is_won_early_by_a_combination():
     verdict = nine_ball(state("nine_ball", player=1), facts(("hit", 0, 1), ("hit", 1, 9), ("pocket", 9)))
-    assert verdict == Verdict(goes_on=True, over=True, winner=1)
+    assert verdict == Verdict(continues=True, over=True, winner=1)
 
 
 def test_nine_ball_is_won_by_the_last_ball():
@@ -205,7 +205,7 @@ def test_nine_ball_potted_with_a_foul_comes_back_alone(log):
     assert verdict.foul
     assert verdict.spotted == (9,)
     assert not verdict.over
-    now = after(before, facts(*log), verdict)
+    now = next_state(before, facts(*log), verdict)
     assert 9 in now.on_table
     assert (2 in now.on_table) == (("pocket", 2) not in log)
 
@@ -215,8 +215,8 @@ def test_nine_ball_break_needs_a_pot_or_four_balls_at_cushions():
     three = [("hit", 0, 1), ("cushion", 2), ("cushion", 3), ("cushion", 4), ("cushion", 4), ("cushion", 0)]
     assert nine_ball(before, facts(*three)) == Verdict("illegal_break", in_hand="anywhere")
     assert nine_ball(before, facts(*three, ("cushion", 9))) == Verdict()
-    assert nine_ball(before, facts(*three, ("pocket", 5))) == Verdict(goes_on=True)
-    assert nine_ball(before, facts(*three, ("pocket", 9))) == Verdict(goes_on=True, over=True, winner=0)
+    assert nine_ball(before, facts(*three, ("pocket", 5))) == Verdict(continues=True)
+    assert nine_ball(before, facts(*three, ("pocket", 9))) == Verdict(continues=True, over=True, winner=0)
     assert nine_ball(before._replace(break_shot=False), facts(*three)) == Verdict()
 
 
@@ -231,8 +231,8 @@ def test_nine_ball_break_has_to_meet_the_one_first():
 def test_eight_ball_the_table_stays_open_after_the_break():
     before = state("eight_ball", break_shot=True, in_hand="behind")
     verdict = eight_ball(before, facts(("hit", 0, 1), ("pocket", 3)))
-    assert verdict == Verdict(goes_on=True)
-    assert after(before, facts(("hit", 0, 1), ("pocket", 3)), verdict).solids == -1
+    assert verdict == Verdict(continues=True)
+    assert next_state(before, facts(("hit", 0, 1), ("pocket", 3)), verdict).solids == -1
 
 
 def test_eight_ball_break_without_a_pot_passes_the_turn_whatever_it_drives():
@@ -242,7 +242,7 @@ def test_eight_ball_break_without_a_pot_passes_the_turn_whatever_it_drives():
 
 
 def test_eight_ball_break_may_meet_the_eight_first():
-    assert eight_ball(state("eight_ball", break_shot=True), facts(("hit", 0, 8), ("pocket", 2))).goes_on
+    assert eight_ball(state("eight_ball", break_shot=True), facts(("hit", 0, 8), ("pocket", 2))).continues
 
 
 def test_eight_ball_break_foul_gives_the_cue_ball_behind_the_head_string():
@@ -255,10 +255,10 @@ def test_eight_ball_break_foul_gives_the_cue_ball_behind_the_head_string():
 
 def test_eight_ball_potted_on_the_break_is_spotted():
     before = state("eight_ball", break_shot=True)
-    assert eight_ball(before, facts(("hit", 0, 1), ("pocket", 8))) == Verdict(goes_on=True, spotted=(8,))
+    assert eight_ball(before, facts(("hit", 0, 1), ("pocket", 8))) == Verdict(continues=True, spotted=(8,))
     scratch = facts(("hit", 0, 1), ("pocket", 8), ("pocket", 0))
     assert eight_ball(before, scratch) == Verdict("scratch", in_hand="behind", spotted=(8,))
-    assert 8 in after(before, scratch, eight_ball(before, scratch)).on_table
+    assert 8 in next_state(before, scratch, eight_ball(before, scratch)).on_table
 
 
 @pytest.mark.parametrize("player", [0, 1])
@@ -266,12 +266,12 @@ def test_eight_ball_potted_on_the_break_is_spotted():
 def test_eight_ball_the_first_legal_pot_chooses_the_groups(player, ball, solid):
     before = state("eight_ball", player=player)
     verdict = eight_ball(before, facts(("hit", 0, 12), ("hit", 12, ball), ("pocket", ball)))
-    assert verdict == Verdict(goes_on=True, solids=player if solid else 1 - player)
+    assert verdict == Verdict(continues=True, solids=player if solid else 1 - player)
 
 
 def test_eight_ball_of_two_groups_the_first_to_drop_is_chosen():
     verdict = eight_ball(state("eight_ball"), facts(("hit", 0, 12), ("pocket", 12), ("pocket", 3)))
-    assert verdict == Verdict(goes_on=True, solids=1)
+    assert verdict == Verdict(continues=True, solids=1)
 
 
 def test_eight_ball_a_foul_chooses_no_group():
@@ -279,14 +279,14 @@ def test_eight_ball_a_foul_chooses_no_group():
     log = facts(("hit", 0, 3), ("pocket", 3), ("pocket", 0))
     verdict = eight_ball(before, log)
     assert verdict == Verdict("scratch", in_hand="anywhere")
-    assert 3 not in after(before, log, verdict).on_table
+    assert 3 not in next_state(before, log, verdict).on_table
 
 
 def test_eight_ball_goes_on_after_an_own_ball_only():
     before = state("eight_ball", solids=1)  # player 0 has the stripes
-    assert not eight_ball(before, facts(("hit", 0, 9), ("pocket", 3))).goes_on
-    assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 9))).goes_on
-    assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 3), ("pocket", 10))).goes_on
+    assert not eight_ball(before, facts(("hit", 0, 9), ("pocket", 3))).continues
+    assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 9))).continues
+    assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 3), ("pocket", 10))).continues
     assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 3))).solids == 1
 
 
@@ -334,15 +334,15 @@ def test_straight_each_ball_is_a_point_and_another_shot():
     before = state("straight", scores=(3, 5))
     log = facts(("hit", 0, 4), ("pocket", 4), ("pocket", 11))
     verdict = straight(before, log)
-    assert verdict == Verdict(points=2, goes_on=True)
-    now = after(before, log, verdict)
+    assert verdict == Verdict(points=2, continues=True)
+    now = next_state(before, log, verdict)
     assert (now.player, now.scores, now.object_balls) == (0, (5, 5), set(range(1, 16)) - {4, 11})
 
 
 def test_straight_a_miss_passes_the_turn():
     before = state("straight", players=3, player=2)
     assert straight(before, facts(("hit", 0, 4), ("cushion", 4))) == Verdict()
-    assert after(before, Facts(), Verdict()).player == 0
+    assert next_state(before, Facts(), Verdict()).player == 0
 
 
 def test_straight_knows_no_foul_but_a_scratch():
@@ -355,13 +355,13 @@ def test_straight_a_scratch_costs_a_point_and_the_balls_come_back():
     log = facts(("hit", 0, 9), ("pocket", 9), ("pocket", 0), ("pocket", 2))
     verdict = straight(before, log)
     assert verdict == Verdict("scratch", points=-1, in_hand="behind", spotted=(2, 9))
-    now = after(before, log, verdict)
+    now = next_state(before, log, verdict)
     assert (now.player, now.scores, now.in_hand, now.on_table) == (0, (0, 1), "behind", frozenset(range(16)))
 
 
 def test_straight_scores_may_be_negative():
     before = state("straight")
-    assert after(before, facts(("pocket", 0)), straight(before, facts(("pocket", 0)))).scores == (-1, 0)
+    assert next_state(before, facts(("pocket", 0)), straight(before, facts(("pocket", 0)))).scores == (-1, 0)
 
 
 @pytest.mark.parametrize(("scores", "winner"), [((6, 5), 0), ((3, 6), 1), ((4, 5), -1)])
@@ -388,14 +388,14 @@ def test_straight_ends_at_the_target():
 
 def test_carom_both_balls_are_a_point_and_another_shot():
     verdict = carom(state("carom"), facts(("hit", 0, 2), ("hit", 0, 1)))
-    assert verdict == Verdict(points=1, goes_on=True)
+    assert verdict == Verdict(points=1, continues=True)
 
 
 @pytest.mark.parametrize("log", [[], [("hit", 0, 1)], [("hit", 0, 1), ("hit", 1, 2)], [("hit", 0, 1), ("hit", 0, 1)]])
 def test_carom_less_is_nothing_and_passes_the_turn_and_the_cue_ball(log):
     before = state("carom")
     assert carom(before, facts(*log)) == Verdict()
-    now = after(before, facts(*log), Verdict())
+    now = next_state(before, facts(*log), Verdict())
     assert (now.player, now.cue_balls, now.object_balls) == (1, (2, 0), {0, 1})
 
 
@@ -403,9 +403,9 @@ def test_carom_the_second_player_has_the_other_cue_ball():
     before = state("carom", player=1, cue_balls=(2, 0))
     log = facts(("hit", 0, 2), ("hit", 1, 2), cue=2)
     verdict = carom(before, log)
-    assert verdict == Verdict(points=1, goes_on=True)
-    assert after(before, log, verdict).cue_balls == (2, 0)
-    assert after(before, log, verdict).scores == (0, 1)
+    assert verdict == Verdict(points=1, continues=True)
+    assert next_state(before, log, verdict).cue_balls == (2, 0)
+    assert next_state(before, log, verdict).scores == (0, 1)
 
 
 def test_carom_opens_on_the_red_ball():
@@ -433,7 +433,7 @@ def test_three_cushion_counts_the_cue_balls_cushions_before_the_second_ball():
         ([("hit", 0, 1), ("cushion", 1), ("cushion", 1), ("cushion", 1), ("hit", 0, 2)], 0),
         ([cushion, cushion, cushion, ("hit", 0, 1)], 0),
     ]:
-        assert three_cushion(before, facts(*log)) == Verdict(points=points, goes_on=points == 1)
+        assert three_cushion(before, facts(*log)) == Verdict(points=points, continues=points == 1)
 
 
 # From shot to shot.
@@ -445,16 +445,16 @@ def test_turns_go_round(players):
     order = []
     for _ in range(2 * players):
         order.append(now.player)
-        now = after(now, Facts(), Verdict())
+        now = next_state(now, Facts(), Verdict())
     assert order == [*range(players)] * 2
 
 
 def test_after_a_break_there_is_no_break():
-    assert not after(state("nine_ball", break_shot=True), Facts(), Verdict()).break_shot
+    assert not next_state(state("nine_ball", break_shot=True), Facts(), Verdict()).break_shot
 
 
 def test_after_takes_the_verdicts_word():
-    now = after(
+    now = next_state(
         state("eight_ball"),
         facts(("pocket", 0), ("pocket", 8)),
         Verdict("scratch", in_hand="anywhere", over=True, winner=1),
@@ -470,7 +470,7 @@ def test_every_verdict_of_random_facts_is_of_known_words():
             lying = frozenset({0, *rules.cue_balls, n - 1, 8 if n > 9 else n - 1, *rng.integers(0, n, 8).tolist()})
             if not rules.pockets:
                 lying = frozenset(range(n))
-            before = State(int(rng.integers(2)), (0, 0), lying, bool(rng.integers(2)), cue_balls=rules.cue_balls)
+            before = RuleState(int(rng.integers(2)), (0, 0), lying, bool(rng.integers(2)), cue_balls=rules.cue_balls)
             rows = []
             for _ in range(int(rng.integers(8))):
                 kind = ["hit", "cushion", "pocket"][rng.integers(3 if rules.pockets else 2)]

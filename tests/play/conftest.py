@@ -4,21 +4,23 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, History, Setup, opening, set_table
+from billiards_env.games import RULES, History, Setup, custom_opening, opening
 from billiards_env.play.model import HUMAN, begin
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 
 @pytest.fixture(scope="session")
-def game():
+def make_model():
     """A function that begins a game of two: by its rules, from the usual opening or from balls placed by hand."""
 
     def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), **kwargs):
         pockets = RULES[rules].pockets
         balls = RULES[rules].n_object_balls[1] if positions is None else len(positions) - 1
         setup = Setup(rules, Scene.named("pool" if pockets else "carom", balls), len(players), **kwargs)
-        table = opening(setup, np.random.default_rng(0)) if positions is None else set_table(setup, positions, state)
+        table = (
+            opening(setup, np.random.default_rng(0)) if positions is None else custom_opening(setup, positions, state)
+        )
         return begin(History(setup, table, ()), players, 8.0, 1 / 60)
 
     return make

@@ -36,9 +36,9 @@ def frames(monkeypatch):
 
 
 @pytest.fixture
-def saved(game, tmp_path):
+def saved(make_model, tmp_path):
     """A saved game."""
-    model = shoot(game(positions=BALLS), Stroke((1.0, 0.3)))
+    model = shoot(make_model(positions=BALLS), Stroke((1.0, 0.3)))
     records.save(tmp_path / "saved.json", records.record_game(model.history))
     return tmp_path / "saved.json", update(model, Do("go"))
 
@@ -79,7 +79,7 @@ def test_a_saved_game_is_gone_on_with_and_saved_again(frames, saved, tmp_path, c
     main(["--load", str(path), "--players", "human,human", "--save", str(tmp_path / "again.json")])
     (shown,) = frames
     assert shown.model.strokes == model.strokes
-    assert (shown.model.table.positions == model.table.positions).all()
+    assert (shown.model.game.positions == model.game.positions).all()
     assert capsys.readouterr().out.endswith(f"\nsaved to {tmp_path / 'again.json'}\n")
     assert records.load(tmp_path / "again.json") == records.load(path)
 

@@ -8,7 +8,7 @@ import pytest
 
 from billiards_env import simulate
 from billiards_env.games import Stroke, play
-from billiards_env.games.places import room
+from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
     PACES,
@@ -39,8 +39,8 @@ def same(one, other):
     """Whether two games have come to the same, bit for bit."""
     return (
         one.strokes == other.strokes
-        and one.table.state == other.table.state
-        and (one.table.positions == other.table.positions).all()
+        and one.game.state == other.game.state
+        and (one.game.positions == other.game.positions).all()
     )
 
 
@@ -49,8 +49,8 @@ def test_it_needs_no_pygame():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
-def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(game):
-    model = game("nine_ball")
+def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
+    model = make_model("nine_ball")
     assert model.phase == "placing"
     model = after(model, Do("go"))
     assert model.phase == "aiming"
@@ -61,21 +61,21 @@ def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(game):
         assert model.phase == "rolling"
         model = tick(model, 1 / 60)
     assert model.phase in ("aiming", "placing")
-    assert model.table.state.player == 1
+    assert model.game.state.player == 1
     stroke = model.strokes[0]
-    assert (model.table.positions == play(model.setup, model.tables[0], stroke).table.positions).all()
+    assert (model.game.positions == play(model.setup, model.games[0], stroke).game.positions).all()
 
 
-def test_the_first_aim_is_full_at_the_nearest_ball_that_may_be_hit(game):
+def test_the_first_aim_is_full_at_the_nearest_ball_that_may_be_hit(make_model):
     balls = [[0.0, 0.0], *([-1.0 + 0.1 * i, 0.5] for i in range(9))]
-    model = game("nine_ball", balls)
+    model = make_model("nine_ball", balls)
     assert model.angle == math.atan2(0.5, -1.0)
-    model = game("straight", [*balls[:1], [0.4, -0.3], [0.8, 0.0]])
+    model = make_model("straight", [*balls[:1], [0.4, -0.3], [0.8, 0.0]])
     assert model.angle == math.atan2(-0.3, 0.4)
 
 
-def test_arrow_keys_turn_and_strengthen(game):
-    model = after(game(positions=STRAIGHT), Turn(10.0), Strengthen(0.5))
+def test_arrow_keys_turn_and_strengthen(make_model):
+    model = after(make_model(positions=STRAIGHT), Turn(10.0), Strengthen(0.5))
     assert math.degrees(model.angle) == pytest.approx(10.0)
     assert model.speed == pytest.approx(2.5)
     assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.angle), 2.5 * math.sin(model.angle)))
@@ -83,8 +83,8 @@ def test_arrow_keys_turn_and_strengthen(game):
     assert after(model, Strengthen(-100.0)).speed == LEAST_SPEED
 
 
-def test_the_arrow_is_drawn_to_the_mouse(game):
-    model = game(positions=STRAIGHT)
+def test_the_arrow_is_drawn_to_the_mouse(make_model):
+    model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
     model = after(model, AimAt((-0.4, 0.09 * 3.0 + 1.4 * r)))
     assert model.angle == math.pi / 2
@@ -92,11 +92,11 @@ def test_the_arrow_is_drawn_to_the_mouse(game):
     assert after(model, AimAt((-0.4, 0.0))).speed == LEAST_SPEED
 
 
-def test_inputs_that_make_no_sense_do_nothing(game):
-    aiming = game(positions=STRAIGHT)
+def test_inputs_that_make_no_sense_do_nothing(make_model):
+    aiming = make_model(positions=STRAIGHT)
     for given in (MoveTo((0.0, 0.0)), MoveBy((0.1, 0.0)), Do("place"), Do("undo"), Do("replay")):
         assert update(aiming, given) is aiming
-    placing = game("nine_ball")
+    placing = make_model("nine_ball")
     for given in (Turn(1.0), Strengthen(1.0), AimAt((0.0, 0.0))):
         assert update(placing, given) is placing
     assert tick(aiming, 1.0) is aiming
@@ -104,25 +104,25 @@ def test_inputs_that_make_no_sense_do_nothing(game):
     assert update(rolling, Turn(1.0)) is rolling
 
 
-def test_a_cue_ball_in_hand_is_moved_where_it_may_lie(game):
-    model = after(game("nine_ball"), MoveTo((-0.9, 0.2)))
+def test_a_cue_ball_in_hand_is_moved_where_it_may_lie(make_model):
+    model = after(make_model("nine_ball"), MoveTo((-0.9, 0.2)))
     assert model.cue_at == (-0.9, 0.2)
     model = after(model, MoveBy((0.01, -0.02)))
     assert model.cue_at == pytest.approx((-0.89, 0.18))
     model = after(model, MoveTo((0.5, 9.0)))  # neither before the head string nor beyond the cushion
-    _, x, _, y = room(model.setup.scene, 0, behind=True)
+    _, x, _, y = placement_area(model.setup.scene, 0, behind=True)
     assert model.cue_at == (x, y)
     model = after(model, Do("go"))
     assert after(model, Do("place")).phase == "placing"
     assert model.stroke.place == (x, y)
-    anywhere = game(positions=STRAIGHT, state={"in_hand": "anywhere"})
+    anywhere = make_model(positions=STRAIGHT, state={"in_hand": "anywhere"})
     near = np.array(after(anywhere, MoveTo((0.4, 0.01))).cue_at)
     assert np.hypot(*(near - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
 
 
 @pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
-def test_the_preview_ends_where_the_engine_sees_the_first_contact(game, mode):
-    model = after(game(positions=STRAIGHT, **mode), Turn(1.5))
+def test_the_preview_ends_where_the_engine_sees_the_first_contact(make_model, mode):
+    model = after(make_model(positions=STRAIGHT, **mode), Turn(1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
@@ -139,33 +139,33 @@ def test_the_preview_ends_where_the_engine_sees_the_first_contact(game, mode):
     assert np.hypot(*preview.struck) > np.hypot(*preview.cue)
 
 
-def test_a_preview_without_contact_shows_the_whole_way(game):
-    model = after(game(positions=STRAIGHT), Turn(180.0), Strengthen(-1.9))
+def test_a_preview_without_contact_shows_the_whole_way(make_model):
+    model = after(make_model(positions=STRAIGHT), Turn(180.0), Strengthen(-1.9))
     assert model.preview.ball == -1
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity)
     assert model.preview.path[-1] == pytest.approx(shot.positions[0], abs=1e-12)
-    table = game(positions=INTO_THE_CORNER).table
-    potted = foresee(model.setup, table, Stroke((0.0, -5.0)))
+    state = make_model(positions=INTO_THE_CORNER).game
+    potted = foresee(model.setup, state, Stroke((0.0, -5.0)))
     assert np.isfinite(potted.path).all()
 
 
-def test_a_preview_is_that_of_the_cue_ball_in_turn(game):
+def test_a_preview_is_that_of_the_cue_ball_in_turn(make_model):
     balls = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
-    model = game("carom", balls, {"player": 1, "cue_balls": [2, 0]})
+    model = make_model("carom", balls, {"player": 1, "cue_balls": [2, 0]})
     assert model.cue == 2
     assert model.preview.path[0].tolist() == balls[2]
     assert model.preview.ball == 0
 
 
-def test_go_skips_to_the_end_of_a_shot(game):
-    one = after(game(positions=STRAIGHT), Do("go"))
+def test_go_skips_to_the_end_of_a_shot(make_model):
+    one = after(make_model(positions=STRAIGHT), Do("go"))
     two = after(one, Do("go"))
     assert two.phase in ("aiming", "placing")
     assert same(one, two)
 
 
-def test_undo_and_the_shot_again_give_the_same_bits(game):
-    model = after(game("nine_ball"), Do("go"), Turn(0.3))
+def test_undo_and_the_shot_again_give_the_same_bits(make_model):
+    model = after(make_model("nine_ball"), Do("go"), Turn(0.3))
     done = after(model, Do("go"), Do("go"))
     undone = after(done, Do("undo"))
     assert undone.phase == "placing"
@@ -179,14 +179,14 @@ def test_undo_and_the_shot_again_give_the_same_bits(game):
     assert (back.last.shot.positions == done.last.shot.positions).all()
 
 
-def test_undo_goes_back_to_a_shot_of_a_person(game):
-    model = game(positions=STRAIGHT, players=("human", "random"))
+def test_undo_goes_back_to_a_shot_of_a_person(make_model):
+    model = make_model(positions=STRAIGHT, players=("human", "random"))
     model = after(model, Turn(90.0), Do("go"), Do("go"))
     assert model.phase == "thinking"
     model = after(shoot(model, Stroke((0.1, 0.1))), Do("go"))
     assert len(model.strokes) == 2
     assert len(after(model, Do("undo")).strokes) == 0
-    programs = game(positions=STRAIGHT, players=("random", "random"))
+    programs = make_model(positions=STRAIGHT, players=("random", "random"))
     programs = after(shoot(programs, Stroke((0.1, 0.0))), Do("go"))
     assert update(programs, Do("undo")) is programs
 
@@ -194,8 +194,8 @@ def test_undo_goes_back_to_a_shot_of_a_person(game):
 @pytest.mark.parametrize(
     ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
 )
-def test_a_replay_shows_the_shot_of_the_other_engine(game, mode, ghost):
-    model = after(game(positions=STRAIGHT, **mode), Turn(1.0), Do("go"), Do("go"))
+def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
+    model = after(make_model(positions=STRAIGHT, **mode), Turn(1.0), Do("go"), Do("go"))
     turn = model.angle, model.phase
     model = after(model, Do("replay"))
     shot, rival = model.shown
@@ -212,26 +212,26 @@ def test_a_replay_shows_the_shot_of_the_other_engine(game, mode, ghost):
     assert after(tick(model, 1.0), Do("replay")).clock == 0.0
 
 
-def test_pace(game):
-    model = after(game(positions=STRAIGHT), Do("slower"), Do("go"))
+def test_pace(make_model):
+    model = after(make_model(positions=STRAIGHT), Do("slower"), Do("go"))
     assert tick(model, 1.0).clock == 0.5
     assert after(model, *[Do("slower")] * 20).pace == PACES[0]
     assert after(model, *[Do("faster")] * 20).pace == PACES[-1]
 
 
-def test_a_game_that_is_over(game):
-    model = game(positions=INTO_THE_CORNER, target=1)
+def test_a_game_that_is_over(make_model):
+    model = make_model(positions=INTO_THE_CORNER, target=1)
     model = after(model, Do("go"), Do("go"))
     assert model.phase == "over"
-    assert model.table.state.winner == 0
+    assert model.game.state.winner == 0
     assert update(model, Do("go")) is model
     assert after(model, Do("replay")).phase == "replaying"
     assert after(model, Do("replay"), Do("go")).phase == "over"
     assert after(model, Do("undo")).phase == "aiming"
 
 
-def test_a_game_is_gone_on_with(game):
-    model = after(game("nine_ball"), *[Do("go")] * 5)
+def test_a_game_is_gone_on_with(make_model):
+    model = after(make_model("nine_ball"), *[Do("go")] * 5)
     again = begin(model.history, model.players, 8.0, 1 / 60)
     assert len(model.strokes) == 2
     assert same(model, again)
@@ -241,8 +241,8 @@ def test_a_game_is_gone_on_with(game):
         begin(model.history, ("human",) * 3, 8.0, 1 / 60)
 
 
-def test_help_is_closed_by_go(game):
-    model = after(game(positions=STRAIGHT), Do("help"))
+def test_help_is_closed_by_go(make_model):
+    model = after(make_model(positions=STRAIGHT), Do("help"))
     assert model.help
     closed = after(model, Do("go"))
     assert (closed.help, closed.phase) == (False, "aiming")

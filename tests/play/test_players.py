@@ -14,7 +14,7 @@ BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 def own(setup, argument):
     if argument == "bad":
         raise ValueError("it cannot be had")
-    return lambda setup, table, max_speed, rng: Stroke((float(argument or 1), 0.0))
+    return lambda setup, game, max_speed, rng: Stroke((float(argument or 1), 0.0))
 
 
 @pytest.fixture
@@ -25,40 +25,40 @@ def module(monkeypatch):
     monkeypatch.setitem(sys.modules, "mine", made)
 
 
-def test_a_person_is_no_program(game):
-    assert find_player("human", game(positions=BALLS).setup) is None
+def test_a_person_is_no_program(make_model):
+    assert find_player("human", make_model(positions=BALLS).setup) is None
 
 
-def test_the_random_player(game):
-    model = game("nine_ball")
+def test_the_random_player(make_model):
+    model = make_model("nine_ball")
     player = find_player("random", model.setup)
     assert player is not None
-    strokes = [player(model.setup, model.table, 5.0, np.random.default_rng(seed)) for seed in range(100)]
+    strokes = [player(model.setup, model.game, 5.0, np.random.default_rng(seed)) for seed in range(100)]
     speeds = [np.hypot(*stroke.velocity) for stroke in strokes]
     assert 4.5 < max(speeds) <= 5.0
     assert len({stroke.place for stroke in strokes}) == 100
-    assert player(model.setup, model.table, 5.0, np.random.default_rng(7)) == strokes[7]
-    on_table = game(positions=BALLS)
-    assert player(on_table.setup, on_table.table, 5.0, np.random.default_rng(0)).place is None
+    assert player(model.setup, model.game, 5.0, np.random.default_rng(7)) == strokes[7]
+    on_table = make_model(positions=BALLS)
+    assert player(on_table.setup, on_table.game, 5.0, np.random.default_rng(0)).place is None
 
 
 @pytest.mark.usefixtures("module")
-def test_ones_own_player(game):
-    model = game(positions=BALLS)
+def test_ones_own_player(make_model):
+    model = make_model(positions=BALLS)
     for text, speed in (("mine:own", 1.0), ("mine:own:2.5", 2.5)):
         player = find_player(text, model.setup)
         assert player is not None
-        assert player(model.setup, model.table, 8.0, np.random.default_rng(0)) == Stroke((speed, 0.0))
+        assert player(model.setup, model.game, 8.0, np.random.default_rng(0)) == Stroke((speed, 0.0))
 
 
 @pytest.mark.usefixtures("module")
-def test_a_player_offered_by_a_package(game, monkeypatch):
+def test_a_player_offered_by_a_package(make_model, monkeypatch):
     entry = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([entry]))
-    model = game(positions=BALLS)
+    model = make_model(positions=BALLS)
     player = find_player("theirs:3", model.setup)
     assert player is not None
-    assert player(model.setup, model.table, 8.0, np.random.default_rng(0)) == Stroke((3.0, 0.0))
+    assert player(model.setup, model.game, 8.0, np.random.default_rng(0)) == Stroke((3.0, 0.0))
     with pytest.raises(ValueError, match="expected one of human, random, theirs, or module:function"):
         find_player("them", model.setup)
 
@@ -75,6 +75,6 @@ def test_a_player_offered_by_a_package(game, monkeypatch):
         (":x", "player ':x'"),
     ],
 )
-def test_what_is_no_player_is_refused(text, message, game):
+def test_what_is_no_player_is_refused(text, message, make_model):
     with pytest.raises(ValueError, match=message):
-        find_player(text, game(positions=BALLS).setup)
+        find_player(text, make_model(positions=BALLS).setup)

@@ -57,8 +57,8 @@ def drag(shown, start, *ways):
     shown.frame()
 
 
-def test_a_game_by_keyboard(game, window):
-    shown = window(game("nine_ball"))
+def test_a_game_by_keyboard(make_model, window):
+    shown = window(make_model("nine_ball"))
     press(shown, pygame.K_LEFT, pygame.K_UP)
     press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
     assert shown.model.cue_at == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
@@ -87,8 +87,8 @@ def test_a_game_by_keyboard(game, window):
     assert not shown.open
 
 
-def test_a_shot_by_mouse(game, window):
-    shown = window(game(positions=BALLS))
+def test_a_shot_by_mouse(make_model, window):
+    shown = window(make_model(positions=BALLS))
     drag(shown, BALLS[0], (0.0, 0.0), (-0.1, 0.3))
     model = shown.model
     assert model.phase == "aiming"
@@ -104,8 +104,8 @@ def test_a_shot_by_mouse(game, window):
     assert shown.model.phase == "aiming"
 
 
-def test_the_mouse_puts_the_cue_ball_down(game, window):
-    shown = window(game(positions=BALLS, state={"in_hand": "anywhere"}))
+def test_the_mouse_puts_the_cue_ball_down(make_model, window):
+    shown = window(make_model(positions=BALLS, state={"in_hand": "anywhere"}))
     pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, (0.6, -0.3)), rel=(0, 0), buttons=(0, 0, 0)))
     shown.frame()
     assert shown.model.cue_at == pytest.approx((0.6, -0.3), abs=0.01)
@@ -116,27 +116,27 @@ def test_the_mouse_puts_the_cue_ball_down(game, window):
     assert shown.model.speed == pytest.approx(2.3)
 
 
-def test_the_window_can_be_closed(game, window):
-    shown = window(game(positions=BALLS))
+def test_the_window_can_be_closed(make_model, window):
+    shown = window(make_model(positions=BALLS))
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     shown.run()
     assert not shown.open
 
 
-def test_a_saved_game_is_that_which_was_played(game, window, tmp_path):
-    shown = window(game(positions=BALLS))
+def test_a_saved_game_is_that_which_was_played(make_model, window, tmp_path):
+    shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
     assert shown.note == f"saved to {tmp_path / 'game.json'}"
     record = records.load(tmp_path / "game.json")
     assert isinstance(record, records.GameRecord)
     assert record.strokes == shown.model.strokes
     assert len(record.strokes) == 2
-    assert (records.replay(record).positions == shown.model.table.positions).all()
+    assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
-def test_a_game_that_cannot_be_saved_goes_on(game, window, tmp_path):
+def test_a_game_that_cannot_be_saved_goes_on(make_model, window, tmp_path):
     (tmp_path / "game.json").mkdir()
-    shown = window(game(positions=BALLS))
+    shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_s)
     assert shown.note.startswith("not saved: ")
     assert shown.open
@@ -144,19 +144,19 @@ def test_a_game_that_cannot_be_saved_goes_on(game, window, tmp_path):
     assert shown.note == ""
 
 
-def test_a_program_plays_once_its_turn_has_been_shown(game, window):
+def test_a_program_plays_once_its_turn_has_been_shown(make_model, window):
     calls = []
 
     def player(setup, table, max_speed, rng):
         calls.append((table, max_speed))
         return Stroke((0.3, 0.4))
 
-    shown = window(game(positions=BALLS, players=("program", "human")), (player, None))
+    shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
     assert shown.model.phase == "thinking"
     press(shown, pygame.K_SPACE)
     assert shown.model.strokes == (Stroke((0.3, 0.4)),)
     press(shown, pygame.K_SPACE)
-    assert shown.model.table.state.player == 1
+    assert shown.model.game.state.player == 1
     assert shown.model.phase == "aiming"
     assert len(calls) == 1
     assert calls[0][0].positions.tolist() == BALLS
@@ -173,8 +173,8 @@ def lit(frame, shown, place, colour):
 WHITE, YELLOW = (255, 255, 255), (240, 228, 66)
 
 
-def test_balls_are_drawn_where_they_are(game, window):
-    shown = window(game(positions=BALLS))
+def test_balls_are_drawn_where_they_are(make_model, window):
+    shown = window(make_model(positions=BALLS))
     frame = press(shown)
     assert lit(frame, shown, BALLS[0], WHITE)
     assert lit(frame, shown, BALLS[1], YELLOW)
@@ -186,8 +186,8 @@ def test_balls_are_drawn_where_they_are(game, window):
     assert not lit(frame, shown, BALLS[0], WHITE)
 
 
-def test_the_ghost_is_seen_in_a_replay(game):
-    model = game(positions=BALLS)
+def test_the_ghost_is_seen_in_a_replay(make_model):
+    model = make_model(positions=BALLS)
     for given in (Turn(1.0), Do("go"), Do("go"), Do("replay")):
         model = update(model, given)
     model = tick(model, 3.0)
@@ -201,8 +201,8 @@ def test_the_ghost_is_seen_in_a_replay(game):
     assert (pixels(screen.draw(model)) == with_ghost).all()  # the film begins anew
 
 
-def test_help_and_hints_are_shown(game, window):
-    shown = window(game(positions=BALLS))
+def test_help_and_hints_are_shown(make_model, window):
+    shown = window(make_model(positions=BALLS))
     plain = press(shown)
     with_help = press(shown, pygame.K_h)
     assert (plain != with_help).any(axis=2).mean() > 0.05
@@ -211,8 +211,8 @@ def test_help_and_hints_are_shown(game, window):
 
 
 @pytest.mark.parametrize("rules", ["straight", "eight_ball", "nine_ball", "carom", "three_cushion"])
-def test_every_game_is_played_to_the_next_players_turn(rules, game, window):
-    shown = window(game(rules))
+def test_every_game_is_played_to_the_next_players_turn(rules, make_model, window):
+    shown = window(make_model(rules))
     for _ in range(6):
         press(shown, pygame.K_SPACE)
     assert len(shown.model.strokes) >= 2

@@ -243,7 +243,7 @@ def test_the_findings_name_the_worlds_they_are_about(blocked):
 )
 def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
     scene = Scene.named(name, 3)
-    places = layouts.random(scene, np.random.default_rng(seed))[None]
+    places = layouts.draw("random", scene, np.random.default_rng(seed))[None]
     targets = np.array([False, True, name == "pool", True])
     frame = ActionTransform("cut", scene, targets, 4.0)
     velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))

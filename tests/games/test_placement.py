@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env.games.places import cue_place, nearest_place, obstacles, room, spot_place
+from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
 from billiards_env.layouts import MARGIN
 from billiards_env.scene import Balls, Scene, Table, check_positions
 
@@ -23,11 +23,11 @@ def on_axis(*xs):
 
 
 def test_a_free_foot_spot_is_taken():
-    assert spot_place(SCENE, *on_axis(), 9) == (FOOT, 0.0)
+    assert spotted_point(SCENE, *on_axis(), 9) == (FOOT, 0.0)
 
 
 def test_a_blocked_foot_spot_moves_the_ball_behind_it():
-    x, y = spot_place(SCENE, *on_axis(FOOT), 9)
+    x, y = spotted_point(SCENE, *on_axis(FOOT), 9)
     assert y == 0.0
     assert x == pytest.approx(FOOT + REACH, abs=1e-12)
 
@@ -35,23 +35,23 @@ def test_a_blocked_foot_spot_moves_the_ball_behind_it():
 def test_a_ball_beside_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
     positions[1] = FOOT, R
-    x, _ = spot_place(SCENE, positions, balls, 9)
+    x, _ = spotted_point(SCENE, positions, balls, 9)
     assert x == pytest.approx(FOOT + math.sqrt(REACH * REACH - R * R), abs=1e-12)
     positions[1] = FOOT, 1.001 * REACH
-    assert spot_place(SCENE, positions, balls, 9) == (FOOT, 0.0)
+    assert spotted_point(SCENE, positions, balls, 9) == (FOOT, 0.0)
 
 
 def test_a_gap_too_small_is_passed_over():
-    x, _ = spot_place(SCENE, *on_axis(FOOT, FOOT + 1.9 * REACH), 9)
+    x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 1.9 * REACH), 9)
     assert x == pytest.approx(FOOT + 2.9 * REACH, abs=1e-12)
-    x, _ = spot_place(SCENE, *on_axis(FOOT, FOOT + 2 * REACH), 9)
+    x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 2 * REACH), 9)
     assert x == pytest.approx(FOOT + REACH, abs=1e-12)
 
 
 def test_where_there_is_no_room_behind_it_goes_in_front():
     balls = [FOOT + k * REACH for k in range(11)]
     assert balls[-1] < SCENE.table.length / 2 - R < balls[-1] + REACH
-    x, y = spot_place(SCENE, *on_axis(*balls), 15)
+    x, y = spotted_point(SCENE, *on_axis(*balls), 15)
     assert y == 0.0
     assert x == pytest.approx(FOOT - REACH, abs=1e-12)
 
@@ -59,7 +59,7 @@ def test_where_there_is_no_room_behind_it_goes_in_front():
 def test_a_blocked_long_string_puts_it_beside():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
     positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
-    x, y = spot_place(small, positions, (0, 1, 2), 3)
+    x, y = spotted_point(small, positions, (0, 1, 2), 3)
     assert abs(y) > 0.15
     positions[3] = x, y
     check_positions(small, positions)
@@ -67,33 +67,33 @@ def test_a_blocked_long_string_puts_it_beside():
 
 def test_no_room_at_all_is_an_error():
     with pytest.raises(ValueError, match="no room"):
-        nearest_place((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
+        nearest_free_point((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
 
 
 def test_a_free_wish_is_granted_to_the_bit():
     wish = (0.1 + 0.2, -1 / 3)
-    assert cue_place(SCENE, AWAY, range(1, 16), 0, wish, False) == wish
+    assert cue_ball_point(SCENE, AWAY, range(1, 16), 0, wish, False) == wish
 
 
 def test_a_wish_is_moved_into_the_room():
-    x_low, x_high, y_low, y_high = room(SCENE, 0)
-    assert cue_place(SCENE, AWAY, (), 0, (9.0, 0.3), False) == (x_high, 0.3)
-    assert cue_place(SCENE, AWAY, (), 0, (0.3, -9.0), False) == (0.3, y_low)
-    assert cue_place(SCENE, AWAY, (), 0, (0.3, 0.1), True) == (-SCENE.table.length / 4, 0.1)
+    x_low, x_high, y_low, y_high = placement_area(SCENE, 0)
+    assert cue_ball_point(SCENE, AWAY, (), 0, (9.0, 0.3), False) == (x_high, 0.3)
+    assert cue_ball_point(SCENE, AWAY, (), 0, (0.3, -9.0), False) == (0.3, y_low)
+    assert cue_ball_point(SCENE, AWAY, (), 0, (0.3, 0.1), True) == (-SCENE.table.length / 4, 0.1)
     assert (x_low, y_low) == (-x_high, -y_high)
     assert x_high == SCENE.table.length / 2 - R - MARGIN
 
 
 def test_a_taken_wish_goes_straight_out():
     positions, balls = on_axis(0.0)
-    x, y = cue_place(SCENE, positions, balls, 0, (0.0, 0.01), False)
+    x, y = cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.01), False)
     assert (x, y) == pytest.approx((0.0, REACH), abs=1e-12)
-    assert cue_place(SCENE, positions, balls, 0, (0.0, 0.0), False) == pytest.approx((REACH, 0.0), abs=1e-12)
+    assert cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.0), False) == pytest.approx((REACH, 0.0), abs=1e-12)
 
 
 def test_a_pocket_is_kept_clear_of():
     side = SCENE.table.pockets[5]
-    x, y = cue_place(SCENE, AWAY, (), 0, (side.x, side.y), False)
+    x, y = cue_ball_point(SCENE, AWAY, (), 0, (side.x, side.y), False)
     assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + MARGIN, abs=1e-9)
 
 
@@ -116,7 +116,7 @@ def test_the_place_is_free_and_no_other_is_nearer():
         nearest = brute(wish, area, circles)
         if not np.isfinite(nearest):
             continue
-        x, y = nearest_place(wish, area, circles)
+        x, y = nearest_free_point(wish, area, circles)
         assert area[0] <= x <= area[1]
         assert area[2] <= y <= area[3]
         assert all(math.hypot(x - cx, y - cy) >= reach - 1e-8 for cx, cy, reach in circles)
@@ -134,9 +134,9 @@ def test_placed_balls_are_accepted_by_the_engine():
         for ball in range(10):
             wish = tuple((2.6 * rng.random(2) - 1.3).tolist())
             place = (
-                spot_place(scene, positions, lying, ball)
+                spotted_point(scene, positions, lying, ball)
                 if ball % 3
-                else nearest_place(wish, room(scene, ball), obstacles(scene, positions, ball, lying))
+                else nearest_free_point(wish, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
             )
             positions[ball] = place
             lying.append(ball)

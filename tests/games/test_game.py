@@ -5,35 +5,35 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, History, Setup, Stroke, Verdict, opening, play, replay, set_table
-from billiards_env.games.play import LAYOUTS, rack_order
+from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play, replay
+from billiards_env.games.game import LAYOUTS, rack_order
 from billiards_env.layouts import MARGIN
 from billiards_env.scene import check_positions
 
 PIT = {"mode": "pit", "dt": 1 / 240}
 
 
-def setup(rules, **kwargs):
-    game = RULES[rules]
-    scene = Scene.named("pool" if game.pockets else "carom", game.n_object_balls[1])
+def make_setup(rules, **kwargs):
+    setup = RULES[rules]
+    scene = Scene.named("pool" if setup.pockets else "carom", setup.n_object_balls[1])
     return Setup(rules, **{"scene": scene, **kwargs})
 
 
-def random_stroke(table, rng):
+def random_stroke(game, rng):
     velocity = 12 * rng.random(2) - 6
-    place = None if table.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
+    place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
     return Stroke(tuple(velocity.tolist()), place)
 
 
-def random_game(game, seed, shots=400):
+def random_game(setup, seed, shots=400):
     rng = np.random.default_rng(seed)
-    table = opening(game, rng)
-    start, strokes, log = table, [], []
-    while len(strokes) < shots and not table.state.over:
-        strokes.append(random_stroke(table, rng))
-        log.append(play(game, table, strokes[-1]))
-        table = log[-1].table
-    return History(game, start, tuple(strokes)), log
+    game = opening(setup, rng)
+    start, strokes, log = game, [], []
+    while len(strokes) < shots and not game.state.over:
+        strokes.append(random_stroke(game, rng))
+        log.append(play(setup, game, strokes[-1]))
+        game = log[-1].game
+    return History(setup, start, tuple(strokes)), log
 
 
 # The rack.
@@ -41,8 +41,8 @@ def random_game(game, seed, shots=400):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_nine_ball_rack(seed):
-    table = opening(setup("nine_ball"), np.random.default_rng(seed), "tight_rack")
-    x, y = table.positions.T
+    game = opening(make_setup("nine_ball"), np.random.default_rng(seed), "tight_rack")
+    x, y = game.positions.T
     r = Scene.named("pool").balls.radius[0]
     assert (x[1], y[1]) == (0.635, 0.0)
     assert (x[9], y[9]) == pytest.approx((0.635 + 2 * math.sqrt(3) * r, 0.0))
@@ -51,7 +51,7 @@ def test_nine_ball_rack(seed):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_eight_ball_rack(seed):
-    positions = opening(setup("eight_ball"), np.random.default_rng(seed), "tight_rack").positions
+    positions = opening(make_setup("eight_ball"), np.random.default_rng(seed), "tight_rack").positions
     r = Scene.named("pool").balls.radius[0]
     assert positions[8].tolist() == pytest.approx([0.635 + 2 * math.sqrt(3) * r, 0.0])
     corners = [
@@ -75,17 +75,17 @@ def test_every_ball_comes_to_every_other_place_of_the_rack():
 
 @pytest.mark.parametrize("rules", RULES)
 def test_openings(rules):
-    game = setup(rules)
-    layouts = LAYOUTS if game.game.pockets else ("carom_opening", "random")
+    setup = make_setup(rules)
+    layouts = LAYOUTS if setup.game_rules.pockets else ("carom_opening", "random")
     for layout in layouts:
-        table = opening(game, np.random.default_rng(3), layout)
-        again = opening(game, np.random.default_rng(3), layout)
-        assert table.positions.tobytes() == again.positions.tobytes()
-        assert table.state == again.state
-        assert table.state.break_shot == (layout != "random")
-        assert table.state.in_hand == ("behind" if game.game.pockets and layout != "random" else "no")
-    assert opening(game, np.random.default_rng(3)).positions.tobytes() == (
-        opening(game, np.random.default_rng(3), layouts[0]).positions.tobytes()
+        game = opening(setup, np.random.default_rng(3), layout)
+        again = opening(setup, np.random.default_rng(3), layout)
+        assert game.positions.tobytes() == again.positions.tobytes()
+        assert game.state == again.state
+        assert game.state.break_shot == (layout != "random")
+        assert game.state.in_hand == ("behind" if setup.game_rules.pockets and layout != "random" else "no")
+    assert opening(setup, np.random.default_rng(3)).positions.tobytes() == (
+        opening(setup, np.random.default_rng(3), layouts[0]).positions.tobytes()
     )
 
 
@@ -127,18 +127,18 @@ def test_setups_that_cannot_be(kwargs, message):
 
 
 def test_targets():
-    assert setup("straight").target == 0
-    assert setup("carom").target == 10
-    assert setup("carom", target=0).target == 0
-    assert setup("nine_ball").target is None
-    assert opening(setup("carom", target=7), np.random.default_rng(0)).state.target == 7
+    assert make_setup("straight").target == 0
+    assert make_setup("carom").target == 10
+    assert make_setup("carom", target=0).target == 0
+    assert make_setup("nine_ball").target is None
+    assert opening(make_setup("carom", target=7), np.random.default_rng(0)).state.target == 7
 
 
 def test_unknown_layouts():
     with pytest.raises(ValueError, match=r"layout = 'carom_opening'.*expected one of 'rack'"):
-        opening(setup("nine_ball"), np.random.default_rng(0), "carom_opening")
+        opening(make_setup("nine_ball"), np.random.default_rng(0), "carom_opening")
     with pytest.raises(ValueError, match="layout = 'rack'"):
-        opening(setup("carom"), np.random.default_rng(0), "rack")
+        opening(make_setup("carom"), np.random.default_rng(0), "rack")
 
 
 PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
@@ -168,25 +168,25 @@ PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
 )
 def test_states_that_cannot_be(state, message):
     with pytest.raises(ValueError, match=message):
-        set_table(setup("nine_ball"), PLACES, state)
+        custom_opening(make_setup("nine_ball"), PLACES, state)
 
 
 def test_a_target_reached_cannot_be_played_on():
-    with pytest.raises(ValueError, match="less than the target, 10"):
-        set_table(setup("carom"), [[0, 0], [1, 0], [-1, 0]], {"scores": [0, 10]})
+    with pytest.raises(ValueError, match="below the target, 10"):
+        custom_opening(make_setup("carom"), [[0, 0], [1, 0], [-1, 0]], {"scores": [0, 10]})
 
 
 def test_tables_set_by_hand():
-    game = setup("nine_ball")
-    table = set_table(game, PLACES)
-    assert (table.state.break_shot, table.state.in_hand, table.state.player) == (False, "no", 0)
+    setup = make_setup("nine_ball")
+    game = custom_opening(setup, PLACES)
+    assert (game.state.break_shot, game.state.in_hand, game.state.player) == (False, "no", 0)
     both = PLACES.copy()
     both[2] = both[1]  # not in play, so in nobody's way
-    assert set_table(game, both, {"on_table": [0, 1, 9]}).state.on_table == {0, 1, 9}
+    assert custom_opening(setup, both, {"on_table": [0, 1, 9]}).state.on_table == {0, 1, 9}
     with pytest.raises(ValueError, match="balls 1 and 2"):
-        set_table(game, both)
+        custom_opening(setup, both)
     with pytest.raises(ValueError, match=r"positions has shape \(9, 2\)"):
-        set_table(game, PLACES[:9])
+        custom_opening(setup, PLACES[:9])
 
 
 @pytest.mark.parametrize(
@@ -199,33 +199,33 @@ def test_tables_set_by_hand():
 )
 def test_strokes_that_cannot_be(stroke, message):
     with pytest.raises(ValueError, match=message):
-        play(setup("nine_ball"), set_table(setup("nine_ball"), PLACES), stroke)
+        play(make_setup("nine_ball"), custom_opening(make_setup("nine_ball"), PLACES), stroke)
 
 
 def test_a_cue_ball_in_hand_has_to_be_placed():
-    game = setup("nine_ball")
-    table = opening(game, np.random.default_rng(0))
+    setup = make_setup("nine_ball")
+    game = opening(setup, np.random.default_rng(0))
     with pytest.raises(ValueError, match="in hand"):
-        play(game, table, Stroke((1.0, 0.0)))
+        play(setup, game, Stroke((1.0, 0.0)))
     with pytest.raises(ValueError, match=r"stroke\.place"):
-        play(game, table, Stroke((1.0, 0.0), (math.nan, 0.0)))
+        play(setup, game, Stroke((1.0, 0.0), (math.nan, 0.0)))
 
 
 def test_no_shot_after_the_end():
-    game = setup("nine_ball")
-    history, log = random_game(game, 1)
-    assert log[-1].table.state.over
+    setup = make_setup("nine_ball")
+    history, log = random_game(setup, 1)
+    assert log[-1].game.state.over
     with pytest.raises(ValueError, match="the game is over"):
-        play(game, log[-1].table, history.strokes[0])
+        play(setup, log[-1].game, history.strokes[0])
 
 
 # Shots on the table.
 
 
 def test_a_break_from_behind_the_head_string():
-    game = setup("nine_ball")
-    table = opening(game, np.random.default_rng(0))
-    played = play(game, table, Stroke((8.0, 0.0), (1.0, 0.0)))
+    setup = make_setup("nine_ball")
+    game = opening(setup, np.random.default_rng(0))
+    played = play(setup, game, Stroke((8.0, 0.0), (1.0, 0.0)))
     assert played.shot.segments is not None
     assert played.shot.at(0.0)[0].tolist() == [-0.635, 0.0]
     assert played.facts.first == (1,)
@@ -233,66 +233,66 @@ def test_a_break_from_behind_the_head_string():
 
 
 def test_the_eight_ball_potted_on_the_break_is_spotted():
-    game = setup("eight_ball")
+    setup = make_setup("eight_ball")
     positions = np.array([[0.9, 0.265], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
     positions[8] = 1.1, 0.465
-    table = set_table(game, positions, {"break_shot": True})
-    played = play(game, table, Stroke((1.5, 1.5)))
+    game = custom_opening(setup, positions, {"break_shot": True})
+    played = play(setup, game, Stroke((1.5, 1.5)))
     assert played.facts.potted[0] == 8
     assert played.verdict.spotted == (8,)
-    assert played.table.positions[8].tolist() == [0.635, 0.0]
-    assert 8 in played.table.state.on_table
+    assert played.game.positions[8].tolist() == [0.635, 0.0]
+    assert 8 in played.game.state.on_table
 
 
 def test_a_cue_ball_in_hand_is_not_in_the_way_of_a_spotted_ball():
-    game = setup("nine_ball")
+    setup = make_setup("nine_ball")
     positions = np.array([[0.625, -0.01], *([-0.8 + 0.16 * i, -0.3] for i in range(9))])
     positions[9] = 0.685, 0.05
-    played = play(game, set_table(game, positions), Stroke((1.5, 1.5)))
+    played = play(setup, custom_opening(setup, positions), Stroke((1.5, 1.5)))
     assert (played.verdict.foul, played.facts.potted) == ("wrong_ball", (9,))
-    assert math.dist(played.shot.positions[0], (0.635, 0.0)) < 2 * game.scene.balls.radius[0]
-    assert played.table.positions[9].tolist() == [0.635, 0.0]
+    assert math.dist(played.shot.positions[0], (0.635, 0.0)) < 2 * setup.scene.balls.radius[0]
+    assert played.game.positions[9].tolist() == [0.635, 0.0]
 
 
 def test_balls_are_spotted_one_behind_the_other(monkeypatch):
     everything_back = RULES["straight"]._replace(judge=lambda state, facts: Verdict(spotted=(1, 2, 3)))
     monkeypatch.setitem(RULES, "straight", everything_back)
-    game = setup("straight", scene=Scene.named("pool", 4))
-    table = set_table(game, [[-0.6, 0.1 * i] for i in range(5)], {"on_table": [0, 4]})
-    played = play(game, table, Stroke((0.0, 0.0)))
-    step = 2 * game.scene.balls.radius[0] + MARGIN
-    assert played.table.positions[1:4, 0] == pytest.approx(0.635 + step * np.arange(3))
-    assert played.table.state.on_table == frozenset(range(5))
+    setup = make_setup("straight", scene=Scene.named("pool", 4))
+    game = custom_opening(setup, [[-0.6, 0.1 * i] for i in range(5)], {"on_table": [0, 4]})
+    played = play(setup, game, Stroke((0.0, 0.0)))
+    step = 2 * setup.scene.balls.radius[0] + MARGIN
+    assert played.game.positions[1:4, 0] == pytest.approx(0.635 + step * np.arange(3))
+    assert played.game.state.on_table == frozenset(range(5))
 
 
 def test_a_scratch_brings_the_cue_ball_back_in_hand():
-    game = setup("straight", scene=Scene.named("pool", 2))
-    table = set_table(game, [[0.97, 0.335], [0.0, 0.0], [0.3, 0.0]])
-    played = play(game, table, Stroke((1.0, 1.0)))
+    setup = make_setup("straight", scene=Scene.named("pool", 2))
+    game = custom_opening(setup, [[0.97, 0.335], [0.0, 0.0], [0.3, 0.0]])
+    played = play(setup, game, Stroke((1.0, 1.0)))
     assert played.verdict.foul == "scratch"
-    assert played.table.state.in_hand == "behind"
-    assert played.table.state.scores == (-1, 0)
-    after = play(game, played.table, Stroke((0.5, 0.0), (-0.7, 0.2)))
+    assert played.game.state.in_hand == "behind"
+    assert played.game.state.scores == (-1, 0)
+    after = play(setup, played.game, Stroke((0.5, 0.0), (-0.7, 0.2)))
     assert after.shot.at(0.0)[0].tolist() == [-0.7, 0.2]
 
 
 def test_a_place_that_is_taken_gives_the_nearest_that_is_free():
-    game = setup("nine_ball")
-    table = set_table(game, PLACES, {"in_hand": "anywhere"})
+    setup = make_setup("nine_ball")
+    game = custom_opening(setup, PLACES, {"in_hand": "anywhere"})
     wish = tuple((PLACES[5] + [0.0, 0.01]).tolist())
-    start = play(game, table, Stroke((0.0, -1.0), wish)).shot.at(0.0)
-    assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * game.scene.balls.radius[0] + MARGIN])
+    start = play(setup, game, Stroke((0.0, -1.0), wish)).shot.at(0.0)
+    assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * setup.scene.balls.radius[0] + MARGIN])
 
 
 def test_carom_players_have_a_cue_ball_each():
-    game = setup("carom")
-    table = opening(game, np.random.default_rng(0))
+    setup = make_setup("carom")
+    game = opening(setup, np.random.default_rng(0))
     for player, cue in [(0, 0), (1, 2), (0, 0)]:
-        assert table.state.player == player
-        played = play(game, table, Stroke((0.0, 0.4)))
-        moved = np.flatnonzero((played.table.positions != table.positions).any(axis=1))
+        assert game.state.player == player
+        played = play(setup, game, Stroke((0.0, 0.4)))
+        moved = np.flatnonzero((played.game.positions != game.positions).any(axis=1))
         assert moved[0] == cue
-        table = played.table
+        game = played.game
 
 
 # Whole games.
@@ -303,46 +303,46 @@ def test_carom_players_have_a_cue_ball_each():
 def test_random_games_end_and_nothing_gets_lost(rules, engine):
     ended = 0
     for seed in range(3):
-        game = setup(rules, **engine, **({"target": 2} if rules == "carom" else {}))
-        history, log = random_game(game, seed)
+        setup = make_setup(rules, **engine, **({"target": 2} if rules == "carom" else {}))
+        history, log = random_game(setup, seed)
         down = Counter()
-        table = history.opening
+        game = history.opening
         for played in log:
-            state, verdict = played.table.state, played.verdict
+            state, verdict = played.game.state, played.verdict
             down.update(played.facts.potted)
             down.subtract(verdict.spotted)
             down[0] = 0
-            assert state.on_table == {ball for ball in range(game.scene.n_balls) if down[ball] == 0}
-            assert sum(state.scores) == sum(table.state.scores) + verdict.points
-            assert (state.player == table.state.player) == verdict.goes_on
+            assert state.on_table == {ball for ball in range(setup.scene.n_balls) if down[ball] == 0}
+            assert sum(state.scores) == sum(game.state.scores) + verdict.points
+            assert (state.player == game.state.player) == verdict.continues
             assert state.over == verdict.over
             if not engine:
                 lying = state.on_table if state.in_hand == "no" else state.object_balls
-                in_play = np.isin(np.arange(game.scene.n_balls), sorted(lying))
-                check_positions(game.scene, played.table.positions, in_play=in_play)
-            table = played.table
+                in_play = np.isin(np.arange(setup.scene.n_balls), sorted(lying))
+                check_positions(setup.scene, played.game.positions, in_play=in_play)
+            game = played.game
         if rules == "straight":
             scratches = sum(played.verdict.foul == "scratch" for played in log)
-            assert sum(table.state.scores) + scratches == 16 - len(table.state.on_table)
-        ended += table.state.over
+            assert sum(game.state.scores) + scratches == 16 - len(game.state.on_table)
+        ended += game.state.over
     assert ended or rules == "three_cushion"
 
 
 @pytest.mark.parametrize("rules", RULES)
 @pytest.mark.parametrize("engine", [{}, PIT], ids=["pic", "pit"])
 def test_a_game_plays_again_bit_for_bit(rules, engine):
-    history, log = random_game(setup(rules, **engine), 5, shots=60)
+    history, log = random_game(make_setup(rules, **engine), 5, shots=60)
     again = list(replay(history))
     assert len(again) == len(log)
     for one, other in zip(log, again, strict=True):
-        assert one.table.positions.tobytes() == other.table.positions.tobytes()
-        assert one.table.state == other.table.state
+        assert one.game.positions.tobytes() == other.game.positions.tobytes()
+        assert one.game.state == other.game.state
         assert (one.facts, one.verdict) == (other.facts, other.verdict)
 
 
 def test_a_game_leaves_its_tables_alone():
-    game = setup("nine_ball")
-    table = opening(game, np.random.default_rng(0))
-    before = table.positions.copy()
-    play(game, table, Stroke((5.0, 0.1), (-0.8, 0.0)))
-    assert table.positions.tobytes() == before.tobytes()
+    setup = make_setup("nine_ball")
+    game = opening(setup, np.random.default_rng(0))
+    before = game.positions.copy()
+    play(setup, game, Stroke((5.0, 0.1), (-0.8, 0.0)))
+    assert game.positions.tobytes() == before.tobytes()

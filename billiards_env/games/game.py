@@ -1,0 +1,368 @@
+"""A game as plain data: `opening` makes the first state, `play` plays a stroke, `replay` repeats a recorded game.
+
+A random generator is used only to rack the balls. The strokes determine everything else, bit for bit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env import layouts
+from billiards_env.checks import Range, choose, real, whole
+from billiards_env.engine import ShotInput, check_mode
+from billiards_env.games.placement import Point, cue_ball_point, spotted_point
+from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, RuleState, Verdict, facts_of, next_state
+from billiards_env.scene import Scene, check_positions
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import run_shot
+
+LAYOUTS = ("rack", "tight_rack", "random")
+"""The opening layouts of the games with pockets."""
+
+_DECIDING_BALLS = {"eight_ball": (8,), "nine_ball": (9,)}
+
+MAX_SCORE = 1_000_000
+"""The largest absolute value of a score."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Setup:
+    """The settings of a game, which stay the same from shot to shot.
+
+    Attributes:
+        rules: One of `RULES`.
+        scene: Table, balls and physics.
+        n_players: Number of players.
+        target: The score that wins, or 0 if no score does. None selects the default of the game; it remains None in a
+            game that is not won by points.
+        mode: The engine, as in `simulate`.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
+    """
+
+    rules: str
+    scene: Scene
+    n_players: int = 2
+    target: int | None = None
+    mode: str = "pic"
+    dt: float | None = None
+    fix: str | None = None
+
+    def __post_init__(self) -> None:
+        choose("rules", self.rules, tuple(RULES))
+        rules = self.game_rules
+        low, high = rules.n_object_balls
+        if not low <= self.scene.n_balls - 1 <= high:
+            expected = str(low) if low == high else f"{low} to {high}"
+            raise ValueError(
+                f"rules = {self.rules!r} with a scene of {self.scene.n_balls - 1} object balls: expected {expected}"
+            )
+        if rules.pockets != bool(self.scene.table.pockets):
+            expected = "a table with pockets" if rules.pockets else "a table without pockets"
+            raise ValueError(
+                f"rules = {self.rules!r} with a table of {len(self.scene.table.pockets)} pockets: expected {expected}"
+            )
+        for i, mass in enumerate(self.scene.balls.mass):
+            if math.isinf(mass):
+                raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")
+        object.__setattr__(self, "n_players", whole("n_players", self.n_players, Range(*rules.n_players)))
+        if rules.target is None:
+            if self.target is not None:
+                raise ValueError(
+                    f"target = {self.target!r} with rules {self.rules!r}: expected None, the game has no points"
+                )
+        else:
+            target = rules.target if self.target is None else self.target
+            object.__setattr__(self, "target", whole("target", target, Range(0, MAX_SCORE)))
+        check_mode(self.mode, self.dt, self.fix)
+        if self.dt is not None:
+            object.__setattr__(self, "dt", float(self.dt))
+
+    @property
+    def game_rules(self) -> Rules:
+        """The rules of the game, an entry of `RULES`."""
+        return RULES[self.rules]
+
+
+class GameState(NamedTuple):
+    """The state of a game between two shots.
+
+    Attributes:
+        positions: (n, 2) float64, m. A potted ball is at the centre of its pocket. A cue ball in hand is at its last
+            position.
+        state: The state of the rules.
+    """
+
+    positions: NDArray[np.float64]
+    state: RuleState
+
+
+class Stroke(NamedTuple):
+    """The stroke of a player.
+
+    Attributes:
+        velocity: x and y of the cue ball's initial velocity, m/s.
+        place: x and y of the point at which to place the cue ball in hand, m; None if it is not in hand.
+    """
+
+    velocity: Point
+    place: Point | None = None
+
+
+class PlayedShot(NamedTuple):
+    """A shot of a game.
+
+    Attributes:
+        game: The state after the shot.
+        shot_input: The arguments of the engine.
+        shot: The recorded shot.
+        facts: The facts that the rules use.
+        verdict: The verdict on the shot.
+    """
+
+    game: GameState
+    shot_input: ShotInput
+    shot: ShotResult
+    facts: Facts
+    verdict: Verdict
+
+
+class History(NamedTuple):
+    """A game up to its last stroke.
+
+    Attributes:
+        setup: The settings.
+        opening: The state before the first stroke.
+        strokes: The strokes, in order.
+    """
+
+    setup: Setup
+    opening: GameState
+    strokes: tuple[Stroke, ...]
+
+
+def opening_state(setup: Setup) -> RuleState:
+    """Returns the state of the rules at the opening: player 0 breaks; in games with pockets the cue ball is in hand."""
+    return RuleState(
+        player=0,
+        scores=(0,) * setup.n_players,
+        on_table=frozenset(range(setup.scene.n_balls)),
+        in_hand="behind" if setup.game_rules.pockets else "no",
+        cue_balls=setup.game_rules.cue_balls,
+        target=setup.target or 0,
+    )
+
+
+def _shuffled(balls: Iterable[int], rng: np.random.Generator) -> list[int]:
+    """Shuffles by Fisher and Yates, with `Generator.random`, which is the same in all versions of numpy."""
+    rest, drawn = list(balls), []
+    while rest:
+        drawn.append(rest.pop(int(rng.random() * len(rest))))
+    return drawn
+
+
+def rack_order(rules: str, n_object_balls: int, rng: np.random.Generator) -> list[int]:
+    """Draws the order of the balls in the rack.
+
+    Nine ball has the 1 at the apex and the 9 in the middle (WPA 2.2). Eight ball has the 8 in the middle of the third
+    row and one ball of each group at the rear corners (WPA 3.2). The order of the other balls is random. Other games
+    order the balls by number.
+
+    Args:
+        rules: One of `RULES`.
+        n_object_balls: Number of object balls.
+        rng: The generator to draw from.
+
+    Returns:
+        The numbers of the balls, row by row from the apex, as in the layout "rack".
+    """
+    if rules == "nine_ball":
+        a, b, c, *rest = _shuffled(range(2, 9), rng)
+        return [1, a, b, c, 9, *rest]
+    if rules == "eight_ball":
+        solid, *solids = _shuffled(range(1, 8), rng)
+        stripe, *stripes = _shuffled(range(9, 16), rng)
+        left, right = _shuffled((solid, stripe), rng)
+        rest = _shuffled((*solids, *stripes), rng)
+        return [*rest[:4], 8, *rest[4:9], left, *rest[9:], right]
+    return list(range(1, n_object_balls + 1))
+
+
+def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -> GameState:
+    """Returns the state before the first shot.
+
+    Args:
+        setup: The settings of the game.
+        rng: The generator to draw from.
+        layout: In games with pockets one of `LAYOUTS`, by default "rack". In carom games "carom_opening", the default,
+            or "random". With "random" the first shot is not a break and the cue ball is not in hand.
+
+    Returns:
+        The state.
+
+    Raises:
+        ValueError: If the layout is unknown or does not suit the game, or the balls do not fit.
+
+    Example:
+        >>> game = opening(Setup("nine_ball", Scene.named("pool", 9)), np.random.default_rng(0))
+        >>> game.positions[9, 1].round(2), game.state.in_hand
+        (np.float64(0.0), 'behind')
+    """
+    names = LAYOUTS if setup.game_rules.pockets else ("carom_opening", "random")
+    layout = names[0] if layout is None else layout
+    if layout not in names:
+        raise ValueError(
+            f"layout = {layout!r} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
+        )
+    drawn = layouts.draw(layout, setup.scene, rng)
+    state = opening_state(setup)
+    if layout == "random":
+        return GameState(drawn, state._replace(break_shot=False, in_hand="no"))
+    positions = drawn.copy()
+    if setup.game_rules.pockets:
+        for row, ball in enumerate(rack_order(setup.rules, setup.scene.n_balls - 1, rng), start=1):
+            positions[ball] = drawn[row]
+    return GameState(positions, state)
+
+
+def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | None = None) -> GameState:
+    """Returns a state with given positions and a given state of the rules.
+
+    Args:
+        setup: The settings of the game.
+        positions: (n, 2) m.
+        state: Fields of `RuleState` to set. By default player 0 is to shoot, all balls are on the table, the shot is
+            not a break and the cue ball is not in hand. The fields `target`, `over` and `winner` cannot be set.
+
+    Returns:
+        The state.
+
+    Raises:
+        ValueError: If a field is unknown or impossible, or the positions are invalid.
+    """
+    fields = {"player", "scores", "on_table", "break_shot", "in_hand", "cue_balls", "solids"}
+    default = opening_state(setup)._replace(break_shot=False, in_hand="no")
+    changes = {} if state is None else state
+    if not isinstance(changes, Mapping):
+        raise ValueError(f"state = {state!r}: expected a mapping")
+    for key in changes:
+        choose("key of state", key, tuple(sorted(fields)))
+    values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in fields}
+    n, players = setup.scene.n_balls, setup.n_players
+    whole("state.player", values["player"], Range(0, players - 1))
+    whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
+    for name, kind in (
+        ("scores", (list, tuple)),
+        ("on_table", (list, tuple, set, frozenset)),
+        ("cue_balls", (list, tuple)),
+    ):
+        if not isinstance(values[name], kind):
+            raise ValueError(f"state.{name} = {values[name]!r}: expected a list of whole numbers")
+        for i, value in enumerate(values[name]):
+            limits = (-MAX_SCORE, MAX_SCORE) if name == "scores" else (0, n - 1)
+            whole(f"state.{name}[{i}]", value, Range(*limits))
+    if len(values["scores"]) != players:
+        raise ValueError(f"state.scores = {values['scores']!r}: expected {players} scores, one per player")
+    if setup.target and max(values["scores"]) >= setup.target:
+        raise ValueError(f"state.scores = {values['scores']!r}: expected scores below the target, {setup.target}")
+    on_table = frozenset(values["on_table"])
+    if len(on_table) != len(values["on_table"]):
+        raise ValueError(f"state.on_table = {values['on_table']!r}: expected each ball once")
+    if sorted(values["cue_balls"]) != sorted(setup.game_rules.cue_balls):
+        raise ValueError(
+            f"state.cue_balls = {values['cue_balls']!r}: expected {setup.game_rules.cue_balls} in some order"
+        )
+    # Cue balls and the ball that decides the game never leave the table before the end.
+    required = set(range(n))
+    if setup.game_rules.pockets:
+        required = {*setup.game_rules.cue_balls, *_DECIDING_BALLS.get(setup.rules, ())}
+    if not required <= on_table or len(on_table) < 2:
+        raise ValueError(
+            f"state.on_table = {sorted(on_table)}: expected the balls {sorted(required)} and at least one object ball"
+        )
+    if not isinstance(values["break_shot"], bool):
+        raise ValueError(f"state.break_shot = {values['break_shot']!r}: expected True or False")
+
+    choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
+    values.update(scores=tuple(map(int, values["scores"])), on_table=on_table, cue_balls=tuple(values["cue_balls"]))
+    rule_state = default._replace(**values)
+    array = np.asarray(positions, dtype=np.float64)
+    if array.shape != (n, 2):
+        raise ValueError(f"positions has shape {array.shape}: expected ({n}, 2), one row per ball")
+    in_play = np.isin(np.arange(n), sorted(on_table if rule_state.in_hand == "no" else rule_state.object_balls))
+    return GameState(check_positions(setup.scene, array, in_play=in_play), rule_state)
+
+
+def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
+    """Plays a shot.
+
+    Args:
+        setup: The settings of the game.
+        game: The state before the shot.
+        stroke: The stroke. A cue ball in hand is placed at the free point nearest to `stroke.place`, see
+            `placement.nearest_free_point`.
+
+    Returns:
+        The shot, with the state after it.
+
+    Raises:
+        ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), `stroke.place` is None
+            with the cue ball in hand, or it is not None otherwise.
+    """
+    state = game.state
+    if state.over:
+        raise ValueError("the game is over: expected no further shot")
+    if (stroke.place is None) != (state.in_hand == "no"):
+        expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
+        raise ValueError(f"stroke.place = {stroke.place!r}: expected {expected}")
+    for name, pair, within in zip(stroke._fields, stroke, ("speed", "coordinate"), strict=True):
+        if pair is not None:
+            if len(pair) != 2:
+                raise ValueError(f"stroke.{name} = {pair!r}: expected two numbers")
+            for i, value in enumerate(pair):
+                real(f"stroke.{name}[{i}]", value, within)
+    scene, cue, n = setup.scene, state.cue_balls[0], setup.scene.n_balls
+    positions = game.positions.copy()
+    if stroke.place is not None:
+        positions[cue] = cue_ball_point(
+            scene, positions, state.object_balls, cue, stroke.place, state.in_hand == "behind"
+        )
+    velocities = np.zeros((n, 2))
+    velocities[cue] = stroke.velocity
+    in_play = np.isin(np.arange(n), sorted(state.on_table))
+    shot_input = ShotInput(positions, velocities, np.zeros((n, 3)), in_play, scene.physics.max_time or math.inf)
+    shot = run_shot(scene, shot_input, setup.mode, setup.dt, setup.fix, record=True)
+    assert shot.events is not None
+    facts = facts_of(shot.events, cue)
+    verdict = setup.game_rules.judge(state, facts)
+    state = next_state(state, facts, verdict)
+    positions = shot.positions.copy()
+    obstacles = state.on_table - set(verdict.spotted)
+    if state.in_hand != "no":  # a cue ball in hand does not block a spot
+        obstacles -= {cue}
+    for ball in verdict.spotted:
+        positions[ball] = spotted_point(scene, positions, obstacles, ball)
+        obstacles |= {ball}
+    return PlayedShot(GameState(positions, state), shot_input, shot, facts, verdict)
+
+
+def replay(history: History) -> Iterator[PlayedShot]:
+    """Plays a recorded game again.
+
+    Args:
+        history: The game.
+
+    Yields:
+        The shots of the game, in order.
+    """
+    game = history.opening
+    for stroke in history.strokes:
+        played = play(history.setup, game, stroke)
+        yield played
+        game = played.game
