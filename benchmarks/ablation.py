@@ -17,12 +17,12 @@ from time import thread_time
 from typing import Any, NamedTuple
 
 import numpy as np
-from billiards_env.engine.shot import check_shot, scene_arrays
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, cases, summary
-from billiards_env.engine import MAX_EVENTS
-from billiards_env.engine.log import N_COUNTS, empty_log
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.log import empty_log
+from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.files import write_json
 from billiards_env.physics import jit
 

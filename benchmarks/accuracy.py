@@ -29,10 +29,10 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, accuracy_report, convergence, error_limit, machine, others
 from benchmarks.methods import PIC, Method, run_all, run_other, timer
-from billiards_env.engine import simulate
 from billiards_env.files import write_json, write_whole
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
+from billiards_env.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]

@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from billiards_env.engine.shot import check_shot, scene_arrays
 from numpy.typing import NDArray
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, breaks
-from billiards_env.engine import MAX_EVENTS, pic
+from billiards_env.engine import pic
 from billiards_env.engine.contact_rule import CONTACT_TIME, set_rule
-from billiards_env.engine.log import NO_LOG, empty_shots
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.log import NO_LOG
+from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
+from billiards_env.engine.shots import empty_shots
 from billiards_env.engine.threads import spread
 from billiards_env.files import write_json
 

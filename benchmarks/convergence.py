@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figures import save
-from billiards_env.engine import simulate_batch
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.simulation import simulate_batch
 
 Floats = NDArray[np.float64]
 

@@ -20,15 +20,15 @@ from typing import Any
 
 import mpmath
 import numpy as np
-from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, table
 from billiards_env import layouts
-from billiards_env.engine import simulate
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
+from billiards_env.sensitivity import UNIT_ROUNDOFF
+from billiards_env.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]

@@ -15,9 +15,10 @@ from PIL import Image  # comes with matplotlib
 from billiards_env import layouts
 from billiards_env.drawing.plot import legend_handles
 from billiards_env.drawing.style import INK
-from billiards_env.engine import ShotResult, simulate
 from billiards_env.files import write_whole
 from billiards_env.scene import Scene
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import simulate
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 

@@ -19,12 +19,12 @@ from agents.opponents import geometric
 from benchmarks.figures import IMAGES, SHOT, shot_of
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.style import ARROW, ARROW_START
-from billiards_env.engine import simulate
 from billiards_env.files import write_whole
 from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import HUMAN, begin
 from billiards_env.play.window import GameWindow
 from billiards_env.scene import Scene
+from billiards_env.simulation import simulate
 
 SEED = 3
 WIDTH = 1080

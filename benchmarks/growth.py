@@ -4,7 +4,7 @@ An elastic gas of 2 to 10,000 disks at one density: the table grows with the num
 shots in turn, in one process and on one core; those whose cost grows with the square of the number leave off where it
 gets too long. Each disk has about as many collisions whatever their number, so an engine whose cost for each event does
 not grow gives a flat line. PIC is run as `simulate` runs it, which goes over from `engine.pic`, where each ball is
-tested against all others, to the grid of `engine.crowd` at `engine.shot.CROWD` balls; beside it both run by themselves,
+tested against all others, to the grid of `engine.crowd` at `engine.shot.MANY_BALLS` balls; beside it both run by themselves,
 which shows where that pays.
 """
 
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from billiards_env.engine.shot import CROWD
 from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, others, print_blocks, table
@@ -27,6 +26,7 @@ from benchmarks.figures import IMAGES, save
 from benchmarks.methods import LEAST_SECONDS, PIC, Floats, Method, run_all, timer
 from benchmarks.speed import Case
 from billiards_env.engine import crowd, pic
+from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, Table
 
@@ -37,7 +37,7 @@ RADIUS, MASS = 0.028575, 0.170097  # m, kg: pool balls
 SECONDS = 2.0  # simulated
 SPEED = 1.0  # m/s, root mean square along each axis
 STEPS = (60, 960)  # of PIT, per second
-GROWS_FROM = CROWD  # disks
+GROWS_FROM = MANY_BALLS  # disks
 ALL_PAIRS, GRID = "PIC, all pairs", "PIC, grid"
 MOST = {"PIT, 1/60 s": 1024, "PIT, 1/960 s": 1024, "python-billiards": 256, ALL_PAIRS: 256, GRID: 256}
 """The largest number of disks that each is run with; PIC runs with any."""
@@ -132,7 +132,7 @@ def measure(disks: list[int], passes: int) -> dict[str, Any]:
         "passes": passes,
         "seconds_simulated": SECONDS,
         "share": SHARE,
-        "crowd": CROWD,
+        "crowd": MANY_BALLS,
         "rows": rows,
     }
 

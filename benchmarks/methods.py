@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import others
-from billiards_env.engine import BatchResult, simulate_batch
 from billiards_env.scene import Scene
+from billiards_env.simulation import BatchResult, simulate_batch
 
 Floats = NDArray[np.float64]
 

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from benchmarks.figures import IMAGES, save
 from billiards_env.drawing.plot import MARKS
 from billiards_env.drawing.style import CHALK, CLOTH, CUSHION, INK
-from billiards_env.engine import ShotResult, simulate
 from billiards_env.failures import FAILURES, Failure
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import simulate
 
 Floats = NDArray[np.float64]
 

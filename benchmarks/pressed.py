@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
-from billiards_env.engine import simulate
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.simulation import simulate
 from reference.pressed import PressedShot, press_cushion, press_pair
 
 BEFORE_IMPACT = 0.01

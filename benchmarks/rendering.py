@@ -17,9 +17,10 @@ import numpy as np
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.drawing.canvas import Canvas, pixels
-from billiards_env.engine import ShotResult, simulate
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import simulate
 
 STEPS = 200
 STEP = "env.step, render_mode={!r}, never rendered: us"

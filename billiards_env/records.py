@@ -29,8 +29,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.checks import Range, choose, real, short, whole
-from billiards_env.engine import MAX_EVENTS, STATUS, check_mode
 from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.modes import MAX_EVENTS, check_mode
+from billiards_env.engine.shots import STATUS
 from billiards_env.files import replacing
 from billiards_env.games.game import GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.rules import RuleState

@@ -12,28 +12,16 @@ import numpy as np
 
 from billiards_env.engine.contact_rule import NOISE, collide, empty_memory, forget, hit_cushion
 from billiards_env.engine.log import (
-    AT_EVENT_LIMIT,
-    AT_MAX_TIME,
-    AT_REST,
     BALL_BALL,
     BALL_CUSHION,
     BALL_POCKET,
-    CUSHIONS,
-    CUSHIONS_BEFORE_HIT,
-    ENDED,
-    FIRST_HIT,
-    N_CONTACT_RULE,
-    N_EVENTS,
     ROLLING_REST,
     SLIDING_ROLLING,
     SPINNING_REST,
-    SceneArrays,
-    Shots,
-    load,
     log_event,
     log_segment,
-    store,
 )
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_REST, Shots, load, store
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.jit import allocating, entry_point, kernel
@@ -54,6 +42,7 @@ from billiards_env.physics.state import (
     VX,
     VY,
     WIDTH,
+    SceneArrays,
     X,
     Y,
     later,

@@ -27,10 +27,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import ShotResult
 from billiards_env.failures import FAILURES
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, VX, VY, X, Y
 from billiards_env.scene import Scene
+from billiards_env.shot import ShotResult
 
 Floats = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from agents.config import ENV_ID
 from agents.evaluate import play
 from agents.ppo import evaluation_seeds
 from billiards_env.checks import choose
-from billiards_env.engine import spread
+from billiards_env.engine.threads import spread
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.action_frames import perturb
 from billiards_env.envs.wrappers import ExecutionNoise

@@ -19,7 +19,7 @@ from typing import Any
 
 from agents.config import Config, at_least, load, read
 from agents.runs import train_all
-from billiards_env.engine import check_mode
+from billiards_env.engine.modes import check_mode
 from billiards_env.files import write_json
 from studies import timestep_figures, timestep_measure, timestep_report
 

@@ -12,10 +12,10 @@ import pytest
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.checks import RANGES, Range, choose, fits, real, whole
-from billiards_env.engine import simulate, simulate_batch
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.games import Setup, Stroke, opening, play
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.simulation import simulate, simulate_batch
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
 

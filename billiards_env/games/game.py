@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
 from billiards_env.checks import Range, choose, real, whole
-from billiards_env.engine import ShotInput, check_mode
+from billiards_env.engine.inputs import ShotInput
+from billiards_env.engine.modes import check_mode
 from billiards_env.games.placement import Point, cue_ball_point, spotted_point
 from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, RuleState, Verdict, facts_of, next_state
 from billiards_env.scene import Scene, check_positions

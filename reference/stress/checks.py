@@ -9,19 +9,12 @@ import dataclasses
 import math
 
 import numpy as np
-from billiards_env.engine.shot import MAX_EVENTS, check_shot, scene_arrays
 from numpy.typing import NDArray
 
 from billiards_env.engine.contact_rule import CONTACT_TIME
-from billiards_env.engine.log import (
-    BALL_BALL,
-    N_CONTACT_RULE,
-    N_COUNTS,
-    N_EVENTS,
-    SEGMENT_WIDTH,
-    empty_log,
-)
-from billiards_env.engine.log import ENDED as STATUS_COLUMN
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.log import BALL_BALL, SEGMENT_WIDTH, empty_log
+from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.engine.pic import run_shots
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import norm
@@ -243,7 +236,7 @@ class Checked:
         )
 
 
-def run_checked(
+def run_shot(
     scene: Scene,
     positions: NDArray[np.float64],
     velocities: NDArray[np.float64],

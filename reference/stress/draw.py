@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from billiards_env.engine.shot import scene_arrays
 from numpy.typing import NDArray
 
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.jit import entry_point
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import ShotResult, simulate
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
-from reference.stress.checks import run_checked
+from billiards_env.shot import ShotResult
+from billiards_env.simulation import simulate
+from reference.stress.checks import run_shot
 
 R = 0.03125  # m, a power of two: sums and halves of it are exact
 
@@ -50,7 +51,7 @@ def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options
         turning[0] = spins if np.ndim(spins) == 2 else turning[0]
         if np.ndim(spins) == 1:
             turning[0, 0] = spins
-    result = run_checked(scene, np.array([places], dtype=float), moving[None], turning, **options)
+    result = run_shot(scene, np.array([places], dtype=float), moving[None], turning, **options)
     assert not result.bad(scene.physics.motion == "ideal").any(), result.found
     return shot
 

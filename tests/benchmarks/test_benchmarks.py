@@ -26,8 +26,8 @@ from benchmarks import (
     table,
 )
 from benchmarks.methods import PIC, Method, run_other, timer
-from billiards_env.engine import simulate_batch
 from billiards_env.scene import Scene, check_positions
+from billiards_env.simulation import simulate_batch
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, layouts
-from billiards_env.engine import simulate
+from billiards_env.simulation import simulate
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")

@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.page import make_page
-from billiards_env.engine import simulate
+from billiards_env.simulation import simulate
 from tests.helpers.browser import browser, find_browser
 
 CHROMIUM = find_browser()

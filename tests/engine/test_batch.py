@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.engine import spread
+from billiards_env.engine.threads import spread
 from billiards_env.scene import SCENES
 from tests.helpers.shots import check_batch, draw_starts
 

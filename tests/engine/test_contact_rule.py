@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env.engine import simulate
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.simulation import simulate
 
 R = 0.03
 INF = math.inf

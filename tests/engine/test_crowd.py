@@ -73,5 +73,5 @@ def test_balls_that_lie_still_and_touch_are_the_same_bit_for_bit():
 
 
 def test_it_is_chosen_by_the_number_of_balls():
-    assert shot.engine_of("pic", shot.CROWD - 1) is pic.run_shots
-    assert shot.engine_of("pic", shot.CROWD) is crowd.run_shots
+    assert shot.engine_of("pic", shot.MANY_BALLS - 1) is pic.run_shots
+    assert shot.engine_of("pic", shot.MANY_BALLS) is crowd.run_shots

@@ -15,11 +15,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from billiards_env.engine.shot import CROWD
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.engine import simulate, simulate_batch
+from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.simulation import simulate, simulate_batch
 
 LONG = 10**9  # events
 REACTS = 10.0  # s; it is hundredths of that, but the machine may be busy
@@ -126,7 +126,7 @@ SMALL_STEPS = {"mode": "pit", "dt": 1e-7}
 CALLS: dict[str, Callable[[], None]] = {
     "one shot": lambda: run_one(2),
     "one recorded shot": lambda: run_one(2, record=True),
-    "one shot of many balls": lambda: run_one(CROWD),
+    "one shot of many balls": lambda: run_one(MANY_BALLS),
     "one shot of pit": lambda: run_one(30, **SMALL_STEPS),
     "one recorded shot of pit": lambda: run_one(30, record=True, **SMALL_STEPS),
     "long shots, 1 thread": lambda: run_batch(4, 2, 1, 1e9),
@@ -145,7 +145,7 @@ CALLS: dict[str, Callable[[], None]] = {
 
 def serve() -> None:
     """Makes the calls whose names come in, and says what became of them."""
-    for n in (2, CROWD):  # compiles the engines
+    for n in (2, MANY_BALLS):  # compiles the engines
         for options in ({}, SMALL_STEPS):
             simulate(*gas(n), max_time=1e-6, **options)
     for line in sys.stdin:

@@ -3,11 +3,11 @@
 import mpmath
 import numpy as np
 import pytest
-from billiards_env.engine.sensitivity import UNIT_ROUNDOFF
 
 from billiards_env import layouts
-from billiards_env.engine import simulate
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.sensitivity import UNIT_ROUNDOFF
+from billiards_env.simulation import simulate
 from reference.oracle import run
 
 STEP = mpmath.mpf(10) ** -25

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, engine, layouts
-from billiards_env.engine import KINDS
+from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, Table
 
 simulate: Any = engine.simulate  # what it records is there wherever it is asked for

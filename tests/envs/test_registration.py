@@ -38,7 +38,7 @@ def test_the_version_is_that_of_the_distribution():
 
 
 def test_the_engine_is_there_when_asked_for():
-    from billiards_env.engine import simulate, simulate_batch
+    from billiards_env.simulation import simulate, simulate_batch
 
     assert billiards_env.simulate is simulate
     assert billiards_env.simulate_batch is simulate_batch

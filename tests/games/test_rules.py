@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from billiards_env.engine.shot import EVENT_DTYPE
 
 from billiards_env import Scene, simulate
 from billiards_env.games.rules import (
@@ -22,6 +21,7 @@ from billiards_env.games.rules import (
     straight,
     three_cushion,
 )
+from billiards_env.shot import EVENT_DTYPE
 
 
 def events(*rows, times=None):

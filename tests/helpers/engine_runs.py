@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from billiards_env.engine.shot import check_shot, scene_arrays
 
-from billiards_env.engine.log import EVENT_WIDTH, N_COUNTS, SEGMENT_WIDTH, Log
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.log import EVENT_WIDTH, SEGMENT_WIDTH, Log
+from billiards_env.engine.modes import scene_arrays
 
 ROOM = 2_000  # events of a log
 MOST = 20_000  # events of a shot: where plain takes too long

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from billiards_env import Scene, layouts
-from billiards_env.engine import STATUS
+from billiards_env.engine.shots import STATUS
 from billiards_env.physics import state as layout
 from billiards_env.scene import Balls, Physics, Table
 

@@ -6,10 +6,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from billiards_env.engine.shot import scene_arrays
 from hypothesis import given
 from hypothesis import strategies as st
 
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST

@@ -2,10 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from billiards_env.engine.shot import scene_arrays
 from hypothesis import given
 from hypothesis import strategies as st
 
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.cushion import han2005
 from billiards_env.scene import Balls, Physics, Scene, Table
 

@@ -2,8 +2,8 @@ import math
 
 import numpy as np
 import pytest
-from billiards_env.engine.shot import scene_arrays
 
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.motion import finish, move, norm, place, spin_after, start
 from billiards_env.physics.state import (
     AX,

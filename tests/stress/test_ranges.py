@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from billiards_env.checks import RANGES
-from billiards_env.engine import simulate
 from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.simulation import simulate
 
 MOST = 2000  # events
 Shot = tuple[Scene, np.ndarray, np.ndarray, np.ndarray | None]
