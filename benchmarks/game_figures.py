@@ -77,7 +77,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_whole(args.folder / "play.png", buffer.getvalue())
     shot = shot_of(Scene.named("pool", 4), **SHOT)
     start = shot.at(0.0)
-    velocity = shot.recording().velocity[shot.recording().ball == 0][0]
+    velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(Scene.named("pool", 4), start, velocity, mode="pit", dt=1 / 60, record=True)
     shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
     for name in ("play.png", "shot.gif"):

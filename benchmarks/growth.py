@@ -3,9 +3,8 @@
 An elastic gas of 2 to 10,000 disks at one density: the table grows with the number of disks. All engines run the same
 shots in turn, in one process and on one core; those whose cost grows with the square of the number leave off where it
 gets too long. Each disk has about as many collisions whatever their number, so an engine whose cost for each event does
-not grow gives a flat line. PIC is run as `simulate` runs it, which goes over from `engine.pic`, where each ball is
-tested against all others, to the grid of `engine.crowd` at `engine.shot.MANY_BALLS` balls; beside it both run by themselves,
-which shows where that pays.
+not grow gives a flat line. `simulate` changes from the queue of all pairs to the grid of `engine.cell_grid` at
+`engine.modes.MANY_BALLS` balls. Both also run alone, which shows from which number of balls the grid is faster.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from benchmarks.convergence import PIT_STYLES
 from benchmarks.figures import IMAGES, save
 from benchmarks.methods import LEAST_SECONDS, PIC, Floats, Method, run_all, timer
 from benchmarks.speed import Case
-from billiards_env.engine import crowd, pic
+from billiards_env.engine import pic
 from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, Table
@@ -90,7 +89,7 @@ def timers(scene: Scene, positions: Floats, velocities: Floats) -> dict[str, Cal
     """What runs the shots and gives the seconds for one, by name."""
     n, given = scene.n_balls, (scene, positions, velocities)
     found = {label(m): timer(*given, m) for m in methods() if n <= MOST.get(label(m), n)}
-    for name, engine in ((ALL_PAIRS, pic.run_shots), (GRID, crowd.run_shots)):
+    for name, engine in ((ALL_PAIRS, pic.run_shots), (GRID, pic.run_shots_of_many)):
         if n <= MOST[name]:
             found[name] = kernel_timer(engine, *given)
     return found
@@ -132,7 +131,7 @@ def measure(disks: list[int], passes: int) -> dict[str, Any]:
         "passes": passes,
         "seconds_simulated": SECONDS,
         "share": SHARE,
-        "crowd": MANY_BALLS,
+        "grid_from": MANY_BALLS,
         "rows": rows,
     }
 
@@ -187,10 +186,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "events": table(("us/event", "events", *names), per_event),
         "ratios": table(("over PIC's time", *names[1:], "all pairs over grid"), ratios),
         "crossover": f"Among these numbers the grid is the faster way from {cross} disks on; PIC takes it from "
-        f"{result['crowd']} on."
+        f"{result['grid_from']} on."
         if cross
-        else f"The grid saves nothing yet with so few disks; PIC takes it from {result['crowd']} on.",
-        "summary": f"PIC uses them from {result['crowd']} balls on. An event takes it {first:.2g} us with "
+        else f"The grid saves nothing yet with so few disks; PIC takes it from {result['grid_from']} on.",
+        "summary": f"PIC uses them from {result['grid_from']} balls on. An event takes it {first:.2g} us with "
         f"{few['disks']:,} disks and {last:.2g} us with {many['disks']:,}.",
     }
 
@@ -225,9 +224,9 @@ def draw(result: dict[str, Any], path: Path) -> None:
         axes.set_xticks(ticks, [f"{n:,}" for n in ticks], minor=False)
         axes.minorticks_off()
         axes.grid(alpha=0.3)
-        axes.axvline(result["crowd"], color="#888888", linewidth=0.8, linestyle="--")
+        axes.axvline(result["grid_from"], color="#888888", linewidth=0.8, linestyle="--")
     foot = {"fontsize": 8, "color": "#555555", "transform": right.get_xaxis_transform(), "va": "bottom"}
-    right.text(result["crowd"] * 1.1, 0.02, "PIC: a grid from here on", **foot)
+    right.text(result["grid_from"] * 1.1, 0.02, "PIC: a grid from here on", **foot)
     left.legend(fontsize=8)
     save(figure, path)
 

@@ -1,9 +1,9 @@
 """The derivative of a shot's positions with respect to its start, propagated through flights and events.
 
 Each ball has a tangent: the derivative of its state (x, y, vx, vy, ux, uy, wz) at a fixed time with respect to the
-initial positions and velocities of all balls. A flight changes it by the derivative of the law of motion, an event by the saltation
-matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is carried to the perturbed
-instant of the event, through the derivative of the jump there, and back to the fixed time.
+initial positions and velocities of all balls. A flight changes it by the derivative of the law of motion, an event by
+the saltation matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is propagated to
+the time of the perturbed event, through the derivative of the jump there, and back to the fixed time.
 
 It is computed from the log of a recorded shot, on demand.
 """
@@ -266,7 +266,7 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, p
 
 
 def _cushion_jump(v: Floats, u: Floats, wz: float, side: int, radius: float, params: Floats) -> Floats:
-    """Returns the derivative of the state after a cushion with respect to that before, (7, 7); see `cushion.han2005`."""
+    """Returns the derivative of the state after a cushion by the state before it, (7, 7); see `cushion.han2005`."""
     jump = np.eye(_SIZE)
     n, t = (2, 3) if side < 2 else (3, 2)
     e = params[E_CUSHION]

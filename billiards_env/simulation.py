@@ -11,7 +11,7 @@ from billiards_env.checks import whole
 from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
-from billiards_env.engine.shots import STATUS, Shots, empty_shots
+from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult, read_log
@@ -84,7 +84,7 @@ def run_shot(
 
     Args:
         scene: Table, balls and physics.
-        shot: Valid input, such as the end of another shot. It is overwritten unless the shot is recorded.
+        shot: Valid input, such as the end of another shot.
         mode: As in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
@@ -98,11 +98,9 @@ def run_shot(
     arrays, engine = scene_arrays(scene, dt, fix), engine_of(mode, n)
     room = 256 if record else 0
     while True:
-        balls = shot[:4]
-        if record:  # the log may prove too short
-            balls = tuple(array.copy() for array in balls)
-        log = empty_log(room, 4 * room)
-        shots = Shots(*(array[None] for array in balls), *empty_shots(1, n)[4:])
+        log, shots = empty_log(room, 4 * room), empty_shots(1, n)
+        for out, array in zip(shots, shot[:4], strict=False):
+            out[0] = array
         engine(0, 1, tuple(arrays), shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used <= (len(log.events), len(log.segments))).all():
             break

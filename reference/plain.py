@@ -1,73 +1,104 @@
-"""The engine without any of its savings, for tests to compare it with: every prediction solved at once, all scanned.
+"""A queue without any saving for the event loop of `engine.pic`: it solves every prediction and compares all of them.
 
-The laws (motion, contact times, impulses, the contact-time rule) are the engine's own kernels; what is written again
-here is only in what order they are asked what happens next.
+Tests compare the engine with it bit for bit. The functions have the arguments and results of those in
+`engine.all_pairs`.
 """
 
 from __future__ import annotations
 
 import math
+import sys
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.contact_rule import NOISE, collide, empty_memory, forget, hit_cushion
-from billiards_env.engine.log import (
-    BALL_BALL,
-    BALL_CUSHION,
-    BALL_POCKET,
-    ROLLING_REST,
-    SLIDING_ROLLING,
-    SPINNING_REST,
-    log_event,
-    log_segment,
+from billiards_env.engine.all_pairs import SOON, most_contacts
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST, Log
+from billiards_env.engine.pic import event_loop, make_workspace
+from billiards_env.engine.predictions import (
+    PAIR_RANK,
+    Event,
+    Singles,
+    empty_singles,
+    predict_pair,
+    rank_of,
+    single_time,
 )
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_REST, Shots, load, store
-from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.engine.resolve import add_contact
+from billiards_env.engine.runner import for_all_shots
+from billiards_env.engine.shots import Shots
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.jit import allocating, entry_point, kernel
-from billiards_env.physics.motion import capture, finish, move, norm, place, start
 from billiards_env.physics.state import (
     AX,
     AY,
-    CONTACT_GAP,
     HALF_LENGTH,
     HALF_WIDTH,
     LASTS,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
     POTTED,
     REST,
     ROLLING,
     SLIDING,
-    T0,
-    T0_LO,
     VX,
     VY,
-    WIDTH,
     SceneArrays,
+    Time,
     X,
     Y,
+    before,
     later,
-    since,
+    moves,
+    own_time,
+    same,
 )
 
-_SOON = 1e-6  # s; as in the engine
+
+class Queue(NamedTuple):
+    """The predictions for n balls.
+
+    Attributes:
+        singles: The `Singles`.
+        hi: (n, n) float64, time of the next meeting of balls i < j, s.
+        lo: (n, n) float64, its second part.
+    """
+
+    singles: Singles
+    hi: Any
+    lo: Any
+
+
+@allocating
+def empty_queue(scene):
+    """Returns the `Queue` for the balls of a scene."""
+    n = len(scene.radius)
+    return Queue(empty_singles(n), np.full((n, n), math.inf), np.zeros((n, n)))
 
 
 @kernel
-def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
-    """The next event of ball i alone, counted from its own time: own[i] = (hi, lo), own_kind[i] = (kind, other)."""
-    own[i, 0], own[i, 1] = math.inf, 0.0
-    p = phase[i]
-    if p in (REST, POTTED):
+def clear(state, scene, queue):
+    """Prepares the queue for a new shot."""
+    queue.hi[:] = math.inf
+
+
+@kernel
+def _predict_single(i, state, scene, singles):
+    """Predicts the next event of ball i alone."""
+    singles.hi[i], singles.lo[i] = math.inf, 0.0
+    phase = state.phase[i]
+    if phase in (REST, POTTED):
         return
-    s = state[i]
+    s = state.rows[i]
     end = s[LASTS]
     kind, other = SPINNING_REST, -1
-    if p == SLIDING:
+    if phase == SLIDING:
         kind = SLIDING_ROLLING
-    elif p == ROLLING:
+    elif phase == ROLLING:
         kind = ROLLING_REST
-    if p >= ROLLING:
-        room_x, room_y = params[HALF_LENGTH] - radius[i], params[HALF_WIDTH] - radius[i]
+    if phase >= ROLLING:
+        room_x, room_y = scene.params[HALF_LENGTH] - scene.radius[i], scene.params[HALF_WIDTH] - scene.radius[i]
         for k in range(4):
             sign = 1.0 if k % 2 else -1.0
             if k < 2:
@@ -76,224 +107,82 @@ def predict_ball(i, state, phase, params, radius, pockets, own, own_kind):
                 t = line_time(room_y - sign * s[Y], sign * s[VY], sign * s[AY], end)
             if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
                 end, kind, other = t, BALL_CUSHION, k
-        for k in range(len(pockets)):
-            dx, dy = pockets[k, 0] - s[X], pockets[k, 1] - s[Y]
-            t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pockets[k, 2], end, 0.0)
+        for k in range(len(scene.pockets)):
+            pocket = scene.pockets[k]
+            dx, dy = pocket[POCKET_X] - s[X], pocket[POCKET_Y] - s[Y]
+            t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pocket[POCKET_RADIUS], end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
                 end, kind, other = t, BALL_POCKET, k
     if end < math.inf:
-        own[i, 0], own[i, 1] = later(s[T0], s[T0_LO], end)
-        own_kind[i, 0], own_kind[i, 1] = kind, other
+        time = later(own_time(state, i), end)
+        singles.hi[i], singles.lo[i] = time.hi, time.lo
+        singles.kind[i], singles.other[i] = kind, other
 
 
 @kernel
-def predict_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo):
-    """When balls i < j next meet, looking from the time (hi, lo): pair[i, j], pair_lo[i, j]."""
-    pair[i, j] = math.inf
-    if (phase[i] < ROLLING or phase[i] == POTTED) and (phase[j] < ROLLING or phase[j] == POTTED):
-        return
-    if phase[i] == POTTED or phase[j] == POTTED:
-        return
-    # Whatever ends either ball's motion has the pair predicted anew; a change of phase that is due now does so at once.
-    for k in (i, j):
-        if own[k, 0] <= hi and own_kind[k, 0] in (SLIDING_ROLLING, ROLLING_REST):
-            return
-    end = min(min(own[i, 0], own[j, 0]), limit) - hi
-    ti = since(hi, lo, state[i, T0], state[i, T0_LO])
-    tj = since(hi, lo, state[j, T0], state[j, T0_LO])
-    xi, yi, vxi, vyi = place(state, phase, i, ti)
-    xj, yj, vxj, vyj = place(state, phase, j, tj)
-    t = circle_time(
-        xj - xi,
-        yj - yi,
-        vxj - vxi,
-        vyj - vyi,
-        state[j, AX] - state[i, AX],
-        state[j, AY] - state[i, AY],
-        radius[i] + radius[j],
-        end,
-        NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
-    )
-    if t < math.inf:
-        pair[i, j], pair_lo[i, j] = later(hi, lo, t)
+def predict(changed, count, now, state, scene, queue, limit):
+    """Predicts what happens next to the first `count` balls of `changed`."""
+    n = len(scene.radius)
+    for c in range(count):
+        _predict_single(changed[c], state, scene, queue.singles)
+    for c in range(count):
+        for j in range(n):
+            a, b = min(changed[c], j), max(changed[c], j)
+            if a == b:
+                continue
+            time = Time(math.inf, 0.0)
+            in_play = state.phase[a] != POTTED and state.phase[b] != POTTED
+            if in_play and (moves(state, a) or moves(state, b)):
+                time = predict_pair(a, b, now, state, scene, queue.singles, limit)
+            queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
+    return 1
 
 
 @kernel
-def predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo):
-    """Predicts anew for ball i, whose own time is (hi, lo), with every other ball."""
-    predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
-    for j in range(len(phase)):
-        if j < i:
-            predict_pair(j, i, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo)
-        elif j > i:
-            predict_pair(i, j, hi, lo, state, phase, radius, own, own_kind, limit, pair, pair_lo)
-
-
-@kernel
-def gather(hi, lo, state, phase, params, radius, pair, pair_lo, contacts):
-    """Pairs whose impact is due at (hi, lo), or that touch and approach then. Returns their number.
-
-    Balls that take part are brought to that instant.
-    """
-    count = 0
-    n = len(phase)
+def earliest(state, scene, queue, limit):
+    """Returns the next `Event`."""
+    n = len(scene.radius)
+    time, rank = Time(math.inf, 0.0), PAIR_RANK
     for i in range(n):
         for j in range(i + 1, n):
-            if pair[i, j] - hi > _SOON:
-                continue
-            due = pair[i, j] == hi and pair_lo[i, j] == lo
-            ti = since(hi, lo, state[i, T0], state[i, T0_LO])
-            tj = since(hi, lo, state[j, T0], state[j, T0_LO])
-            xi, yi, vxi, vyi = place(state, phase, i, ti)
-            xj, yj, vxj, vyj = place(state, phase, j, tj)
-            dx, dy = xj - xi, yj - yi
-            distance = norm(dx, dy)
-            ex, ey = dx / distance, dy / distance
-            speed = -(ex * (vxj - vxi) + ey * (vyj - vyi))
-            if due:
-                speed = max(speed, 0.0)
-            elif distance - (radius[i] + radius[j]) > CONTACT_GAP or speed <= 0.0:
-                continue
-            move(state, phase, i, hi, lo, params)
-            move(state, phase, j, hi, lo, params)
-            contacts.first[count], contacts.second[count] = i, j
-            contacts.nx[count], contacts.ny[count], contacts.closing[count] = ex, ey, speed
+            if before(Time(queue.hi[i, j], queue.lo[i, j]), time):
+                time = Time(queue.hi[i, j], queue.lo[i, j])
+    for i in range(n):
+        single, r = single_time(queue.singles, i), rank_of(queue.singles.kind[i])
+        if single.hi < math.inf and (before(single, time) or (same(single, time) and r < rank)):
+            time, rank = single, r
+    return Event(time, rank, 0, n - 1)
+
+
+@kernel
+def due(event, queue, found):
+    """Finds the balls that an event of single balls concerns. Returns their number."""
+    count = 0
+    for i in range(len(queue.hi)):
+        if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
+            found[count] = i
             count += 1
     return count
 
 
-@allocating
-def run(state, phase, scene, limit, max_events, hits, counts, log):
-    """Runs one shot to rest, to the time `limit` or to `max_events` events.
-
-    Args:
-        state: (n, WIDTH) float64 at time 0, see `physics.state`; at the shot's end on return.
-        phase: (n,) int8; POTTED balls are out of play.
-        scene: A `SceneArrays`.
-        limit: s; may be infinite unless motion is ideal.
-        max_events: The shot is given up after so many.
-        hits: (n, 2) int32 out, see `engine.log`.
-        counts: (N_COUNTS,) int64 out, see `engine.log`.
-        log: A `Log`.
-
-    Returns:
-        The time at which the shot ended, s.
-    """
-    n = len(phase)
-    params, radius, inv_mass, pockets = scene
-    events, segments, used = log
-    own, own_kind = np.empty((n, 2)), np.empty((n, 2), np.int64)
-    pair, pair_lo = np.full((n, n), math.inf), np.zeros((n, n))
-    most = max(1, n * (n - 1) // 2)
-    contacts, scratch, memory = empty_contacts(most), empty_scratch(n, most), empty_memory(n)
-    first, second, closing = contacts.first, contacts.second, contacts.closing
-    forget(memory)
-
-    hits[:, CUSHIONS], hits[:, CUSHIONS_BEFORE_HIT] = 0, -1
-    counts[N_EVENTS], counts[ENDED], counts[FIRST_HIT], counts[N_CONTACT_RULE] = 0, AT_REST, -1, 0
-    used[0] = used[1] = 0
-    for i in range(n):
-        start(state, phase, i, params)
-        log_segment(segments, used, state, phase, i)
-        predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
+@kernel
+def gather(now, state, scene, queue, contacts, limit):
+    """Finds the contacts of the impacts at a `Time`. Returns their number."""
+    count, n = 0, len(queue.hi)
     for i in range(n):
         for j in range(i + 1, n):
-            predict_pair(i, j, 0.0, 0.0, state, phase, radius, own, own_kind, limit, pair, pair_lo)
+            meeting = Time(queue.hi[i, j], queue.lo[i, j])
+            if meeting.hi - now.hi <= SOON and add_contact(i, j, meeting, now, state, scene, contacts, count):
+                count += 1
+    return count
 
-    hi = lo = 0.0
-    while True:
-        next_hi, next_lo, b = math.inf, 0.0, -1
-        for i in range(n):
-            for j in range(i + 1, n):
-                if pair[i, j] < next_hi or (pair[i, j] == next_hi and pair_lo[i, j] < next_lo):
-                    next_hi, next_lo, b = pair[i, j], pair_lo[i, j], j
-        rank = 1  # of kinds at one instant: pocket 0, ball-ball 1, cushion 2, phase change 3
-        for i in range(n):
-            t, t_lo = own[i, 0], own[i, 1]
-            if t > next_hi or t == math.inf:
-                continue
-            r = 0 if own_kind[i, 0] == BALL_POCKET else (2 if own_kind[i, 0] == BALL_CUSHION else 3)
-            if t < next_hi or t_lo < next_lo or (t_lo == next_lo and r < rank):
-                next_hi, next_lo, b, rank = t, t_lo, -1, r
-        if next_hi > limit:
-            if limit < math.inf:
-                for i in range(n):
-                    if phase[i] != POTTED and phase[i] != REST:
-                        counts[ENDED] = AT_MAX_TIME
-                        move(state, phase, i, limit, 0.0, params)
-                if counts[ENDED] == AT_MAX_TIME:
-                    hi = limit
-            break
-        if next_hi == math.inf:
-            break
-        if counts[N_EVENTS] >= max_events:
-            counts[ENDED] = AT_EVENT_LIMIT
-            for i in range(n):
-                move(state, phase, i, hi, lo, params)
-            break
-        hi, lo = next_hi, next_lo
-        acts = counts[N_CONTACT_RULE]
-        if b >= 0:
-            count = gather(hi, lo, state, phase, params, radius, pair, pair_lo, contacts)
-            collide(count, hi, contacts, state, params, inv_mass, scratch, memory, counts)
-            for c in range(count):
-                i, j = first[c], second[c]
-                if i == 0:
-                    if counts[FIRST_HIT] < 0:
-                        counts[FIRST_HIT] = j
-                    if hits[j, CUSHIONS_BEFORE_HIT] < 0:
-                        hits[j, CUSHIONS_BEFORE_HIT] = hits[0, CUSHIONS]
-                start(state, phase, i, params)
-                start(state, phase, j, params)
-                log_event(events, used, hi, lo, BALL_BALL, i, j, state, closing[c], counts[N_CONTACT_RULE] > acts)
-                log_segment(segments, used, state, phase, i)
-                log_segment(segments, used, state, phase, j)
-                predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
-                predict_ball(j, state, phase, params, radius, pockets, own, own_kind)
-            counts[N_EVENTS] += count
-            for c in range(count):
-                predict(first[c], hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
-                predict(second[c], hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
-            continue
-        due = np.zeros(n, np.bool_)
-        for i in range(n):
-            r = 0 if own_kind[i, 0] == BALL_POCKET else (2 if own_kind[i, 0] == BALL_CUSHION else 3)
-            due[i] = own[i, 0] == hi and own[i, 1] == lo and r == rank
-        for i in range(n):
-            if not due[i]:
-                continue
-            kind, other = own_kind[i, 0], own_kind[i, 1]
-            acts = counts[N_CONTACT_RULE]
-            speed = 0.0
-            if kind == BALL_POCKET:
-                move(state, phase, i, hi, lo, params)
-                speed = norm(state[i, VX], state[i, VY])
-                capture(state, phase, i, pockets[other, 0], pockets[other, 1])
-            elif kind == BALL_CUSHION:
-                move(state, phase, i, hi, lo, params)
-                speed = hit_cushion(i, other, hi, state, params, radius, memory, counts)
-                start(state, phase, i, params)
-                hits[i, CUSHIONS] += 1
-            else:
-                finish(state, phase, i, hi, lo, params)
-            counts[N_EVENTS] += 1
-            log_event(events, used, hi, lo, kind, i, other, state, speed, counts[N_CONTACT_RULE] > acts)
-            log_segment(segments, used, state, phase, i)
-        for i in range(n):
-            if due[i]:
-                predict_ball(i, state, phase, params, radius, pockets, own, own_kind)
-        for i in range(n):
-            if due[i]:
-                predict(i, hi, lo, state, phase, params, radius, pockets, limit, own, own_kind, pair, pair_lo)
-    return hi
+
+_run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch, in place; see `pic.run_shots`, which takes the same arguments."""
-    arrays, balls = SceneArrays(*scene), Shots(*shots)
-    state, phase = np.empty((len(arrays.radius), WIDTH)), np.empty(len(arrays.radius), np.int8)
-    for k in range(begin, end):
-        load(balls, k, arrays, state, phase)
-        balls.times[k] = run(state, phase, arrays, limit, max_events, balls.hits[k], balls.counts[k], log)
-        store(balls, k, arrays, state, phase)
+    """Runs shots `begin` to `end` of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    arrays = SceneArrays(*scene)
+    work = make_workspace(arrays, empty_queue(arrays), most_contacts(arrays))
+    _run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log))

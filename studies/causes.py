@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.failures import FAILURES
-from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, VX, VY, X, Y
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 
@@ -154,7 +153,7 @@ def _departure(
         if any(math.ceil(c.time / dt) == test and set(c.balls) & set(true.balls) for c in before):
             return "multiple_collisions"
         times = true.time + dt * np.linspace(-_NEAR, _NEAR, 64 * _NEAR)
-        way = _places(stepped, true.other, times) - _places(stepped, true.ball, times)
+        way = _path(stepped, true.other, times) - _path(stepped, true.ball, times)
         reach = scene.balls.radius[true.ball] + scene.balls.radius[true.other]
         if np.hypot(way[:, 0], way[:, 1]).min() < 0.999 * reach:  # more than the fix leaves of an overlap
             return "missed_collision"
@@ -171,18 +170,12 @@ def _degrees_off(exact: ShotResult, true: Contact, stepped: ShotResult, found: C
 
 def _beyond(stepped: ShotResult, found: Contact, scene: Scene) -> float:
     """How far beyond a cushion a ball was when it was found, before anything was done about it, in radii."""
-    x, y = _places(stepped, found.ball, np.array([found.time]), before=True)[0]
+    x, y = _path(stepped, found.ball, np.array([found.time]), before=True)[0]
     radius = scene.balls.radius[found.ball]
     return max(abs(x) - scene.table.length / 2, abs(y) - scene.table.width / 2) / radius + 1.0
 
 
-def _places(shot: ShotResult, ball: int, times: Floats, before: bool = False) -> Floats:
-    """(k, 2) where a ball is at some times, m; with `before`, where it comes to at a time at which it is moved."""
-    assert shot.segments is not None
-    mine = shot.segments[shot.segments[:, 0] == ball]
-    phase, rows = mine[:, 1], mine[:, 2:]
-    at = np.maximum(np.searchsorted(rows[:, T0], times, "left" if before else "right") - 1, 0)
-    moves = (phase[at] >= ROLLING) & (phase[at] < POTTED)
-    row = rows[at]
-    t = np.where(moves, np.clip(times - row[:, T0], 0.0, row[:, LASTS]), 0.0)[:, None]
-    return row[:, [X, Y]] + t * (row[:, [VX, VY]] + 0.5 * t * row[:, [AX, AY]])
+def _path(shot: ShotResult, ball: int, times: Floats, before: bool = False) -> Floats:
+    """Returns the positions of a ball, see `Trajectory.path`."""
+    assert shot.trajectory is not None
+    return shot.trajectory.path(ball, times, before)

@@ -110,15 +110,15 @@ def rehearse(env: BilliardsEnv, actions: Floats) -> Floats:
         (m,) rewards.
     """
     m, n = len(actions), env.scene.n_balls
-    tables, rewards = env.tables(m), np.empty(m)
-    tables.shots.positions[:] = env.positions
-    tables.shots.in_play[:] = ~env.potted
-    tables.goals[:] = env.goals
-    still, potted = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
+    episodes, rewards = env.episodes(m), np.empty(m)
+    episodes.shots.positions[:] = env.positions
+    episodes.shots.in_play[:] = ~env.potted
+    episodes.goals[:] = env.goals
+    skip, potted = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
     observations = np.empty((m, 2 * (n + len(env.goals))), np.float32)
 
     def work(begin: int, end: int) -> None:
-        tables.shoot(begin, end, still, actions, env.max_speed, env.scratch_penalty, rewards, potted, observations)
+        episodes.shoot(begin, end, skip, actions, rewards, potted, observations)
 
     spread(work, m)
     return rewards

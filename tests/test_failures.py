@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, engine, failures
+from billiards_env import Scene, failures, simulation
 from billiards_env.failures import FAILURES, Failure
 from billiards_env.physics.state import FIXES
 from reference import oracle
@@ -24,7 +24,7 @@ def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: 
     """Returns the recorded shot, by PIC without a fix and by PIT with one; it starts `ahead` s later on the paths."""
     places = np.array(case.positions) + ahead * np.array(case.velocities)
     pit = {} if fix is None else {"mode": "pit", "dt": case.dt if dt is None else dt, "fix": fix}
-    return engine.simulate(case.scene, places, case.velocities, record=True, **pit)
+    return simulation.simulate(case.scene, places, case.velocities, record=True, **pit)
 
 
 def touch_after_step(touch: float, dt: float, by: float) -> float:

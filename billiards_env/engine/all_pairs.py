@@ -272,7 +272,10 @@ def due(event, queue, found):
 
 @inlined
 def gather(now, state, scene, queue, contacts, limit):
-    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach. Returns their number."""
+    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach.
+
+    Returns their number.
+    """
     count, n = 0, len(queue.nearest)
     for i in range(n):
         if queue.nearest_hi[i] - now.hi > SOON:

@@ -392,7 +392,10 @@ def due(event, queue, found):
 
 @kernel
 def gather(now, state, scene, queue, contacts, limit):
-    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach. Returns their number."""
+    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach.
+
+    Returns their number.
+    """
     first, second, found = contacts.first, contacts.second, queue.found
     due_hi, due_lo = contacts.nx, contacts.ny  # scratch until the normals are known
     columns, rows = queue.head.shape

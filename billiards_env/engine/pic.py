@@ -91,7 +91,7 @@ def event_loop(queue: ModuleType) -> Any:
     """Returns the kernel that runs one shot with the predictions in a queue.
 
     Args:
-        queue: `all_pairs` or `cell_grid`.
+        queue: A module with the functions of `all_pairs`.
     """
     clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
 

@@ -13,9 +13,22 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.engine.inputs import check_shot
-from billiards_env.engine.log import BALL_BALL, SEGMENT_WIDTH, empty_log
+from billiards_env.engine.log import (
+    BALL_BALL,
+    KIND,
+    N_EVENTS_LOGGED,
+    N_SEGMENTS_LOGGED,
+    SEGMENT_BALL,
+    SEGMENT_PHASE,
+    SEGMENT_ROW,
+    TIME,
+    TIME_LO,
+    Log,
+    empty_log,
+)
 from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.engine.pic import run_shots
+from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
@@ -24,6 +37,9 @@ from billiards_env.physics.state import (
     HALF_LENGTH,
     HALF_WIDTH,
     MOTION,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
     POTTED,
     ROLLING,
     SLIDING,
@@ -35,7 +51,10 @@ from billiards_env.physics.state import (
     UY,
     VX,
     VY,
+    WIDTH,
     WZ,
+    SceneArrays,
+    Time,
     X,
     Y,
     since,
@@ -65,13 +84,14 @@ def _at(row, phase, t):
 
 
 @kernel
-def _energy(rows, phases, radius, mass, hi, lo, scale, params):
-    """Kinetic energy of all balls with velocities in units of `scale`, J."""
+def _energy(now, rows, phases, mass, scene, scale):
+    """Returns the kinetic energy of all balls with velocities in units of `scale`, J."""
+    radius, params = scene.radius, scene.params
     total = 0.0
     for i in range(len(phases)):
         if phases[i] == POTTED or math.isinf(mass[i]):
             continue
-        t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+        t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
         _, _, vx, vy = _at(rows[i], phases[i], t)
         vx, vy = vx / scale, vy / scale
         twice = vx * vx + vy * vy
@@ -88,72 +108,76 @@ def _energy(rows, phases, radius, mass, hi, lo, scale, params):
 
 
 @kernel
-def _look(rows, phases, radius, pockets, params, hi, lo, xy, found):
-    """Compares the places of the balls at (hi, lo) with each other, with the cushions and with the pockets."""
+def _check_positions(now, rows, phases, scene, xy, found):
+    """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
+    params, radius, pockets = scene.params, scene.radius, scene.pockets
     n = len(phases)
     for i in range(n):
         if phases[i] == POTTED:
             continue
-        t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+        t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
         x, y, vx, vy = _at(rows[i], phases[i], t)
         if not math.isfinite(x + y + vx + vy):
             found[BROKEN] = 1.0
-        xy[i, 0], xy[i, 1] = x, y
+        xy[i, X], xy[i, Y] = x, y
         out = max(abs(x) - (params[HALF_LENGTH] - radius[i]), abs(y) - (params[HALF_WIDTH] - radius[i]))
         for k in range(len(pockets)):
-            out = max(out, pockets[k, 2] - norm(x - pockets[k, 0], y - pockets[k, 1]))
+            out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
         found[OUTSIDE] = max(found[OUTSIDE], out)
         for j in range(i):
             if phases[j] != POTTED:
-                dx, dy, reach = x - xy[j, 0], y - xy[j, 1], radius[i] + radius[j]
+                dx, dy, reach = x - xy[j, X], y - xy[j, Y], radius[i] + radius[j]
                 if dx * dx + dy * dy < reach * reach:
                     found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
 
 
 @allocating
-def _check(events, n_events, segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found):
-    """Goes through the log of one shot."""
-    n = len(radius)
+def _check(log, scene, mass, acts, found):
+    """Checks the log of one shot."""
+    events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
+    n, radius = len(scene.radius), scene.radius
+    rows, phases = np.empty((n, WIDTH)), np.empty(n, np.int64)
+    momenta, xy = np.empty((n, 2)), np.empty((n, 2))
     found[:] = 0.0
     found[OUTSIDE] = found[OVERLAP] = -math.inf
     scale = 0.0
     for i in range(n):
-        rows[i] = segments[i, 2:]
-        phases[i] = int(segments[i, 1])
+        rows[i] = segments[i, SEGMENT_ROW:]
+        phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
-    hi = lo = 0.0
-    _look(rows, phases, radius, pockets, params, hi, lo, xy, found)
+    now = Time(0.0, 0.0)
+    _check_positions(now, rows, phases, scene, xy, found)
     if scale == 0.0:
         return
     if acts > 0:
         scale = max(scale, 1e-100)  # what the rule gives to slower balls would overflow in units of their speed
-    energy = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+    energy = _energy(now, rows, phases, mass, scene, scale)
     least = 1e-30 * energy  # velocities near zero carry the rounding of what they were before
     k, row = 0, n
     while k < n_events:
-        before_hi = hi
-        hi, lo = events[k, 0], events[k, 1]
-        if not hi >= before_hi:
+        previous = now.hi
+        now = Time(events[k, TIME], events[k, TIME_LO])
+        if not now.hi >= previous:
             found[BROKEN] = 1.0
-        if hi > before_hi:
-            _look(rows, phases, radius, pockets, params, 0.5 * (hi + before_hi), 0.0, xy, found)
-        before = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+        if now.hi > previous:
+            _check_positions(Time(0.5 * (now.hi + previous), 0.0), rows, phases, scene, xy, found)
+        before = _energy(now, rows, phases, mass, scene, scale)
         for i in range(n):
-            t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
-            _, _, momenta[i, 0], momenta[i, 1] = _at(rows[i], phases[i], t)
+            t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
+            _, _, momenta[i, X], momenta[i, Y] = _at(rows[i], phases[i], t)
         impacts_only, fixed = True, False
-        while k < n_events and events[k, 0] == hi and events[k, 1] == lo:
-            impact = events[k, 2] == BALL_BALL
+        while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
+            impact = events[k, KIND] == BALL_BALL
             impacts_only = impacts_only and impact
             found[IMPACTS] += impact
             for _ in range(2 if impact else 1):
-                i = int(segments[row, 0])
+                i = int(segments[row, SEGMENT_BALL])
                 fixed = fixed or math.isinf(mass[i])
-                rows[i] = segments[row, 2:]
-                phases[i] = int(segments[row, 1])
+                rows[i] = segments[row, SEGMENT_ROW:]
+                phases[i] = int(segments[row, SEGMENT_PHASE])
                 row += 1
             k += 1
-        after = _energy(rows, phases, radius, mass, hi, lo, scale, params)
+        after = _energy(now, rows, phases, mass, scene, scale)
         for rise, base in ((before - energy, energy), (after - before, before)):
             if rise > least:
                 if rise > ENERGY_RISE * base:
@@ -165,35 +189,30 @@ def _check(events, n_events, segments, radius, mass, pockets, params, acts, rows
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                t = since(hi, lo, rows[i, T0], rows[i, T0_LO])
+                t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
                 _, _, vx, vy = _at(rows[i], phases[i], t)
-                px += mass[i] * ((vx - momenta[i, 0]) / scale)
-                py += mass[i] * ((vy - momenta[i, 1]) / scale)
-                total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, 0] / scale, momenta[i, 1] / scale))
+                px += mass[i] * ((vx - momenta[i, X]) / scale)
+                py += mass[i] * ((vy - momenta[i, Y]) / scale)
+                total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, X] / scale, momenta[i, Y] / scale))
             found[DRIFT_X] += px * scale
             found[DRIFT_Y] += py * scale
             if total > 0.0:
                 found[MOMENTUM] = max(found[MOMENTUM], norm(px, py) / total)
-        _look(rows, phases, radius, pockets, params, hi, lo, xy, found)
+        _check_positions(now, rows, phases, scene, xy, found)
     if not math.isfinite(energy):
         found[BROKEN] = 1.0
 
 
 @entry_point
 def _run_checked(scene, limit, max_events, shots, log, found):
-    params, radius, inv_mass, pockets = scene
-    events, segments, used = log
-    n = len(radius)
-    mass = 1.0 / inv_mass
-    rows, phases = np.empty((n, SEGMENT_WIDTH - 2)), np.empty(n, np.int64)
-    momenta, xy = np.empty((n, 2)), np.empty((n, 2))
+    arrays, record = SceneArrays(*scene), Log(*log)
+    mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(found)):
         run_shots(k, k + 1, scene, limit, max_events, shots, log)
-        if used[0] > len(events) or used[1] > len(segments):
+        if used[N_EVENTS_LOGGED] > len(record.events) or used[N_SEGMENTS_LOGGED] > len(record.segments):
             found[k, FULL] = 1.0
         else:
-            acts = shots[-1][k, N_CONTACT_RULE]
-            _check(events, used[0], segments, radius, mass, pockets, params, acts, rows, phases, momenta, xy, found[k])
+            _check(record, arrays, mass, Shots(*shots).n_contact_rule[k], found[k])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -236,7 +255,7 @@ class Checked:
         )
 
 
-def run_shot(
+def check_shots(
     scene: Scene,
     positions: NDArray[np.float64],
     velocities: NDArray[np.float64],
@@ -261,18 +280,18 @@ def run_shot(
     """
     given = check_shot(scene, positions, velocities, spins, None, max_time)
     m, n = given.positions.shape[:2]
-    times, hits, counts = np.empty(m), np.empty((m, n, 2), np.int32), np.empty((m, N_COUNTS), np.int64)
+    shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     found = np.zeros((m, N_FOUND))
     arrays = scene_arrays(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
-    at, v, w, playing = given.positions.copy(), given.velocities.copy(), given.spins.copy(), given.in_play.copy()
-    _run_checked(tuple(arrays), given.limit, max_events, (*given[:4], times, hits, counts), tuple(log), found)
+    start = [array.copy() for array in given[:4]]
+    _run_checked(tuple(arrays), given.limit, max_events, tuple(shots), tuple(log), found)
     for k in np.flatnonzero(found[:, FULL]):
-        rows = int(counts[k, N_EVENTS])
+        rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n)
         found[k] = 0.0
         one = slice(k, k + 1)
-        again = at[one], v[one], w[one], playing[one], times[one], hits[one], counts[one]
+        again = *(array[one] for array in start), *(array[one] for array in shots[4:])
         _run_checked(tuple(arrays), given.limit, max_events, again, tuple(log), found[one])
     p = scene.physics
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
@@ -280,10 +299,10 @@ def run_shot(
         positions=given.positions,
         velocities=given.velocities,
         potted=~given.in_play,
-        time=times,
-        status=counts[:, STATUS_COLUMN].copy(),
-        n_events=counts[:, N_EVENTS].copy(),
-        n_contact_rule=counts[:, N_CONTACT_RULE].copy(),
+        time=shots.time,
+        status=shots.status,
+        n_events=shots.n_events,
+        n_contact_rule=shots.n_contact_rule,
         found=found,
         rise_bound=0.5 * heaviest * (3.0 * CONTACT_TIME * max(p.mu_slide, p.mu_roll) * p.g) ** 2,
     )

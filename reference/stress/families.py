@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from billiards_env import layouts
 from billiards_env.scene import Balls, Physics, Scene, Table
 from reference.stress import draw
-from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, run_shot
+from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
 
 Floats = NDArray[np.float64]
 Shots = tuple[Scene, Floats, Floats, Floats | None]
@@ -90,7 +90,7 @@ def run(name: str, seed: int, shots: int) -> dict[str, Any]:
     if drawn is None:
         return {"shots": 0, "bad": []}
     scene, places, velocities, spins = drawn
-    result = run_shot(scene, places, velocities, spins)
+    result = check_shots(scene, places, velocities, spins)
     free = result.n_contact_rule == 0
     bad = np.flatnonzero(result.bad(scene.physics.motion == "ideal"))
     return {

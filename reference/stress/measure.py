@@ -15,7 +15,7 @@ from billiards_env.sensitivity import UNIT_ROUNDOFF
 from billiards_env.simulation import simulate
 from reference import oracle
 from reference.stress import draw
-from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, run_shot
+from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, check_shots
 
 LONG = 1e9  # s; longer than any run of an ideal gas here
 
@@ -46,7 +46,7 @@ def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[s
     energy = start = float((mass * velocities**2).sum() / 2)
     momentum, done, overlap, worst, events = np.zeros(2), 0, 0.0, 0.0, 0
     while done < collisions:
-        r = run_shot(scene, places[None], velocities[None], max_events=chunk, log_rows=chunk + 64)
+        r = check_shots(scene, places[None], velocities[None], max_events=chunk, log_rows=chunk + 64)
         places, velocities = r.positions[0], r.velocities[0]
         found = r.found[0]
         momentum += found[[DRIFT_X, DRIFT_Y]]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
-from reference.stress.checks import run_shot
+from reference.stress.checks import check_shots
 
 R = 0.03125  # m, a power of two: sums and halves of it are exact
 
@@ -51,7 +51,7 @@ def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options
         turning[0] = spins if np.ndim(spins) == 2 else turning[0]
         if np.ndim(spins) == 1:
             turning[0, 0] = spins
-    result = run_shot(scene, np.array([places], dtype=float), moving[None], turning, **options)
+    result = check_shots(scene, np.array([places], dtype=float), moving[None], turning, **options)
     assert not result.bad(scene.physics.motion == "ideal").any(), result.found
     return shot
 

@@ -75,7 +75,7 @@ def step_one(**options: Any) -> None:
     finally:
         assert (env.positions == before[0]).all()
         assert (env.potted == before[1]).all()
-        assert not env._tables.over[0]
+        assert not env._episodes.over[0]
         env.reset(seed=0)
         assert (env.positions == before[0]).all()
 
@@ -89,7 +89,7 @@ def step_many(num_envs: int, threads: int | None, mode: str) -> None:
     envs.reset(seed=0)
 
     def now() -> list[Any]:
-        tables = envs._tables
+        tables = envs._episodes
         return [a.copy() for a in (envs.positions, envs.potted, tables.tally, tables.over, envs._rows)]
 
     before = now()

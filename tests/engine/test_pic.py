@@ -8,26 +8,25 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, engine, layouts
-from billiards_env.engine import pic
+from billiards_env import Scene, layouts, simulation
 from billiards_env.engine.contact_rule import CONTACT_TIME
-from billiards_env.physics import state as layout
-from billiards_env.scene import CONTACT_GAP, Balls, Physics, Pocket, Table
+from billiards_env.physics import state as columns
+from billiards_env.scene import Balls, Physics, Pocket, Table
 from tests.helpers.shots import FREE, ROLLING, SLIDING, R, at_time, draw_shot, kinds, kinetic_energy, world
 
-simulate: Any = engine.simulate  # what it records is there wherever it is asked for
+simulate: Any = simulation.simulate  # what it records is there wherever it is asked for
 
 G, SLIDE, ROLL = 9.81, 0.2, 0.01
 
 
 def rows(shot, ball):
     """The pieces of a ball's trajectory."""
-    return shot.segments[shot.segments[:, 0] == ball, 2:]
+    return shot.trajectory.rows[shot.trajectory.ball == ball]
 
 
 def velocity(shot, ball, piece=-1):
     """With which a ball begins a piece of its trajectory."""
-    return rows(shot, ball)[piece][[layout.VX, layout.VY]]
+    return rows(shot, ball)[piece][[columns.VX, columns.VY]]
 
 
 # Two balls
@@ -41,9 +40,9 @@ def test_like_elastic_balls_exchange_their_velocities_head_on(physics):
     v = rows(shot, 1)[1]
     assert (hit["ball"], hit["other"]) == (0, 1)
     assert velocity(shot, 1, 1) == pytest.approx([before, 0.0])
-    stopped = next(row for row in rows(shot, 0) if row[layout.T0] == hit["time"])
-    assert stopped[[layout.VX, layout.VY]] == pytest.approx([0.0, 0.0], abs=1e-15)
-    assert v[layout.T0] == hit["time"]
+    stopped = next(row for row in rows(shot, 0) if row[columns.T0] == hit["time"])
+    assert stopped[[columns.VX, columns.VY]] == pytest.approx([0.0, 0.0], abs=1e-15)
+    assert v[columns.T0] == hit["time"]
 
 
 @pytest.mark.parametrize(
@@ -82,7 +81,7 @@ def test_a_fixed_obstacle_is_not_moved_by_many_balls():
 def test_like_elastic_balls_part_at_a_right_angle(physics, offset):
     shot = simulate(world(2, physics), [[-1.0, 2 * R * offset], [0.0, 0.0]], [3.0, 0.0], record=True)
     hit = shot.events[shot.events["kind"] == "ball_ball"][0]["time"]
-    a, b = (next(r for r in rows(shot, i) if r[layout.T0] == hit)[[layout.VX, layout.VY]] for i in (0, 1))
+    a, b = (next(r for r in rows(shot, i) if r[columns.T0] == hit)[[columns.VX, columns.VY]] for i in (0, 1))
     assert a @ b == pytest.approx(0.0, abs=1e-14)
     assert b[1] / b[0] == pytest.approx(-offset / math.sqrt(1 - offset**2))
 
@@ -243,7 +242,7 @@ def test_a_rolling_ball_bounces_straight_off_a_han_cushion_as_the_formula_says()
     assert velocity(shot, 0, 1) == pytest.approx([after, 0.0], rel=1e-13)
     # the spin about y: R dwy = 5/2 (PX sin - PZ cos) = -5/2 mu (1 + e) v cos
     row = rows(shot, 0)[1]
-    assert row[layout.VX] - row[layout.UX] == pytest.approx(v - 2.5 * 0.1 * 1.75 * v * cos, rel=1e-13)
+    assert row[columns.VX] - row[columns.UX] == pytest.approx(v - 2.5 * 0.1 * 1.75 * v * cos, rel=1e-13)
 
 
 @pytest.mark.parametrize("physics", [FREE, ROLLING, SLIDING])
@@ -517,14 +516,14 @@ def test_numbering_matters_not_where_friction_presses_a_frozen_rack_together():
 def instants(shot):
     """The events' times and, for each, the state (n, WIDTH) and phase (n,) of all balls just before and after."""
     n = len(shot.positions)
-    state, phase = shot.segments[:n, 2:].copy(), shot.segments[:n, 1].copy()
-    later = shot.segments[n:]
-    times = later[:, 2 + layout.T0]
-    edges = np.r_[0, np.flatnonzero(np.diff(times)) + 1, len(later)] if len(later) else [0]
+    ball, phases, rows = shot.trajectory
+    state, phase = rows[:n].copy(), phases[:n].copy()
+    times = rows[n:, columns.T0]
+    edges = np.r_[0, np.flatnonzero(np.diff(times)) + 1, len(times)] if len(times) else [0]
     for a, b in itertools.pairwise(edges):
         before = at_time(state, phase, times[a])
-        for ball, ph, *row in later[a:b]:
-            state[int(ball)], phase[int(ball)] = row, ph
+        for k in range(n + a, n + b):
+            state[ball[k]], phase[ball[k]] = rows[k], phases[k]
         yield times[a], before, at_time(state, phase, times[a]), phase.copy()
 
 
@@ -564,7 +563,9 @@ def test_energy_never_rises_momentum_is_exchanged_and_nothing_overlaps(seed):
     # An act of the contact-time rule may lend a pair as much as friction takes from it within the contact.
     p = scene.physics
     act = 0.5 * mass.max() * (3.0 * CONTACT_TIME * (p.mu_slide if p.motion == "sliding" else p.mu_roll) * p.g) ** 2
-    start = kinetic_energy(at_time(shot.segments[: scene.n_balls, 2:], shot.segments[: scene.n_balls, 1], 0.0), scene)
+    start = kinetic_energy(
+        at_time(shot.trajectory.rows[: scene.n_balls], shot.trajectory.phase[: scene.n_balls], 0.0), scene
+    )
     last, rises = start, 0.0
     for t, before, after, _ in instants(shot):
         now = kinetic_energy(after, scene)
@@ -598,7 +599,3 @@ def test_dead_balls_that_push_each_other_come_to_rest():
     ]
     shot = simulate(scene, places, velocities, max_events=2000)
     assert shot.status == "rest"
-
-
-def test_the_kernels_hold_balls_for_touching_that_the_scene_does():
-    assert pic.CONTACT_GAP == CONTACT_GAP

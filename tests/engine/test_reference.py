@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, engine, layouts
+from billiards_env import Scene, layouts, simulation
 from reference.oracle import run
 
-simulate: Any = engine.simulate  # what it records is there wherever it is asked for
+simulate: Any = simulation.simulate  # what it records is there wherever it is asked for
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
 SHOTS = REFERENCE["shots"]

@@ -1,4 +1,4 @@
-"""What the engine saves changes no bit of what it gives back: see `plain`, which saves nothing."""
+"""The savings of the engine change no bit of a result: `reference.plain` has none of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.helpers.engine_runs import run
 
 
 def check(shots, **how):
-    for fast, slow in zip(run(pic, shots, **how), run(plain, shots, **how), strict=True):
+    for fast, slow in zip(run(pic.run_shots, shots, **how), run(plain.run_shots, shots, **how), strict=True):
         assert np.array_equal(fast, slow)
 
 

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, engine, layouts
+from billiards_env import Scene, layouts, simulation
 from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, Table
 
-simulate: Any = engine.simulate  # what it records is there wherever it is asked for
+simulate: Any = simulation.simulate  # what it records is there wherever it is asked for
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
@@ -94,7 +94,7 @@ def test_recording_changes_no_bit(name):
         for field in ("time", "n_events", "status", "first_hit", "n_contact_rule"):
             assert getattr(plain, field) == getattr(record, field)
         assert plain.events is None
-        assert plain.segments is None
+        assert plain.trajectory is None
 
 
 def test_a_log_longer_than_its_first_room_is_complete():
@@ -227,6 +227,6 @@ def test_a_limit_on_events_that_is_no_whole_number_is_refused(max_events):
     scene = Scene.named("ideal")
     places = [[-0.5, 0.0], [0.0, 0.0]]
     with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
-        engine.simulate(scene, places, [1.0, 0.0], max_events=max_events)
+        simulation.simulate(scene, places, [1.0, 0.0], max_events=max_events)
     with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
-        engine.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)
+        simulation.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)

@@ -226,7 +226,7 @@ def test_a_break_from_behind_the_head_string():
     setup = make_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     played = play(setup, game, Stroke((8.0, 0.0), (1.0, 0.0)))
-    assert played.shot.segments is not None
+    assert played.shot.trajectory is not None
     assert played.shot.at(0.0)[0].tolist() == [-0.635, 0.0]
     assert played.facts.first == (1,)
     assert played.verdict.foul in ("", "scratch")

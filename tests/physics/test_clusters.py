@@ -14,7 +14,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST
 from billiards_env.physics.jit import allocating
-from billiards_env.physics.state import VX, VY, WIDTH
+from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
 
 
@@ -39,10 +39,12 @@ def plastic(first, second, nx, ny, wanted, inv_mass):
 
 
 @allocating
-def collide(first, second, nx, ny, closing, rebound, state, params, inv_mass):
-    """Runs `exchange` on `state`; returns the number of contacts that `rebound` raised."""
+def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
+    """Runs `exchange` on balls with these rows; returns the number of contacts that `rebound` raised."""
+    state = State(rows, np.zeros(len(rows), np.int8))
+    scene = SceneArrays(params, inv_mass, inv_mass, np.empty((0, 3)))  # `exchange` does not use the radii
     contacts = fill(first, second, nx, ny, closing, rebound)
-    return exchange(len(first), contacts, state, params, inv_mass, empty_scratch(len(inv_mass), len(first)))
+    return exchange(len(first), contacts, state, scene, empty_scratch(len(inv_mass), len(first)))
 
 
 def solve(contacts, inverse):

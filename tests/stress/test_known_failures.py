@@ -11,7 +11,7 @@ from billiards_env.physics.contact import circle_time
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate
 from reference.stress import families
-from reference.stress.checks import OVERLAP, run_shot
+from reference.stress.checks import OVERLAP, check_shots
 from reference.stress.scenes import R, kinds, rough, run, triangle
 
 
@@ -50,7 +50,7 @@ def test_a_rack_does_not_overlap_in_a_break(layout):
     name = f"15-ball break, {layout} rack"
     drawn = families.FAMILIES[name](np.random.default_rng(5), 20)
     assert drawn is not None
-    result = run_shot(*drawn)
+    result = check_shots(*drawn)
     assert result.found[:, OVERLAP].max() < 1e-14
 
 

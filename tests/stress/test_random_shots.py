@@ -51,7 +51,7 @@ def check_nasty(shots) -> None:
     if shots is None:
         return
     scene, places, velocities, spins = shots
-    result = checks.run_shot(scene, places, velocities, spins)
+    result = checks.check_shots(scene, places, velocities, spins)
     assert not result.bad(scene.physics.motion == "ideal").any(), result.found
 
 

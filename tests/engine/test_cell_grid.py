@@ -1,4 +1,4 @@
-"""The engine for many balls gives what the one for few gives, bit for bit; that, in turn, is held to `plain`."""
+"""PIC has the same bits with both queues."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.engine import crowd, pic, shot
+from billiards_env.engine import modes, pic
 from billiards_env.scene import Balls, Physics, Table
 from reference.stress import draw, families
 from tests.helpers.engine_runs import run
@@ -29,7 +29,7 @@ def crowded(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):
 
 
 def check(shots, **how):
-    for many, few in zip(run(crowd, shots, **how), run(pic, shots, **how), strict=True):
+    for many, few in zip(run(pic.run_shots_of_many, shots, **how), run(pic.run_shots, shots, **how), strict=True):
         assert np.array_equal(many, few)
 
 
@@ -72,6 +72,6 @@ def test_balls_that_lie_still_and_touch_are_the_same_bit_for_bit():
             check((scene, places, np.zeros_like(places), None))
 
 
-def test_it_is_chosen_by_the_number_of_balls():
-    assert shot.engine_of("pic", shot.MANY_BALLS - 1) is pic.run_shots
-    assert shot.engine_of("pic", shot.MANY_BALLS) is crowd.run_shots
+def test_the_number_of_balls_selects_the_queue():
+    assert modes.engine_of("pic", modes.MANY_BALLS - 1) is pic.run_shots
+    assert modes.engine_of("pic", modes.MANY_BALLS) is pic.run_shots_of_many
