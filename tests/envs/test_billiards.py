@@ -14,7 +14,7 @@ from gymnasium.wrappers import OrderEnforcing
 
 import billiards_env.envs.billiards as billiards
 from billiards_env import simulate
-from billiards_env.envs import BilliardsEnv, tables
+from billiards_env.envs import BilliardsEnv, episodes
 from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene, check_positions
@@ -534,7 +534,7 @@ def test_bad_options_are_refused_and_the_episode_goes_on(options, error, message
         ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
         (
             {"goal": [0, 0.62]},
-            r"options\['goal'\] as a place of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
+            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
         ),
         ({"goal": [0, np.nan]}, "expected finite coordinates"),
         ({"goal": [1.24, 0.6]}, "expected a place outside pocket 3"),
@@ -601,7 +601,7 @@ def test_bad_arguments_are_refused(kwargs, error, message):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    monkeypatch.setattr(tables, "MAX_EVENTS", 2)
+    monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
     env = BilliardsEnv()
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
     with pytest.warns(
@@ -629,4 +629,4 @@ def test_final_positions_of_every_variant_can_be_placed_again():
             env.reset(seed=seed)
             *_, info = env.step([0.7, 0.5])
             if not info["potted"].any():
-                check_positions(env.scene, env._tables.shots.positions[0])
+                check_positions(env.scene, env._episodes.shots.positions[0])
