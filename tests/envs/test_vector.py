@@ -217,7 +217,7 @@ def test_next_step_resets_ignore_the_action():
     envs.step(np.zeros((2, 2)))
     *_, infos = envs.step(np.full((2, 2), np.nan))
     assert infos == {}
-    with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected two finite numbers"):
+    with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected finite numbers"):
         envs.step([[0.0, 0.0], [0.0, np.nan]])
 
 
@@ -229,7 +229,7 @@ def test_a_bad_action_is_refused_and_changes_nothing(mode):
     for actions, message in (
         (np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
         (np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
-        ([[0, 0], [np.inf, 0], [0, 0]], r"action of environment 1 = \[inf, 0.0\]: expected two finite numbers"),
+        ([[0, 0], [np.inf, 0], [0, 0]], r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
     ):
         with pytest.raises(ValueError, match=message):
             envs.step(actions)
@@ -241,7 +241,7 @@ def test_step_needs_episodes_under_way(mode):
     envs = BilliardsVectorEnv(2, autoreset_mode=mode)
     with pytest.raises(ResetNeeded, match="call reset"):
         envs.step(np.zeros((2, 2)))
-    with pytest.raises(ResetNeeded, match="never been reset: reset all of them first"):
+    with pytest.raises(ResetNeeded, match="never been reset: reset all environments first"):
         envs.reset(options={"reset_mask": np.array([True, False])})
     envs.reset()
     envs.step(np.zeros((2, 2)))
@@ -270,10 +270,10 @@ TWO_APART = [[0.0, 0.0], [0.5, 0.0]]
             ValueError,
             "shot 1, balls 0 and 1 are 0.01 m apart",
         ),
-        ({"options": {"reset_mask": [True, True]}}, TypeError, "expected a numpy array of bool"),
-        ({"options": {"reset_mask": np.ones(2)}}, TypeError, "expected a numpy array of bool"),
+        ({"options": {"reset_mask": [True, True]}}, TypeError, "expected a NumPy array of bool"),
+        ({"options": {"reset_mask": np.ones(2)}}, TypeError, "expected a NumPy array of bool"),
         ({"options": {"reset_mask": np.ones(3, bool)}}, ValueError, r"has shape \(3,\): expected \(2,\)"),
-        ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected an environment to reset"),
+        ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected at least one environment to reset"),
     ],
 )
 def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
