@@ -27,7 +27,7 @@ import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.engine import STATUS
-from billiards_env.envs.billiards import cue_velocity
+from billiards_env.envs.action_frames import cue_velocity
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate, simulate_batch

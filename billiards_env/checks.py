@@ -1,4 +1,4 @@
-"""Checks of numbers and names, with one style of message: `name = value: expected ...`.
+"""Checks of numbers, names and arrays, with one style of message: `name = value: expected ...`.
 
 `RANGES` holds the range of each number of a scene, a shot, an environment or a picture, and of seeds. The ranges are
 much wider than the values on real tables. Within them the engines' arithmetic does not overflow and every shot ends: a
@@ -12,6 +12,7 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 MAX_SPEED, MAX_SPIN = 1e3, 1e6
 """m/s and rad/s. The largest component of a velocity and of a spin."""
@@ -157,6 +158,38 @@ def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
         closest = difflib.get_close_matches(str(value), choices, 1)
         hint = f" (did you mean {closest[0]!r}?)" if closest else ""
         raise ValueError(f"{name} = {short(value)}: expected one of {', '.join(map(repr, choices))}{hint}")
+
+
+def flag(name: str, value: Any) -> bool:
+    """Returns a bool or a NumPy bool as a bool, and raises a ValueError for any other value."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ValueError(f"{name} = {short(value)}: expected True or False")
+    return bool(value)
+
+
+def shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Returns a copy of an array as float64, and raises a ValueError unless it has the shape `shape`."""
+    array = np.array(value, dtype=np.float64, order="C")
+    if array.shape != shape:
+        raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
+    return array
+
+
+def finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Returns a copy of an array as float64, after a check of its shape and of its numbers.
+
+    Raises:
+        ValueError: If the array does not have the shape `shape`, or a number is not finite.
+
+    Example:
+        >>> finite("action", [0.5, float("nan")], (2,))
+        Traceback (most recent call last):
+        ValueError: action = [0.5, nan]: expected finite numbers
+    """
+    array = shaped(name, value, shape)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
+    return array
 
 
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)

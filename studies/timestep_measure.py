@@ -29,8 +29,7 @@ from agents.intervals import wilson_interval
 from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.action_frames import ActionTransform
-from billiards_env.envs.billiards import cue_velocity
+from billiards_env.envs.action_frames import ActionTransform, cue_velocity
 from billiards_env.simulation import simulate
 from studies.causes import CAUSES, cause
 

@@ -1,4 +1,4 @@
-"""The Gymnasium side: environments, one or many at once, and the tasks they set."""
+"""The Gymnasium environment `Billiards-v0`: the environments, their tasks, wrappers and rendering."""
 
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.rendering import RecordVideo

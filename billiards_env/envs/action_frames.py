@@ -1,61 +1,90 @@
-"""Action frames: other ways than the velocity's components to say with two numbers from -1 to 1 what the cue does.
+"""Action frames: the meanings of an action, two numbers (a0, a1) from -1 to 1, as a velocity of the cue ball.
 
-* "polar" (a0, a1): the direction in the table's frame, pi a0 from the x axis, and the speed.
-* "cut" (a0, a1): where the cue ball meets an object ball, and the speed. a0 is the distance of that ball's centre from
-  the line along which the cue ball sets out, in units of the distance of the two centres at contact; it is the sine of
-  the cut angle. 0 is a full hit, +-1 grazes the ball, so that with nothing in between every |a0| < 1 hits.
-* "sum_to_three" (a0, a1): speed V0 of the cue, 0.3 to 3 m/s, and cut angle, -70 to 70 degrees: the actions of the task
-  of that name in LightZero (Niu et al. 2023; zoo/pooltool). The cue ball sets out at 1.395 V0.
+Without an action frame, an action is the velocity along x and y, divided by `max_speed` (see `cue_velocity`). The
+action frames are:
 
-A cut is positive where the cue ball is aimed clockwise of the line of centres, which sends the object ball to the left.
+* "polar": a0 is the direction, at an angle of pi a0 from the x axis. a1 is the speed.
+* "cut": a0 is the distance from the centre of the target ball to the line along which the cue ball starts, divided by
+  the distance of the two centres at contact. This is the sine of the cut angle: 0 is a full hit, +-1 only grazes the
+  ball, and every abs(a0) < 1 hits it if no other ball is in the way. a1 is the speed.
+* "sum_to_three": a0 is the speed V0 of the cue, 0.3 to 3 m/s. a1 is the cut angle, -70 to 70 degrees. The cue ball
+  starts at 1.395 V0. These are the actions of the task of the same name in LightZero (Niu et al. 2023, zoo/pooltool).
 
-The kernels use `+ - * /` and `sqrt` only, as the engine does, so an action is the same shot on every machine, and
-mirrored balls and cuts give mirrored velocities bit for bit.
+A cut is positive if the cue ball is aimed clockwise of the line of centres. The object ball then moves to the left.
+
+The kernels use only `+ - * /` and `sqrt`, as the engine does. An action is therefore the same shot on every machine,
+and mirrored balls and cuts have mirrored velocities bit for bit.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, real, whole
+from billiards_env.checks import Range, choose, finite, real, shaped, whole
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
+from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 FRAMES = ("polar", "cut", "sum_to_three")
 BALLS = ("nearest", "first")
 
 SUM_TO_THREE_SPEEDS = (0.3, 3.0)
-"""m/s. Least and largest speed of the cue in the frame "sum_to_three"."""
+"""m/s. Smallest and largest speed of the cue in the frame "sum_to_three"."""
 
 SUM_TO_THREE_CUT = 70.0
 """Degrees. Largest cut angle in the frame "sum_to_three"."""
 
 SUM_TO_THREE_GAIN = 1.395
-"""Speed of the cue ball over the speed of the cue in the frame "sum_to_three"."""
+"""Speed of the cue ball divided by the speed of the cue in the frame "sum_to_three"."""
 
 _POLAR, _CUT, _SUM_TO_THREE = range(len(FRAMES))
 _NEAREST, _FIRST = -1, -2
 
+# Columns of actions in a frame, and of the errors of `perturb`.
+A0, A1 = 0, 1
+TURN, SPEED = 0, 1
+
+
+class FrameArrays(NamedTuple):
+    """An action frame in the form that the kernels use.
+
+    Attributes:
+        frame: Index into `FRAMES`.
+        ball: Number of the target ball, or _NEAREST or _FIRST.
+        targets: (n,) bool: the balls that "nearest" and "first" choose from.
+        reach: (n,) float64, m: radius of the cue ball plus that of each ball.
+        least_speed: m/s.
+        max_speed: m/s.
+    """
+
+    frame: int
+    ball: int
+    targets: Any
+    reach: Any
+    least_speed: float
+    max_speed: float
+
 
 class ActionTransform:
-    """An action frame for the shots of one game.
+    """Converts the actions of an action frame to velocities of the cue ball.
 
     Args:
         name: One of `FRAMES`.
         scene: The scene.
         targets: (n,) bool: the balls that "nearest" and "first" choose from.
-        max_speed: The fastest shot, m/s.
-        ball: Which ball a shot is aimed at: the "nearest" to the cue ball of the targets still in play, the "first" of
-            them in their order, or a ball by its number, and once that one is potted the first. "polar" has no use for
-            it. If there is none, the shot goes along the x axis.
-        least_speed: The slowest shot, m/s; "sum_to_three" has its own.
+        max_speed: Speed of the fastest shot, m/s.
+        ball: The target ball of "cut" and "sum_to_three". "nearest" is the target in play that is nearest to the cue
+            ball, "first" is the target in play with the lowest number, and a number is that ball, or "first" once it is
+            potted. If no target is in play, the line of centres is the x axis.
+        least_speed: Speed of the slowest shot of "polar" and "cut", m/s.
 
     Raises:
-        ValueError: If a name is unknown, there is no such ball, or the speeds do not fit.
+        ValueError: If a name is unknown, the ball does not exist, or a speed is out of range.
     """
 
     def __init__(
@@ -76,42 +105,40 @@ class ActionTransform:
         fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1]
         if name == "sum_to_three" and max_speed < fastest:
             raise ValueError(f"max_speed = {max_speed!r} with frame 'sum_to_three': expected at least {fastest} m/s")
-        self._frame = FRAMES.index(name)
-        self._ball = (_NEAREST, _FIRST)[BALLS.index(ball)] if isinstance(ball, str) else int(ball)
-        self._targets = targets
-        self._reach = scene.balls.radius[0] + np.array(scene.balls.radius)
-        self._speeds = float(least_speed), float(max_speed)
+        # A plain tuple: numba unpacks it faster than a NamedTuple.
+        self._arrays = tuple(
+            FrameArrays(
+                frame=FRAMES.index(name),
+                ball=(_NEAREST, _FIRST)[BALLS.index(ball)] if isinstance(ball, str) else int(ball),
+                targets=targets,
+                reach=scene.balls.radius[0] + np.array(scene.balls.radius),
+                least_speed=least_speed,
+                max_speed=float(max_speed),
+            )
+        )
 
     def velocities(
         self, actions: ArrayLike, positions: NDArray[np.float64], potted: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
-        """The velocities that actions stand for.
+        """Returns the velocities of the cue ball for actions in this frame.
 
         Args:
-            actions: (..., 2); what lies outside [-1, 1] is clipped.
-            positions: (..., n, 2) where the balls are, m.
+            actions: (..., 2), clipped to [-1, 1].
+            positions: (..., n, 2) positions of the balls, m.
             potted: (..., n) bool, the balls off the table.
 
         Returns:
-            (..., 2) velocities of the cue ball, m/s.
+            (..., 2) float64, m/s.
 
         Raises:
             ValueError: If an action is not two finite numbers.
         """
-        given = np.asarray(actions, dtype=np.float64)
-        if given.shape != (*potted.shape[:-1], 2):
-            raise ValueError(f"action has shape {given.shape}: expected {(*potted.shape[:-1], 2)}")
-        if not np.isfinite(given).all():
-            raise ValueError(f"action = {given.tolist()}: expected finite numbers")
-        out = np.empty(given.shape)
         n = potted.shape[-1]
+        array = finite("action", actions, (*potted.shape[:-1], 2))
+        out = np.empty(array.shape)
         _velocities(
-            self._frame,
-            self._ball,
-            self._targets,
-            self._reach,
-            *self._speeds,
-            given.reshape(-1, 2),
+            self._arrays,
+            array.reshape(-1, 2),
             positions.reshape(-1, n, 2),
             potted.reshape(-1, n),
             out.reshape(-1, 2),
@@ -119,43 +146,73 @@ class ActionTransform:
         return out
 
 
-def perturb(actions: ArrayLike, turns: ArrayLike, speeds: ArrayLike) -> NDArray[np.float64]:
-    """Shots that go astray.
+def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
+    """Returns the velocity of the cue ball for an action without an action frame.
 
     Args:
-        actions: (..., 2) what was aimed for: shares of the largest speed along x and y, of length 1 at most; longer
-            ones are shortened.
-        turns: (...,) by how much the direction is off, in half turns.
-        speeds: (...,) by how much the speed is off, as a share of the largest. It stays between 0 and the largest; a
-            shot of speed 0 is none and stays so.
+        action: (2,) velocity along x and y, divided by `max_speed`. An action longer than 1 is scaled to length 1.
+        max_speed: m/s.
 
     Returns:
-        (..., 2) what comes of it, shares of the largest speed.
+        (2,) float64, m/s.
 
     Raises:
-        ValueError: If the shapes do not agree.
+        ValueError: If the action is not two finite numbers.
+
+    Example:
+        >>> cue_velocity([0.0, -0.5], 4.0).tolist(), cue_velocity([3.0, 4.0], 1.0).tolist()
+        ([0.0, -2.0], [0.6, 0.8])
+    """
+    x, y = finite("action", action, (2,)).tolist()
+    return np.array(shorten(x, y, float(max_speed)))
+
+
+def perturb(actions: ArrayLike, turns: ArrayLike, speeds: ArrayLike) -> NDArray[np.float64]:
+    """Adds errors to the direction and the speed of shots.
+
+    Args:
+        actions: (..., 2) velocities along x and y, divided by the largest speed. An action longer than 1 is scaled to
+            length 1.
+        turns: (...,) errors of the direction, in half turns.
+        speeds: (...,) errors of the speed, divided by the largest speed. The speed stays between 0 and the largest
+            speed. An action of length 0 does not change.
+
+    Returns:
+        (..., 2) the actions with the errors.
+
+    Raises:
+        ValueError: If the shapes do not match.
 
     Example:
         >>> perturb([0.0, 0.5], 0.5, 0.25).tolist()
         [-0.75, 0.0]
     """
-    given = np.asarray(actions, dtype=np.float64)
     errors = np.stack((np.asarray(turns, dtype=np.float64), np.asarray(speeds, dtype=np.float64)), axis=-1)
-    if given.shape != errors.shape:
-        raise ValueError(f"action has shape {given.shape}: expected {errors.shape}")
-    out = np.empty(given.shape)
-    _perturbed(given.reshape(-1, 2), errors.reshape(-1, 2), out.reshape(-1, 2))
+    array = shaped("action", actions, errors.shape)
+    out = np.empty(array.shape)
+    _perturbed(array.reshape(-1, 2), errors.reshape(-1, 2), out.reshape(-1, 2))
     return out
 
 
 @kernel
+def shorten(x, y, max_speed):
+    """Returns the velocity of an action (x, y), scaled to length 1 if it is longer, times `max_speed`."""
+    # First into the box [-1, 1], so that the squares do not overflow.
+    largest = max(abs(x), abs(y), 1.0)
+    x, y = x / largest, y / largest
+    # Not hypot: its last bit depends on the C library.
+    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
+    return x * speed, y * speed
+
+
+@kernel
 def cos_sin(turns):
-    """Cosine and sine of `turns` half turns; odd and even to the last bit, and within 2e-16 of the true ones."""
+    """Returns the cosine and sine of `turns` half turns, exactly even and odd, with an error of at most 2e-16."""
     quarters = np.rint(2.0 * turns)
     x = math.pi * (turns - 0.5 * quarters)
     xx = x * x
     c = s = 0.0
-    for k in range(9, 0, -1):  # the Taylor series for |x| <= pi / 4
+    for k in range(9, 0, -1):  # Taylor series for abs(x) <= pi / 4
         c = (1.0 + c) * (-xx / ((2 * k - 1) * (2 * k)))
         s = (1.0 + s) * (-xx / ((2 * k) * (2 * k + 1)))
     c, s = 1.0 + c, x + x * s
@@ -171,18 +228,18 @@ def cos_sin(turns):
 
 @kernel
 def aim(dx, dy, reach, offset):
-    """The direction in which a ball's centre passes that of another at a distance of `offset` times `reach`.
+    """Returns the direction in which one ball passes another at a distance of `offset * reach` between the centres.
 
     Args:
-        dx: From the one ball to the other, m.
-        dy: See dx.
-        reach: Sum of their radii, m.
-        offset: -1 to 1, positive for a path clockwise of the line of centres. It is the sine of the cut angle: the
-            path is turned by d with D sin(d) = reach sin(c), the law of sines in the triangle of the two centres, D
-            apart, and the place of the first one at contact.
+        dx: x of the vector from the first ball to the second, m.
+        dy: y of this vector, m.
+        reach: Sum of the radii, m.
+        offset: -1 to 1, positive for a path clockwise of the line of centres. It is the sine of the cut angle c. The
+            law of sines in the triangle of the two centres and the position of the first ball at contact gives the
+            angle d between the path and the line of centres: D sin(d) = reach sin(c), where D is the distance.
 
     Returns:
-        A unit vector; along the x axis if the two are in one place.
+        A unit vector, (1, 0) if the two centres coincide.
     """
     distance = norm(dx, dy)
     if distance == 0.0:
@@ -195,7 +252,7 @@ def aim(dx, dy, reach, offset):
 
 @kernel
 def polar(a0, a1, least_speed, max_speed):
-    """The velocity of an action in the frame "polar", m/s."""
+    """Returns the velocity of an action in the frame "polar", m/s."""
     x, y = cos_sin(a0)
     speed = between(least_speed, max_speed, a1)
     return speed * x, speed * y
@@ -203,7 +260,7 @@ def polar(a0, a1, least_speed, max_speed):
 
 @kernel
 def cut(a0, a1, dx, dy, reach, least_speed, max_speed):
-    """The velocity of an action in the frame "cut", m/s; `dx`, `dy` and `reach` as in `aim`."""
+    """Returns the velocity of an action in the frame "cut", m/s; see `aim` for `dx`, `dy` and `reach`."""
     x, y = aim(dx, dy, reach, a0)
     speed = between(least_speed, max_speed, a1)
     return speed * x, speed * y
@@ -211,7 +268,7 @@ def cut(a0, a1, dx, dy, reach, least_speed, max_speed):
 
 @kernel
 def sum_to_three(a0, a1, dx, dy, reach):
-    """The velocity of an action in the frame "sum_to_three", m/s; `dx`, `dy` and `reach` as in `aim`."""
+    """Returns the velocity of an action in the frame "sum_to_three", m/s; see `aim` for `dx`, `dy` and `reach`."""
     _, offset = cos_sin(a1 * (SUM_TO_THREE_CUT / 180.0))
     x, y = aim(dx, dy, reach, offset)
     speed = SUM_TO_THREE_GAIN * between(SUM_TO_THREE_SPEEDS[0], SUM_TO_THREE_SPEEDS[1], a0)
@@ -220,13 +277,13 @@ def sum_to_three(a0, a1, dx, dy, reach):
 
 @kernel
 def between(low, high, a):
-    """From `low` at a = -1 to `high` at a = 1."""
+    """Returns the linear interpolation from `low` at a = -1 to `high` at a = 1."""
     return low + (high - low) * (0.5 * (a + 1.0))
 
 
 @kernel
 def choose_ball(ball, targets, positions, potted):
-    """The ball to aim at, see `ActionTransform`; the cue ball itself if there is none."""
+    """Returns the target ball, see `ActionTransform`; 0 if no target is in play."""
     if ball > 0 and not potted[ball]:
         return ball
     best, shortest = 0, math.inf
@@ -234,37 +291,38 @@ def choose_ball(ball, targets, positions, potted):
         if targets[i] and not potted[i]:
             if ball != _NEAREST:
                 return i
-            dx, dy = positions[i, 0] - positions[0, 0], positions[i, 1] - positions[0, 1]
+            dx, dy = positions[i, X] - positions[0, X], positions[i, Y] - positions[0, Y]
             if dx * dx + dy * dy < shortest:
                 best, shortest = i, dx * dx + dy * dy
     return best
 
 
 @entry_point
-def _velocities(frame, ball, targets, reach, least_speed, max_speed, actions, positions, potted, out):
+def _velocities(arrays, actions, positions, potted, out):
+    f = FrameArrays(*arrays)
     for k in range(len(actions)):
-        a0, a1 = min(max(actions[k, 0], -1.0), 1.0), min(max(actions[k, 1], -1.0), 1.0)
-        if frame == _POLAR:
-            out[k, 0], out[k, 1] = polar(a0, a1, least_speed, max_speed)
+        a0, a1 = min(max(actions[k, A0], -1.0), 1.0), min(max(actions[k, A1], -1.0), 1.0)
+        if f.frame == _POLAR:
+            out[k, X], out[k, Y] = polar(a0, a1, f.least_speed, f.max_speed)
             continue
-        i = choose_ball(ball, targets, positions[k], potted[k])
-        dx, dy = positions[k, i, 0] - positions[k, 0, 0], positions[k, i, 1] - positions[k, 0, 1]
-        if frame == _CUT:
-            out[k, 0], out[k, 1] = cut(a0, a1, dx, dy, reach[i], least_speed, max_speed)
+        i = choose_ball(f.ball, f.targets, positions[k], potted[k])
+        dx, dy = positions[k, i, X] - positions[k, 0, X], positions[k, i, Y] - positions[k, 0, Y]
+        if f.frame == _CUT:
+            out[k, X], out[k, Y] = cut(a0, a1, dx, dy, f.reach[i], f.least_speed, f.max_speed)
         else:
-            out[k, 0], out[k, 1] = sum_to_three(a0, a1, dx, dy, reach[i])
+            out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, f.reach[i])
 
 
 @entry_point
 def _perturbed(actions, errors, out):
     for k in range(len(actions)):
-        x, y = actions[k, 0], actions[k, 1]
-        largest = max(abs(x), abs(y), 1.0)  # into the box first, so that the squares cannot overflow
+        x, y = actions[k, X], actions[k, Y]
+        largest = max(abs(x), abs(y), 1.0)  # first into the box [-1, 1], so that the squares do not overflow
         x, y = x / largest, y / largest
         share = math.sqrt(x * x + y * y)
         if share == 0.0:
-            out[k, 0] = out[k, 1] = 0.0
+            out[k, X] = out[k, Y] = 0.0
             continue
-        scale = min(max(min(share, 1.0) + errors[k, 1], 0.0), 1.0) / share
-        c, s = cos_sin(errors[k, 0])
-        out[k, 0], out[k, 1] = scale * (c * x - s * y), scale * (s * x + c * y)
+        scale = min(max(min(share, 1.0) + errors[k, SPEED], 0.0), 1.0) / share
+        c, s = cos_sin(errors[k, TURN])
+        out[k, X], out[k, Y] = scale * (c * x - s * y), scale * (s * x + c * y)

@@ -1,9 +1,7 @@
-"""The environment: one action is one shot."""
+"""The environment `Billiards-v0`."""
 
 from __future__ import annotations
 
-import math
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,129 +12,134 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.checks import choose, real, whole
-from billiards_env.engine import STATUS, ShotInput, check_mode
+from billiards_env.checks import choose, finite, flag, real, whole
+from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes, Settings, cue_ball_alone, shorten
-from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
-from billiards_env.envs.tasks import PLACE_RADIUS, TASKS
-from billiards_env.scene import Scene, check_positions
-
-# The layout a game of each task opens with.
-_OPENING = {
-    "pot": "rack",
-    "carom": "carom_opening",
-    "three_cushion": "carom_opening",
-    "sum_to_three": "line",
-    "place": "random",
-}
+from billiards_env.envs.arguments import check_options, make_scene
+from billiards_env.envs.episodes import Episodes, Settings
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.envs.tasks import OPENING_LAYOUTS, task_targets
 
 _ONE = np.ones(1, np.bool_)
 _NONE = np.zeros(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Billiards: each action is one cue shot, and each step runs it until every ball rests.
+    """A billiards table on which each action is one shot.
 
     ## Description
 
-    A cue ball (ball 0) and object balls lie on a table. The agent chooses the velocity with which the cue ball leaves
-    the cue, without spin; an event-driven engine computes the shot exactly, each collision, cushion contact, pocket
-    and change from sliding to rolling at its own instant. In the frictionless scene "ideal" nothing comes to rest: a
-    shot ends after 10 s, and the next begins with the balls at rest where they were. With one shot an episode, the
-    default, this is a contextual bandit with a continuous action.
+    A cue ball (ball 0) and object balls (balls 1, 2, ...) lie on a table. The agent chooses the velocity of the cue
+    ball, which starts without spin. `step` simulates the shot until all balls are at rest. An event-driven engine
+    computes the exact time of each collision, each contact with a cushion or pocket, and each change from sliding to
+    rolling. With `mode="pit"` an engine with a fixed timestep replaces it.
+
+    By default an episode is one shot. The environment is then a contextual bandit with a continuous action.
+
+    In the frictionless scene `"ideal"` balls do not come to rest. There a shot ends after 10 s, and the next shot
+    starts with all balls at rest at their last positions.
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`: the cue ball's velocity along the table's length (x) and width (y), as a share of
-    `max_speed`. Vectors longer than 1 are shortened to 1 in their own direction, so no shot is faster than `max_speed`.
+    The action is a `ndarray` with shape `(2,)` and dtype `float32`:
+
+    | Num | Action                                                             | Min | Max |
+    |-----|--------------------------------------------------------------------|-----|-----|
+    | 0   | Velocity of the cue ball along the table's length (x) / `max_speed` | -1  | 1   |
+    | 1   | Velocity of the cue ball along the table's width (y) / `max_speed`  | -1  | 1   |
+
+    An action longer than 1 is scaled to length 1, so no shot is faster than `max_speed`.
 
     ## Observation Space
 
-    `Box(-1, 1, (2 * n_balls,), float32)`: where the balls are, the cue ball first. Some arguments append to it:
+    The observation is a `ndarray` with shape `(2 * n_balls,)` and dtype `float32`. It has two more numbers with
+    `task="place"`, and one more number with `observe_shots_left=True`:
 
-    | Num     | Observation                                               | Min | Max |
-    |---------|-----------------------------------------------------------|-----|-----|
-    | 2 i     | x of ball i over half the table's length                  | -1  | 1   |
-    | 2 i + 1 | y of ball i over half the table's width                   | -1  | 1   |
-    | next 2  | with `task="place"`: x and y of the goal, likewise        | -1  | 1   |
-    | last    | with `observe_shots_left`: share of the shots still to do | 0   | 1   |
+    | Num         | Observation                                              | Min | Max |
+    |-------------|----------------------------------------------------------|-----|-----|
+    | `2 * i`     | x of ball i / half the table's length                    | -1  | 1   |
+    | `2 * i + 1` | y of ball i / half the table's width                     | -1  | 1   |
+    | next        | x of the goal / half the table's length (`task="place"`) | -1  | 1   |
+    | next        | y of the goal / half the table's width (`task="place"`)  | -1  | 1   |
+    | last        | shots left / `max_shots` (`observe_shots_left=True`)     | 0   | 1   |
 
-    The table's centre is (0, 0). A potted ball is seen at its pocket, clipped to the box; no ball on the table can be
-    at +-1.
+    The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
+    ball has the position of the pocket's centre, clipped to [-1, 1].
 
     ## Rewards
 
-    A shot earns its points, less `scratch_penalty` if it pots the cue ball (a scratch).
+    The reward of a shot is its points, minus `scratch_penalty` if the cue ball is potted (a scratch):
 
-    - `task="pot"`: a point for each object ball potted. Balls of infinite mass are obstacles, not object balls.
-    - `task="carom"`: a point if the cue ball touches every object ball in this shot and does not scratch.
-    - `task="three_cushion"`: the same, if the cue ball has made at least three cushion contacts when it first touches
-      the last of them.
-    - `task="sum_to_three"`: a point if the cue ball touches the object ball and both together make exactly three
-      cushion contacts in this shot, before the hit or after it.
-    - `task="place"`: a point if the cue ball touches an object ball, does not scratch and comes to rest within 0.15 m
-      of the goal. Once no object ball is left on the table, or in a scene without any, none has to be touched.
+    - `task="pot"`: 1 point for each object ball that is potted. Object balls of infinite mass are obstacles and do not
+      count.
+    - `task="carom"`: 1 point if the cue ball touches all object balls and is not potted.
+    - `task="three_cushion"`: 1 point as in `"carom"`, if the cue ball has at least three cushion contacts before it
+      touches the last object ball for the first time.
+    - `task="sum_to_three"`: 1 point if the cue ball touches the object ball and the two balls together have exactly
+      three cushion contacts, before or after they touch.
+    - `task="place"`: 1 point if the cue ball touches an object ball, is not potted, and comes to rest at most 0.15 m
+      from the goal. If no object ball is on the table, the cue ball does not have to touch one.
 
-    The penalty is small by default: under a large one an agent learns to keep clear of the pockets before it has
-    learned to use them.
+    The default penalty is small. With a large penalty an agent learns to avoid the pockets before it learns to use
+    them.
 
     ## Starting State
 
-    Drawn by `layout`:
+    The argument `layout` selects the starting positions of the balls:
 
-    - `"random"`: all balls anywhere on the table, 1 mm clear of each other, of the cushions and of the pockets.
-    - `"rack"`: the cue ball anywhere behind the head string, the object balls in a triangle at the foot spot (a diamond
-      for 9), their gaps random, 0.1 to 0.5 mm.
-    - `"tight_rack"`: the same with the object balls frozen together.
+    - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
+      pockets.
+    - `"rack"`: the cue ball anywhere behind the head string, the object balls in a triangle at the foot spot (9 balls
+      in a diamond), with random gaps of 0.1 to 0.5 mm.
+    - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
-    - `"line"`: the cue ball and one object ball on the long axis.
-    - `"snookered"`: the cue ball and ball 1 anywhere, ball 2 midway between them, so that no straight path of the cue
-      ball meets ball 1 first.
+    - `"line"`: the cue ball and one object ball on the long axis of the table.
+    - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them. The cue ball cannot reach ball 1
+      first on a straight path.
 
-    Then, for `task="place"`, the goal is drawn: any place where the cue ball, alone on the table, can lie, uniformly.
-    It stays for the episode.
+    With `task="place"` the goal is then drawn uniformly from all positions that the cue ball can have on an empty
+    table. The goal does not change during an episode.
 
-    `reset(options={"positions": [[x, y], ...]})` places the balls by hand, a row a ball, in metres from the
-    table's centre, and `options={"goal": [x, y]}` the goal.
+    `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
+    table. `reset(options={"goal": [x, y]})` sets the goal.
 
     ## Episode End
 
-    The episode terminates when the task is decided or `max_shots` shots are done. The limit on shots is part of the
-    task, so the environment never truncates.
+    The episode terminates if `max_shots` shots are played or the task is decided. It is never truncated, because the
+    limit on shots is part of the task. A task is decided as follows:
 
-    - `task="pot"` is decided when all object balls are potted, or the cue ball is. A potted object ball stays out.
-    - `task="carom"` and `task="three_cushion"` go on after a point as after a miss; on a table with pockets any potted
-      ball decides them.
-    - `task="sum_to_three"` is never decided before its last shot.
-    - `task="place"` is decided when the point is made, or the cue ball potted.
+    - `task="pot"`: when all object balls are potted, or the cue ball is potted. Potted object balls stay off the table
+      in later shots.
+    - `task="carom"` and `task="three_cushion"`: when any ball is potted. Other shots do not end the episode, with or
+      without a point.
+    - `task="sum_to_three"`: never.
+    - `task="place"`: when the point is scored, or the cue ball is potted.
 
     ## Info
 
-    `reset` returns an empty info; that of each `step` has these keys:
+    `reset` returns an empty dictionary. `step` returns these keys:
 
-    | Key | Type | Meaning |
-    |---|---|---|
-    | `shot_time` | float | duration of the shot, s |
-    | `n_events` | int | events that the engine computed |
-    | `status` | str | why the shot ended: "rest", "max_time", "event_limit" or "step_limit" |
-    | `first_hit` | int | the first ball that the cue ball touched, -1 if none |
-    | `cushions` | (n,) int32 | cushion contacts of each ball in this shot |
-    | `potted` | (n,) bool | the balls off the table after this shot |
-    | `scratch` | bool | whether the cue ball is one of them |
-    | `points` | int | points of this shot |
-    | `score` | int | points of the episode so far |
-    | `shots_left` | int | shots still allowed |
-    | `success` | bool | `pot`: all object balls potted, no scratch; other tasks: at least one point so far |
-    | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
+    | Key          | Type       | Description                                              |
+    |--------------|------------|----------------------------------------------------------|
+    | `shot_time`  | float      | duration of the shot, s                                  |
+    | `n_events`   | int        | number of events in the shot                             |
+    | `status`     | str        | reason for the end of the shot, usually `"rest"`         |
+    | `first_hit`  | int        | the first ball that the cue ball touched, -1 if none     |
+    | `cushions`   | (n,) int32 | number of cushion contacts of each ball in the shot      |
+    | `potted`     | (n,) bool  | balls off the table after the shot                       |
+    | `scratch`    | bool       | whether the cue ball was potted                          |
+    | `points`     | int        | points of the shot                                       |
+    | `score`      | int        | points of the episode up to now                          |
+    | `shots_left` | int        | number of shots left in the episode                      |
+    | `success`    | bool       | whether the task was achieved in the episode             |
+    | `is_success` | bool       | same as `success`; Stable-Baselines3 logs this key       |
 
-    A shot that meets the engine's limit on events, or on timesteps, raises a `RuntimeWarning` as well; no ordinary shot
-    does.
+    The task `"pot"` is achieved if all object balls are potted and the cue ball is not. The other tasks are achieved if
+    the score is at least 1.
 
-    ## Many at Once
-
-    `gym.make_vec("Billiards-v0", num_envs=1024)` gives a `BilliardsVectorEnv`, which plays the shots of all
-    environments in compiled code on several threads; each plays what one of these plays when it is seeded alike.
+    The status is `"rest"`, or `"max_time"` if the shot reached the time limit of the scene. It is `"event_limit"` or
+    `"step_limit"` if the engine ended the shot at its limit on events or timesteps. In this case `step` also issues a
+    `RuntimeWarning`. Ordinary shots are far below these limits.
 
     ## Arguments
 
@@ -150,48 +153,55 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON. `billiards_env.checks.RANGES` states
-    what each number may be.
+    | Argument             | Type          | Default    | Description                                             |
+    |----------------------|---------------|------------|---------------------------------------------------------|
+    | `scene`              | str or dict   | `"pool"`   | name of a scene, or the result of `Scene.to_dict()`     |
+    | `task`               | str           | `"pot"`    | the task, see Rewards                                   |
+    | `n_object_balls`     | int or None   | `None`     | number of object balls of a named scene                 |
+    | `mode`               | str           | `"pic"`    | engine: `"pic"` (exact) or `"pit"` (fixed timestep)     |
+    | `dt`                 | float or None | `None`     | timestep of `"pit"`, s                                  |
+    | `fix`                | str or None   | `None`     | how `"pit"` treats overlaps                             |
+    | `max_shots`          | int           | `1`        | maximum number of shots in an episode                   |
+    | `max_speed`          | float         | `4.0`      | speed of the fastest shot, m/s                          |
+    | `layout`             | str or None   | `"random"` | starting positions; None for the layout of the task     |
+    | `observe_shots_left` | bool          | `False`    | whether the observation has the fraction of shots left  |
+    | `scratch_penalty`    | float         | `0.1`      | reward subtracted for a scratch                         |
+    | `render_mode`        | str or None   | `None`     | `"human"`, `"rgb_array"` or `"rgb_array_list"`          |
 
-    | Argument | Type | Default | Description |
-    |---|---|---|---|
-    | `scene` | str or dict | `"pool"` | name of a scene, or a scene in the form of `Scene.to_dict()` |
-    | `task` | str | `"pot"` | `"pot"` (needs pockets), `"carom"`, `"three_cushion"`, `"sum_to_three"` (one object ball,
-      no pockets) or `"place"` |
-    | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
-    | `mode` | str | `"pic"` | the engine: `"pic"` (exact) or `"pit"` (fixed timestep) |
-    | `dt` | float or None | `None` | the timestep of `"pit"`, s; `"pic"` has none |
-    | `fix` | str or None | `None` | what `"pit"` does about overlaps: `"push_apart"` (None), `"move_back"`, `"none"` |
-    | `max_shots` | int | `1` | the most shots of an episode |
-    | `max_speed` | float | `4.0` | speed of the fastest shot, m/s |
-    | `layout` | str or None | `"random"` | the starting state; None for the game's own |
-    | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
-    | `scratch_penalty` | float | `0.1` | what a scratch costs |
-    | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
-
-    The named scenes are `"pool"` (1 object ball if not told otherwise), `"blocked_pool"` (2, the second one a fixed
-    post), `"carom"` (2), `"ideal"` (1), `"pooltool_carom"` (2) and `"sum_to_three"` (1). The game's own layout is
-    `"rack"` for `pot`, `"carom_opening"` for `carom` and `three_cushion`, `"line"` for `sum_to_three` and `"random"`
-    for `place`.
+    - The named scenes are `"pool"`, `"blocked_pool"`, `"carom"`, `"ideal"`, `"pooltool_carom"` and `"sum_to_three"`.
+      They have 1 object ball by default; `"carom"`, `"pooltool_carom"` and `"blocked_pool"` have 2. The second object
+      ball of `"blocked_pool"` is a fixed post.
+    - The task `"pot"` needs a table with pockets. The task `"sum_to_three"` needs a table without pockets and exactly
+      one object ball.
+    - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
+    - With `layout=None` the layout is `"rack"` for `"pot"`, `"carom_opening"` for `"carom"` and `"three_cushion"`,
+      `"line"` for `"sum_to_three"` and `"random"` for `"place"`.
+    - All arguments are JSON values, so an `EnvSpec` can be converted to JSON and back. `billiards_env.checks.RANGES`
+      contains the range of each number.
 
     ## Rendering
 
-    Drawn to scale by pygame (extra `render`), 30 frames a second, from the exact trajectories.
+    Rendering needs pygame (extra `render`). Images are to scale, and there are 30 frames per second of a shot.
 
-    - `"human"`: a window in which each step plays its shot, in real time.
-    - `"rgb_array"`: `render()` gives one frame, how the last shot ended, with the balls' paths.
-    - `"rgb_array_list"`: `render()` gives all frames since it was last called, or since the reset: that of the layout,
-      and those of each shot in motion.
+    - `"human"`: a window shows each shot in real time during `step`.
+    - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
+    - `"rgb_array_list"`: `render()` returns all frames since its last call or since the reset: one of the starting
+      state, and those of each shot.
 
-    Gymnasium's `RecordVideo` keeps one frame a step; `billiards_env.envs.RecordVideo` takes the same arguments and
-    films the shots in motion. Without a render mode nothing is drawn or imported for it.
+    Gymnasium's `RecordVideo` records one frame per step. `billiards_env.envs.RecordVideo` records all frames of the
+    shots and has the same arguments.
+
+    ## Vectorized environment
+
+    `gym.make_vec("Billiards-v0", num_envs=1024)` returns a `BilliardsVectorEnv`. It simulates the shots of all
+    environments in compiled code on several threads. Its results are those of single environments with the same seeds.
 
     ## Version History
 
     * v0: Initial version.
     """
 
-    # An instance variable in gym.Env.
+    # gym.Env declares an instance variable.
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
 
     def __init__(
@@ -218,12 +228,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.fix = fix
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
-        self.layout = _OPENING[task] if layout is None else layout
-        # A layout that is impossible in the scene raises here, not at a reset.
+        self.layout = OPENING_LAYOUTS[task] if layout is None else layout
+        # A layout that is impossible in the scene raises an error here and not in `reset`.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
-        if not isinstance(observe_shots_left, (bool, np.bool_)):
-            raise ValueError(f"observe_shots_left = {observe_shots_left!r}: expected True or False")
-        self.observe_shots_left = bool(observe_shots_left)
+        self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
         self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
@@ -240,7 +248,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._size = len(low)
 
     def episodes(self, count: int) -> Episodes:
-        """Returns a number of new episodes of environments with these arguments."""
+        """Returns `count` new episodes with the arguments of this environment."""
         settings = Settings(
             scene=self.scene,
             task=self.task,
@@ -257,17 +265,17 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(n, 2) Positions of the balls, m, a copy; a potted ball is at the centre of its pocket."""
+        """(n, 2) positions of the balls, m, a copy. A potted ball is at the centre of its pocket."""
         return self._episodes.shots.positions[0].copy()
 
     @property
     def potted(self) -> NDArray[np.bool_]:
-        """(n,) The balls off the table, a copy."""
+        """(n,) balls off the table, a copy."""
         return ~self._episodes.shots.in_play[0]
 
     @property
     def goals(self) -> NDArray[np.float64]:
-        """(g, 2) The goals, m, a copy: one in the task "place", none in the others."""
+        """(g, 2) goals, m, a copy: one in the task "place", none in the others."""
         return self._episodes.goals[0].copy()
 
     def reset(
@@ -276,15 +284,16 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Begins an episode.
 
         Args:
-            seed: Seed of the generator that draws the layouts. The same seed gives the same episode bit for bit.
-            options: None or a dict with any of "positions": (n, 2) positions of the balls, m, and, in the task "place",
-                "goal": (2,) m. The others are drawn.
+            seed: Seed of the generator that draws the starting states. The same seed gives the same episodes bit for
+                bit.
+            options: None, or a dict with "positions": (n, 2) positions of the balls, m, or "goal": (2,) m in the task
+                "place", or both. The rest of the starting state is drawn.
 
         Returns:
-            The observation, as in the docstring of the class, and an empty info.
+            The observation and an empty info.
 
         Raises:
-            ValueError: If an option is unknown or the positions are impossible.
+            ValueError: If an option is unknown, or a position or the goal is impossible.
             TypeError: If the options are not a mapping.
         """
         positions, goal = check_options(self.scene, self.task, options)
@@ -298,29 +307,28 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation = np.empty(self._size, np.float32)
         episodes.begin(0, 1, _ONE, observation[None])
         if self._renderer is not None:
-            circles = goal_circles(episodes.goals[0])
-            self._renderer.begin([balls_at_rest(episodes.shots.positions[0], self.task, circles=circles)])
+            self._renderer.begin([drawn_layout(episodes, 0)])
         return observation, {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
 
-        If it is interrupted (by Ctrl-C), the balls are where they were before, and the shot can be played again.
+        If the call is interrupted (by Ctrl-C), the balls keep their positions and the shot can be played again.
 
         Args:
-            action: (2,) velocity of the cue ball over `max_speed`.
+            action: (2,) velocity of the cue ball divided by `max_speed`.
 
         Returns:
-            Observation, reward, terminated, truncated (always False) and info, as in the docstring of the class.
+            The observation, the reward, terminated, truncated (always False) and the info, see the class.
 
         Raises:
-            ResetNeeded: If the episode has ended or not begun.
+            ResetNeeded: If the episode is over or has not begun.
             ValueError: If the action is not two finite numbers.
         """
         episodes = self._episodes
         if episodes.over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        action = check_action(action)
+        action = finite("action", action, (2,))
         observation = np.empty(self._size, np.float32)
         potted = np.empty(len(self.targets), np.bool_)
         reward = self._rewards
@@ -329,7 +337,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         points, score, shots_left, success = episodes.tally[0].tolist()
         status = shots.status.item()
         if status >= AT_EVENT_LIMIT:
-            warn_cut_off(episodes, 0, self.scene, action)
+            episodes.warn_cut_off(0, action)
         info = {
             "shot_time": shots.time.item(),
             "n_events": shots.n_events.item(),
@@ -345,34 +353,15 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "is_success": success == 1,
         }
         if self._renderer is not None:
-            self._renderer.step([self.drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], self.goals)])
+            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], episodes.goals[0])])
         return observation, reward.item(), episodes.over.item(), False, info
 
-    def drawn_shot(
-        self,
-        episodes: Episodes,
-        k: int,
-        action: NDArray[np.float64],
-        reward: float,
-        tally: NDArray[np.int64],
-        goals: NDArray[np.float64],
-    ) -> DrawnShot:
-        """Returns the last shot of episode k for drawing, with its action, reward, tally and goals."""
-        n = self.scene.n_balls
-        velocities = np.zeros((n, 2))
-        velocities[0] = cue_velocity(action, self.max_speed)
-        limit = self.scene.physics.max_time or math.inf
-        in_play = ~episodes.potted_before[k]
-        shot = ShotInput(episodes.start[k].copy(), velocities, np.zeros((n, 3)), in_play, limit)
-        number = self.max_shots - int(tally[SHOTS_LEFT])
-        left = f"{self.task}   shot {number} of {self.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-        return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", goal_circles(goals))
-
     def render(self) -> RenderFrame | list[RenderFrame] | None:
-        """Draws the shots, as the docstring of the class describes.
+        """Renders the shots, see the class.
 
         Returns:
-            A frame (height, width, 3) uint8, a list of frames, or None, depending on the render mode.
+            "rgb_array": a frame (height, width, 3) uint8. "rgb_array_list": a list of frames. None in the mode "human"
+            and without a render mode.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
@@ -389,148 +378,3 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
-
-
-def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
-    """Returns the scene of an environment.
-
-    Args:
-        scene: Name of a scene, or its data in the form of `Scene.to_dict()`.
-        n_object_balls: Number of object balls of a named scene; None for its usual number.
-
-    Raises:
-        ValueError: If the name is unknown, the data are invalid, or both data and `n_object_balls` are given.
-        TypeError: If `scene` is neither a string nor a mapping, or a value in it is of the wrong type.
-    """
-    if isinstance(scene, str):
-        return Scene.named(scene, n_object_balls)
-    if not isinstance(scene, Mapping):
-        raise TypeError(f"scene = {scene!r}: expected a name or a dict in the form of Scene.to_dict()")
-    if n_object_balls is not None:
-        raise ValueError(
-            f"n_object_balls = {n_object_balls!r} with a scene given as a dict: expected None, the dict lists the balls"
-        )
-    return Scene.from_dict(scene)
-
-
-def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
-    """Returns the balls of a task, (n,) bool: the object balls, in "pot" only those that can move.
-
-    Args:
-        task: One of `TASKS`.
-        scene: The scene.
-
-    Raises:
-        ValueError: If the task is unknown or cannot be played in the scene.
-    """
-    choose("task", task, tuple(TASKS))
-    targets = np.arange(scene.n_balls) > 0
-    if task != "place" and not targets.any():
-        raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
-    if task == "sum_to_three" and (scene.n_balls != 2 or scene.table.pockets):
-        raise ValueError(
-            f"task = 'sum_to_three' with {scene.n_balls - 1} object balls and {len(scene.table.pockets)} pockets: "
-            "expected one object ball and a table without pockets, such as scene 'sum_to_three'"
-        )
-    if task == "pot":
-        if not scene.table.pockets:
-            raise ValueError(
-                "task = 'pot' with a scene without pockets: expected a table with pockets, or task 'carom'"
-            )
-        targets &= np.isfinite(scene.balls.mass)
-        if not targets.any():
-            raise ValueError("task = 'pot' with object balls of infinite mass only: expected one that can move")
-    return targets
-
-
-def check_options(
-    scene: Scene, task: str, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
-) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """Returns the positions and goals in the options of a reset.
-
-    Args:
-        scene: The scene.
-        task: The task; only "place" has goals.
-        options: The options.
-        mask: None for one environment; for m environments (m,) bool, those that are reset.
-
-    Returns:
-        (n, 2) or (m, n, 2) positions of the balls, m, or None if the options have none, and (1, 2) or (m, 1, 2) goals,
-        m, or None.
-
-    Raises:
-        ValueError: If an option is unknown, or the positions of balls or goals are impossible.
-        TypeError: If the options are not a mapping.
-    """
-    if options is None:
-        return None, None
-    if not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: expected a dict")
-    for key in options:
-        choose("key of options", key, ("positions", "goal") if task == "place" else ("positions",))
-    many = () if mask is None else (len(mask),)
-    positions = goals = None
-    if "positions" in options:
-        expected = (*many, scene.n_balls, 2)
-        shape = np.shape(options["positions"])
-        if shape != expected:
-            raise ValueError(f"options['positions'] has shape {shape}: expected {expected}, a row a ball")
-        in_play = None if mask is None else np.broadcast_to(mask[:, None], expected[:2])
-        positions = check_positions(scene, options["positions"], "options['positions']", in_play)
-    if "goal" in options:
-        shape = np.shape(options["goal"])
-        if shape != (*many, 2):
-            raise ValueError(f"options['goal'] has shape {shape}: expected {(*many, 2)}, one per environment")
-        in_play = None if mask is None else mask[:, None]
-        goals = np.reshape(options["goal"], (*many, 1, 2))
-        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
-    return positions, goals
-
-
-def goal_circles(goals: NDArray[np.float64]) -> list[tuple[float, float, float]]:
-    """Returns the circles in which the cue ball has to come to rest, x, y and radius, m, for (g, 2) goals."""
-    return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
-
-
-def check_action(action: ArrayLike) -> NDArray[np.float64]:
-    """Returns the action as two doubles.
-
-    Raises:
-        ValueError: If it is not two finite numbers.
-    """
-    array = np.asarray(action, dtype=np.float64)
-    if array.shape != (2,):
-        raise ValueError(f"action has shape {array.shape}: expected (2,)")
-    x, y = array.tolist()
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f"action = {[x, y]}: expected two finite numbers")
-    return array
-
-
-def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
-    """Returns the velocity of the cue ball for an action, (2,) m/s.
-
-    Args:
-        action: (2,) fraction of `max_speed` along x and y. It is shortened to length 1 if it is longer.
-        max_speed: m/s.
-
-    Raises:
-        ValueError: If the action is not two finite numbers.
-
-    Example:
-        >>> cue_velocity([0.0, -0.5], 4.0).tolist(), cue_velocity([3.0, 4.0], 1.0).tolist()
-        ([0.0, -2.0], [0.6, 0.8])
-    """
-    x, y = check_action(action).tolist()
-    return np.array(shorten(x, y, float(max_speed)))
-
-
-def warn_cut_off(episodes: Episodes, k: int, scene: Scene, action: NDArray[np.float64]) -> None:
-    """Warns that the shot of episode k reached the engine's limit on events or timesteps."""
-    shots = episodes.shots
-    warnings.warn(
-        f"the engine ended a shot at its limit, after {shots.n_events[k]} events and {shots.time[k]} s; "
-        f"scene {scene}, positions {episodes.start[k].tolist()}, action {action.tolist()}",
-        RuntimeWarning,
-        stacklevel=3,
-    )

@@ -1,9 +1,10 @@
-"""Episodes in compiled code, for one environment and for many."""
+"""Episodes of one environment or many: their state in arrays, and the compiled loops over them."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
+from billiards_env.envs.action_frames import shorten
 from billiards_env.envs.tasks import TASKS, Outcome, judge
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.state import X, Y
@@ -26,19 +28,19 @@ Bools = NDArray[np.bool_]
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The arguments of an environment that its episodes depend on, checked.
+    """The checked arguments of an environment, except for those of observation and rendering.
 
     Attributes:
         scene: The scene.
         task: One of `TASKS`.
         targets: (n,) bool, the balls of the task.
-        layout: The layout at the start of an episode.
+        layout: Name of the layout at the start of an episode.
         max_shots: Number of shots after which an episode ends.
         max_speed: Speed of an action of length 1, m/s.
-        scratch_penalty: Penalty of a scratch.
-        mode: The engine.
-        dt: The timestep of "pit", s.
-        fix: The treatment of overlaps in "pit".
+        scratch_penalty: Reward subtracted for a scratch.
+        mode: The engine, "pic" or "pit".
+        dt: Timestep of "pit", s; None for "pic".
+        fix: Treatment of overlaps in "pit".
     """
 
     scene: Scene
@@ -60,7 +62,7 @@ class Rules(NamedTuple):
         task: Index into `TASKS`.
         targets: (n,) bool, the balls of the task.
         max_shots: Number of shots after which an episode ends.
-        scratch_penalty: Penalty of a scratch.
+        scratch_penalty: Reward subtracted for a scratch.
         half_length: Half the table's length, m.
         half_width: Half the table's width, m.
     """
@@ -74,7 +76,7 @@ class Rules(NamedTuple):
 
 
 class Starts(NamedTuple):
-    """The balls of m shots and, in the last two arrays, a copy of what is lost when they are run.
+    """The balls before m shots. The last two arrays are copies, because the engine overwrites the first four.
 
     Attributes:
         positions: (m, n, 2) float64, m.
@@ -115,22 +117,24 @@ class Progress(NamedTuple):
 class Episodes:
     """m episodes in arrays.
 
-    The methods take the episodes from `begin` to `end`. Several threads may call them for different episodes.
+    The methods process the episodes from `begin` to `end - 1`. Several threads may call them for different episodes.
 
     Attributes:
-        shots: The balls and, after `shoot`, the outcome of the shots (see `engine.Shots`).
+        settings: The arguments of the environment.
+        shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
         tally: See `Progress`.
-        over: (m,) bool: whether the episode has ended; True before the first.
+        over: (m,) bool: whether the episode has ended; True before the first episode.
         start: (m, n, 2) float64, m: positions before the last shot.
-        potted_before: (m, n) bool: the balls that were off the table before the last shot.
+        potted_before: (m, n) bool: balls off the table before the last shot.
         plan: The layout at the start of an episode.
-        goals: (m, g, 2) float64, m: the goals of the task, see `envs.tasks`.
-        goal_plan: The positions that goals are drawn from: all that the cue ball, alone on the table, can have; None if
-            the task has no goal.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the task "place", none in the others.
+        goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
+            no goal.
     """
 
     def __init__(self, count: int, settings: Settings) -> None:
         scene, n = settings.scene, settings.scene.n_balls
+        self.settings = settings
         self.shots = empty_shots(count, n)
         for array in self.shots:
             array[...] = 0
@@ -142,8 +146,8 @@ class Episodes:
         self.plan = layouts.plan(settings.layout, scene)
         self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task == "place" else None
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
-        # The arguments of the kernels, as plain tuples. They share their arrays with the attributes above in a deep
-        # copy, too.
+        # The arguments of the kernels, as plain tuples: numba unpacks them faster than NamedTuples. The arrays are
+        # those of the attributes above, also after a deep copy.
         shots = self.shots
         self._engine = engine_of(settings.mode, n)
         self._scene, self._shots = tuple(scene_arrays(scene, settings.dt, settings.fix)), tuple(shots)
@@ -164,18 +168,18 @@ class Episodes:
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
     ) -> None:
-        """Draws the positions of the balls, then the goals if the task has any.
+        """Draws positions of the balls, then goals if the task has any.
 
         Args:
             begin: First episode.
-            end: One past the last.
-            mask: (m,) the episodes to draw for.
-            streams: (m, 4) their random streams, which are advanced.
+            end: Last episode plus 1.
+            mask: (m,) bool, the episodes to draw for.
+            streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.streams`).
             balls: Whether to draw positions of the balls.
             goals: Whether to draw goals.
 
         Raises:
-            ValueError: If a ball finds no free position.
+            ValueError: If there is no free position for a ball.
         """
         if balls:
             layouts.draw_tables(self.plan, begin, end, mask, streams, self.shots.positions)
@@ -183,12 +187,12 @@ class Episodes:
             layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.goals)
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
-        """Begins episodes with the balls at their present positions, and observes all.
+        """Begins episodes with the balls at their present positions, and writes the observations of all episodes.
 
         Args:
             begin: First episode.
-            end: One past the last.
-            mask: (m,) the episodes that begin.
+            end: Last episode plus 1.
+            mask: (m,) bool, the episodes that begin.
             observations: (m, size) float32 out.
         """
         begin_episodes(begin, end, mask, self._rules, self._progress, observations)
@@ -205,18 +209,18 @@ class Episodes:
     ) -> None:
         """Plays a shot in each episode.
 
-        If it is interrupted, the balls are where they were before.
+        If the call is interrupted, the balls keep the positions that they had before it.
 
         Args:
             begin: First episode.
-            end: One past the last.
-            skip: (m,) the episodes without a shot: their reward is 0, and their tally does not change.
-            actions: (m, 2) finite fractions of the largest speed.
+            end: Last episode plus 1.
+            skip: (m,) bool, the episodes without a shot. Their reward is 0, and their tally does not change.
+            actions: (m, 2) velocities of the cue balls divided by `max_speed`, finite.
             rewards: (m,) float64 out.
-            potted: (m, n) bool out: the balls off the table.
+            potted: (m, n) bool out: balls off the table.
             observations: (m, size) float32 out.
         """
-        aim(begin, end, skip, actions, self._max_speed, self._starts)
+        start_shots(begin, end, skip, actions, self._max_speed, self._starts)
         try:
             self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         except BaseException:
@@ -224,7 +228,16 @@ class Episodes:
             self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
             raise
         hits = *self._hits, self.potted_before
-        settle(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
+        score_shots(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
+
+    def warn_cut_off(self, k: int, action: Floats) -> None:
+        """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
+        warnings.warn(
+            f"the engine ended a shot at its limit, after {self.shots.n_events[k]} events and {self.shots.time[k]} s; "
+            f"scene {self.settings.scene}, positions {self.start[k].tolist()}, action {action.tolist()}",
+            RuntimeWarning,
+            stacklevel=3,
+        )
 
 
 def cue_ball_alone(scene: Scene) -> Scene:
@@ -233,19 +246,12 @@ def cue_ball_alone(scene: Scene) -> Scene:
 
 
 @kernel
-def shorten(x, y, max_speed):
-    """Returns the velocity of an action (x, y): shortened to length 1 if it is longer, times `max_speed`."""
-    # Into the box first, so that the squares cannot overflow.
-    largest = max(abs(x), abs(y), 1.0)
-    x, y = x / largest, y / largest
-    # Not hypot, whose last bit depends on the C library.
-    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
-    return x * speed, y * speed
-
-
-@kernel
 def observe(k, rules, progress, observations):
-    """Writes the observation of episode k: balls and goals over the half table and, if it fits, the shots left."""
+    """Writes the observation of episode k.
+
+    It holds the positions of the balls and goals, divided by half the length and width of the table. If there is room
+    for one more number, this is the fraction of the shots that are left.
+    """
     positions, goals = progress.positions, progress.goals
     n, n_goals = positions.shape[1], goals.shape[1]
     for i in range(n):
@@ -260,7 +266,7 @@ def observe(k, rules, progress, observations):
 
 @entry_point
 def begin_episodes(begin, end, mask, rules, progress, observations):
-    """Runs the loop of `Episodes.begin`."""
+    """Begins episodes, see `Episodes.begin`; `rules` is a `Rules` and `progress` a `Progress`, as plain tuples."""
     rules, progress = Rules(*rules), Progress(*progress)
     tally = progress.tally
     for k in range(begin, end):
@@ -274,8 +280,11 @@ def begin_episodes(begin, end, mask, rules, progress, observations):
 
 
 @entry_point
-def aim(begin, end, skip, actions, max_speed, starts):
-    """Sets the balls at rest, except for the cue balls of episodes with a shot."""
+def start_shots(begin, end, skip, actions, max_speed, starts):
+    """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
+
+    `starts` is a `Starts`, as a plain tuple.
+    """
     starts = Starts(*starts)
     for k in range(begin, end):
         for i in range(starts.in_play.shape[1]):
@@ -290,15 +299,15 @@ def aim(begin, end, skip, actions, max_speed, starts):
 
 
 @entry_point
-def settle(begin, end, skip, rules, progress, hits, results):
+def score_shots(begin, end, skip, rules, progress, hits, results):
     """Computes the rewards of the shots and the observations after them.
 
     Args:
         begin: First episode.
-        end: One past the last.
+        end: Last episode plus 1.
         skip: (m,) bool, the episodes without a shot.
-        rules: The `Rules`, as a tuple like the others.
-        progress: The `Progress`.
+        rules: `Rules`, as a plain tuple.
+        progress: `Progress`, as a plain tuple.
         hits: `cushions` and `cushions_before_hit` of `engine.Shots`, and `potted_before`.
         results: `rewards`, `potted` and `observations` of `Episodes.shoot`.
     """

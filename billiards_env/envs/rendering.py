@@ -1,12 +1,14 @@
-"""What an environment shows of its shots, by the conventions of Gymnasium's render modes.
+"""Rendering of the shots of an environment, in the render modes of Gymnasium.
 
-A step only notes how its shot began. A shot that is to be seen is run again, recorded, which gives the same bits, and
-drawn then; so a render mode that nobody looks at costs next to nothing, and pygame is imported with the first frame.
+A step stores only the start of its shot. When a frame is needed, the shot is simulated and recorded again, with the
+same bits, and then drawn. A render mode therefore costs almost nothing until `render` is called, and pygame is imported
+with the first frame.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -18,6 +20,9 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from billiards_env.engine import ShotInput
+from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
+from billiards_env.envs.tasks import PLACE_RADIUS
 from billiards_env.scene import Scene
 from billiards_env.simulation import run_shot
 
@@ -28,43 +33,38 @@ if TYPE_CHECKING:
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 FPS = 30
 WIDTH, WIDTH_OF_MANY = 800, 560
-"""Pixels a table, if there is one and if there are several."""
+"""Pixels. Width of a table that is drawn alone, and of each of several tables."""
 
+Circles = Sequence[tuple[float, float, float]]
 Image = NDArray[np.uint8]
 
 
 class DrawnShot(NamedTuple):
-    """A shot, or with a limit of 0 s a layout, to be drawn with a line of text on either side.
+    """A shot to draw, or the balls at rest if its time limit is 0 s.
 
     Attributes:
-        given: What it is run from; it is not written to.
-        left: A line of text shown throughout.
-        right: A line shown towards the shot's end.
-        circles: What is marked on the cloth: x, y and radius, m.
+        shot: The start of the shot.
+        left: Text on the left, visible during the whole shot.
+        right: Text on the right, visible at the end of the shot.
+        circles: Circles on the cloth: x, y and radius, m.
     """
 
     shot: ShotInput
     left: str
     right: str = ""
-    circles: Sequence[tuple[float, float, float]] = ()
+    circles: Circles = ()
 
 
 def balls_at_rest(
-    positions: NDArray[np.float64],
-    left: str,
-    in_play: NDArray[np.bool_] | None = None,
-    circles: Sequence[tuple[float, float, float]] = (),
+    positions: NDArray[np.float64], left: str, in_play: NDArray[np.bool_] | None = None, circles: Circles = ()
 ) -> DrawnShot:
-    """How the balls lie before a shot.
+    """Returns balls at rest for drawing.
 
     Args:
         positions: (n, 2) m; copied.
-        left: A line of text.
-        in_play: (n,) bool; None for all balls.
-        circles: As in `DrawnShot`.
-
-    Returns:
-        What `Renderer` takes.
+        left: Text on the left.
+        in_play: (n,) bool; None for all balls. Copied.
+        circles: Circles on the cloth, as in `DrawnShot`.
     """
     n = len(positions)
     playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
@@ -73,8 +73,55 @@ def balls_at_rest(
     )
 
 
+def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
+    """Returns the balls and goals of episode k for drawing."""
+    shots = episodes.shots
+    circles = _goal_circles(episodes.goals[k])
+    return balls_at_rest(shots.positions[k], episodes.settings.task, shots.in_play[k], circles)
+
+
+def drawn_shot(
+    episodes: Episodes,
+    k: int,
+    action: NDArray[np.float64],
+    reward: float,
+    tally: NDArray[np.int64],
+    goals: NDArray[np.float64],
+) -> DrawnShot:
+    """Returns the last shot of episode k for drawing.
+
+    Args:
+        episodes: The episodes. The episode may have been reset after the shot.
+        k: The episode.
+        action: (2,) action of the shot.
+        reward: Reward of the shot.
+        tally: (N_TALLY,) row of `Episodes.tally` after the shot.
+        goals: (g, 2) goals of the shot, m.
+    """
+    settings, n = episodes.settings, episodes.settings.scene.n_balls
+    velocities = np.zeros((n, 2))
+    velocities[0] = cue_velocity(action, settings.max_speed)
+    limit = settings.scene.physics.max_time or math.inf
+    shot = ShotInput(episodes.start[k].copy(), velocities, np.zeros((n, 3)), ~episodes.potted_before[k], limit)
+    number = settings.max_shots - int(tally[SHOTS_LEFT])
+    left = f"{settings.task}   shot {number} of {settings.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
+    return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", _goal_circles(goals))
+
+
+def _goal_circles(goals: NDArray[np.float64]) -> Circles:
+    """Returns the circles in which the cue ball has to come to rest, for (g, 2) goals."""
+    return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
+
+
 class Renderer:
-    """Draws the shots of an environment, or of several side by side.
+    """Draws the shots of one environment, or of several environments in one image.
+
+    Args:
+        scene: The scene of the environments.
+        render_mode: One of `RENDER_MODES`.
+        mode: The engine, "pic" or "pit".
+        dt: Timestep of "pit", s.
+        fix: Treatment of overlaps in "pit".
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
@@ -83,7 +130,6 @@ class Renderer:
     def __init__(
         self, scene: Scene, render_mode: str, mode: str = "pic", dt: float | None = None, fix: str | None = None
     ) -> None:
-        """Takes the scene and how its shots are run; imports and draws nothing yet."""
         self.render_mode = render_mode
         self._scene = scene
         self._engine = (mode, dt, fix)
@@ -91,18 +137,18 @@ class Renderer:
         self._canvas: Canvas | None = None
         self._window: Window | None = None
 
-    def begin(self, tables: Sequence[DrawnShot]) -> None:
-        """Shows how episodes begin, one a table; what was shown before is forgotten."""
+    def begin(self, layouts: Sequence[DrawnShot]) -> None:
+        """Discards all steps and adds the balls at the start of episodes, one item per environment."""
         self._steps = []
-        self.step(tables)
+        self.step(layouts)
 
-    def step(self, tables: Sequence[DrawnShot]) -> None:
-        """Shows the shots of one step, one a table."""
+    def step(self, shots: Sequence[DrawnShot]) -> None:
+        """Adds a step, one shot per environment. In the mode "human" the window shows it immediately."""
         if self.render_mode != "rgb_array_list":
             self._steps = []
-        self._steps.append(tables)
+        self._steps.append(shots)
         if self.render_mode == "human":
-            for frame in self._film(tables):
+            for frame in self._film(shots):
                 if self._window is None:
                     from billiards_env.drawing.window import Window
 
@@ -110,11 +156,11 @@ class Renderer:
                 self._window.show(frame, FPS)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
-        """What `Env.render` returns in the render mode.
+        """Returns the result of `Env.render` in the render mode.
 
         Returns:
             "rgb_array": the last frame of the last step, (height, width, 3) uint8. "rgb_array_list": all frames since
-            the last call or `begin`. "human": None; the window shows a shot while it is played.
+            the last call or the last `begin`. "human": None; the window shows each shot during `step`.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
@@ -123,8 +169,8 @@ class Renderer:
             return None
         last = self.render_mode == "rgb_array"
         frames: list[RenderFrame] = []
-        for tables in self._steps:
-            for frame in self._film(tables, only_last=last):
+        for shots in self._steps:
+            for frame in self._film(shots, only_last=last):
                 from billiards_env.drawing.canvas import pixels
 
                 frames.append(pixels(frame))
@@ -134,12 +180,13 @@ class Renderer:
         return frames
 
     def close(self) -> None:
-        """Closes the window, if there is one."""
+        """Closes the window if there is one."""
         if self._window is not None:
             self._window.close()
             self._window = None
 
-    def _film(self, tables: Sequence[DrawnShot], only_last: bool = False) -> Iterator[Surface]:
+    def _film(self, shots: Sequence[DrawnShot], only_last: bool = False) -> Iterator[Surface]:
+        """Returns the frames of a step."""
         try:
             from billiards_env.drawing.canvas import Canvas, side_by_side
         except ModuleNotFoundError as error:
@@ -147,20 +194,24 @@ class Renderer:
                 f"render_mode = {self.render_mode!r}: pygame is not installed: `pip install 'billiards-env[render]'`"
             ) from error
         if self._canvas is None:
-            self._canvas = Canvas(self._scene, WIDTH if len(tables) == 1 else WIDTH_OF_MANY)
+            self._canvas = Canvas(self._scene, WIDTH if len(shots) == 1 else WIDTH_OF_MANY)
         films = []
-        for shot, left, right, circles in tables:
+        for shot, left, right, circles in shots:
             recording = run_shot(self._scene, shot, *self._engine, record=True).recording()
             films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
         return films[0] if len(films) == 1 else side_by_side(films)
 
 
 class RecordVideo(gym.wrappers.RecordVideo):
-    """`gymnasium.wrappers.RecordVideo` for steps that give many frames.
+    """`gymnasium.wrappers.RecordVideo` for environments with many frames per step.
 
-    Gymnasium's own keeps one frame a step, the last, which is a shot's end. This one keeps all frames that a step
-    gives, so the film shows the shots in motion, and it writes them as they come, so a long film needs no more memory
-    than a short one. Arguments and files are the same. It takes an environment whose `render_mode` is "rgb_array_list".
+    Gymnasium's wrapper records one frame per step, which is the end of a shot. This wrapper records all frames of a
+    step, so the video shows the balls in motion. The environment must have the render mode "rgb_array_list".
+    The arguments and the names of the files are those of Gymnasium's wrapper. Frames are written to the file
+    immediately, so the length of a video is not limited by memory.
+
+    Raises:
+        ValueError: If the render mode is not "rgb_array_list".
 
     Example:
         ```python
@@ -170,10 +221,9 @@ class RecordVideo(gym.wrappers.RecordVideo):
     """
 
     def __init__(self, env: gym.Env[Any, Any], *args: Any, **kwargs: Any) -> None:
-        """Takes the arguments of `gymnasium.wrappers.RecordVideo`."""
         if env.render_mode != "rgb_array_list":
             raise ValueError(
-                f"render_mode = {env.render_mode!r}: expected 'rgb_array_list', which gives all frames of a shot"
+                f"render_mode = {env.render_mode!r}: expected 'rgb_array_list', which returns all frames of a shot"
             )
         super().__init__(env, *args, **kwargs)
         self._file = contextlib.ExitStack()
@@ -183,17 +233,17 @@ class RecordVideo(gym.wrappers.RecordVideo):
         from billiards_env.drawing.film import mp4_writer
 
         frames = cast("list[Image]", self.env.render())
-        self.render_history = list(frames)  # what `render` gives next, if anybody asks for it
+        self.render_history = list(frames)  # returned by the next call of `render`
         for frame in frames:
             if self._write is None:
                 path = Path(self.video_folder, f"{self._video_name}.mp4")
                 size = (frame.shape[1], frame.shape[0])
                 self._write = self._file.enter_context(mp4_writer(path, size, self.frames_per_sec))
             self._write(frame)
-            self.recorded_frames.append("")  # of which the wrapper compares the number with `video_length`
+            self.recorded_frames.append("")  # Gymnasium compares the length of this list with `video_length`
 
     def stop_recording(self) -> None:
-        """Finishes the film and puts it in its place."""
+        """Completes the video file."""
         self.recorded_frames = []
         self.recording = False
         self._write = None

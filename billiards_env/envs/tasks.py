@@ -1,27 +1,41 @@
-"""The tasks: the points of a shot, one kernel for each task.
+"""The tasks: one kernel for each task computes the points of a shot.
 
 Each kernel has the arguments
 
-    k: the shot, one of m.
+    k: index of the shot, from 0 to m - 1.
     targets: (n,) bool, the balls of the task.
-    outcome: the `Outcome` of the m shots (not views of one shot, which would take longer than the kernel).
+    outcome: `Outcome` of the m shots. Views of the arrays of one shot would take longer than the kernel itself.
 
-and returns the points of the shot, whether the episode is decided, and whether the task was achieved. The limit on
-shots and the penalty of a scratch are not part of a task.
+and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The limit on shots
+and the penalty for a scratch are not part of a task.
 
-A new task needs a kernel here, its name in `TASKS` and its line in `judge`; and in `envs/billiards.py` its opening
-layout (`_OPENING`) and, in `task_targets`, its balls and the scenes in which it can be played.
+A new task needs a kernel, a name in `TASKS`, a line in `judge`, an opening layout in `OPENING_LAYOUTS`, and a check in
+`task_targets` of the scenes in which it can be played.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import choose
 from billiards_env.physics.jit import kernel
 from billiards_env.physics.state import X, Y
+from billiards_env.scene import Scene
 
 TASKS = ("pot", "carom", "three_cushion", "sum_to_three", "place")
 POT, CAROM, THREE_CUSHION, SUM_TO_THREE, PLACE = range(len(TASKS))
+
+OPENING_LAYOUTS = {
+    "pot": "rack",
+    "carom": "carom_opening",
+    "three_cushion": "carom_opening",
+    "sum_to_three": "line",
+    "place": "random",
+}
+"""The layout with which the game of each task begins."""
 
 PLACE_RADIUS = 0.15
 """m. Largest distance from the goal at which the cue ball may come to rest in the task "place"."""
@@ -48,9 +62,42 @@ class Outcome(NamedTuple):
     cushions_before_hit: Any
 
 
+def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
+    """Returns the balls that count in a task: the object balls, in "pot" only those of finite mass.
+
+    Args:
+        task: One of `TASKS`.
+        scene: The scene.
+
+    Returns:
+        (n,) bool.
+
+    Raises:
+        ValueError: If the task is unknown or cannot be played in the scene.
+    """
+    choose("task", task, TASKS)
+    targets = np.arange(scene.n_balls) > 0
+    if task != "place" and not targets.any():
+        raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
+    if task == "sum_to_three" and (scene.n_balls != 2 or scene.table.pockets):
+        raise ValueError(
+            f"task = 'sum_to_three' with {scene.n_balls - 1} object balls and {len(scene.table.pockets)} pockets: "
+            "expected one object ball and a table without pockets, such as scene 'sum_to_three'"
+        )
+    if task == "pot":
+        if not scene.table.pockets:
+            raise ValueError(
+                "task = 'pot' with a scene without pockets: expected a table with pockets, or task 'carom'"
+            )
+        targets &= np.isfinite(scene.balls.mass)
+        if not targets.any():
+            raise ValueError("task = 'pot' with object balls of infinite mass only: expected one of finite mass")
+    return targets
+
+
 @kernel
 def judge(task, k, targets, outcome):
-    """Returns the result of shot k in a task, an index into `TASKS`."""
+    """Returns the result of shot k; `task` is an index into `TASKS`."""
     if task == POT:
         return judge_pot(k, targets, outcome)
     if task == CAROM:
@@ -64,10 +111,10 @@ def judge(task, k, targets, outcome):
 
 @kernel
 def judge_pot(k, targets, outcome):
-    """Pot the object balls: a point each.
+    """Pots the object balls: 1 point for each.
 
-    Decided when all of them are potted or the cue ball is (a scratch). Achieved when all of them are and the cue ball
-    is not.
+    Decided if all object balls are potted or the cue ball is potted (a scratch). Achieved if all object balls are
+    potted and the cue ball is not.
     """
     points, cleared = 0, True
     for i in range(len(targets)):
@@ -82,10 +129,10 @@ def judge_pot(k, targets, outcome):
 
 @kernel
 def judge_carom(k, targets, outcome):
-    """Touch every object ball with the cue ball in one shot: a point.
+    """Touches every object ball with the cue ball in one shot: 1 point.
 
-    A shot that pots the cue ball scores nothing. On a table with pockets any potted ball decides the episode, because
-    it cannot be touched any more. Otherwise the episode goes on, whether the shot scored or not.
+    A shot that pots the cue ball scores 0 points. Decided if any ball is potted, because a potted ball cannot be
+    touched again. Otherwise the episode continues, with or without a point.
     """
     success, over = not outcome.potted[k, 0], False
     for i in range(len(targets)):
@@ -98,9 +145,9 @@ def judge_carom(k, targets, outcome):
 
 @kernel
 def judge_three_cushion(k, targets, outcome):
-    """Touch every object ball with the cue ball, the last one after at least three cushion contacts: a point.
+    """Touches every object ball with the cue ball, the last one after at least three cushion contacts: 1 point.
 
-    All else is as in `judge_carom`. The number of contacts counts, not the number of cushions.
+    The other rules are those of `judge_carom`. Several contacts with the same cushion count.
     """
     _, over, success = judge_carom(k, targets, outcome)
     most = 0
@@ -113,10 +160,10 @@ def judge_three_cushion(k, targets, outcome):
 
 @kernel
 def judge_sum_to_three(k, targets, outcome):
-    """Touch the object ball such that both balls together have exactly three cushion contacts: a point.
+    """Touches the object ball in a shot in which the two balls have exactly three cushion contacts: 1 point.
 
-    This is the game of pooltool and of LightZero's zoo/pooltool (Niu et al. 2023). The contacts may be before the hit
-    or after it. The task is never decided: the episode goes on, whether the shot scored or not.
+    This is the game of pooltool and of LightZero's zoo/pooltool (Niu et al. 2023). Contacts before and after the hit
+    count. Never decided: the episode continues, with or without a point.
     """
     total = outcome.cushions[k, 0] + outcome.cushions[k, 1]
     success = outcome.cushions_before_hit[k, 1] >= 0 and total == 3
@@ -125,10 +172,10 @@ def judge_sum_to_three(k, targets, outcome):
 
 @kernel
 def judge_place(k, targets, outcome):
-    """Touch an object ball and bring the cue ball to rest within `PLACE_RADIUS` of the goal: a point.
+    """Touches an object ball and brings the cue ball to rest within `PLACE_RADIUS` of the goal: 1 point.
 
-    Any object ball counts, wherever it goes. If no object ball is left on the table, none has to be touched. Decided
-    when the point is made or the cue ball is potted.
+    Any object ball counts, and it may be potted. If no object ball is on the table, the cue ball does not have to touch
+    one. Decided if the shot scores the point or the cue ball is potted.
     """
     touched, left = False, False
     for i in range(len(targets)):

@@ -1,4 +1,4 @@
-"""Many environments at once: all shots of a step in compiled code, on several threads."""
+"""The vector environment of `Billiards-v0`, which plays all shots of a step in compiled code on several threads."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import streams
-from billiards_env.checks import choose, whole
+from billiards_env.checks import choose, shaped, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.billiards import BilliardsEnv, check_options, goal_circles, warn_cut_off
+from billiards_env.envs.arguments import check_options
+from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
-from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
+from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 
 Bools = NDArray[np.bool_]
 
@@ -29,37 +30,61 @@ MAX_DRAWN = 4
 
 
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """`num_envs` times `BilliardsEnv`, stepped together: what `gym.make_vec("Billiards-v0", num_envs)` gives.
+    """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
-    It says what Gymnasium's `SyncVectorEnv` of as many `BilliardsEnv` would say, bit for bit, `infos` included, only
-    faster: layouts are drawn, shots played and rewards given in compiled code on several threads. Environment i plays
-    the episodes of a `BilliardsEnv` that is seeded alike; `reset(seed=7)` seeds it with `7 + i`, a list gives each its
-    own seed.
+    `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, are bit for bit
+    those of Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv`.
 
-    `reset(options={"positions": ...})` takes `(num_envs, n, 2)` places in metres from the table's centre, "goal" in the
-    task "place" `(num_envs, 2)`, and `options={"reset_mask": ...}`, `(num_envs,)` bool, resets these environments only.
+    ## Reset
 
-    What happens when an episode ends is one of Gymnasium's autoreset modes:
+    `reset(seed=7)` seeds environment i with `7 + i`. A list contains one seed per environment. An environment plays the
+    same episodes as a `BilliardsEnv` with the same seed.
 
-    - `"NextStep"` (Gymnasium's own default): the next `step` ignores the action for that environment and resets it,
-      with reward 0. With one shot an episode every other step of an environment is such a reset.
-    - `"SameStep"`: it is reset at once. The observation is that of the new episode; the last one and its info are in
-      `infos["final_obs"]` and `infos["final_info"]`. This is what training uses.
-    - `"Disabled"`: it has to be reset by hand, with `reset_mask`, before the next `step`.
+    `reset` has these options:
 
-    With a render mode the first four tables are drawn side by side, in the modes of `BilliardsEnv`: `render()` gives
-    one frame of all of them, or the frames of the last steps.
+    | Option       | Shape              | Description                                                             |
+    |--------------|--------------------|-------------------------------------------------------------------------|
+    | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
+    | `goal`       | `(num_envs, 2)`    | goals of the task `"place"`, in metres from the centre of the table     |
+    | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
 
-    Every array given out is a new one. The arguments of `BilliardsEnv` are taken beside these:
+    ## Autoreset
 
-    | Argument | Type | Default | Description |
-    |---|---|---|---|
-    | `num_envs` | int | `1` | how many environments |
-    | `autoreset_mode` | str or AutoresetMode | `"NextStep"` | see above |
-    | `threads` | int or None | `None` | threads that a step uses; None for one a core |
+    `autoreset_mode` is one of Gymnasium's modes. It determines what happens after the end of an episode:
+
+    - `"NextStep"` (Gymnasium's default): the next `step` ignores the action of the environment and resets it. The
+      reward of this step is 0. With `max_shots=1` every second step of an environment is a reset.
+    - `"SameStep"`: the same `step` resets the environment and returns the first observation of the new episode. The
+      last observation and info of the old episode are in `infos["final_obs"]` and `infos["final_info"]`. Training uses
+      this mode.
+    - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
+
+    ## Arguments
+
+    ```python
+    >>> import gymnasium as gym
+    >>> envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=3, autoreset_mode="SameStep")
+    >>> observations, infos = envs.reset(seed=0)
+    >>> observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    >>> observations.shape, infos["final_info"]["status"].tolist()
+    ((3, 4), ['rest', 'rest', 'rest'])
+
+    ```
+
+    | Argument         | Type                 | Default      | Description                                          |
+    |------------------|----------------------|--------------|------------------------------------------------------|
+    | `num_envs`       | int                  | `1`          | number of environments                               |
+    | `autoreset_mode` | str or AutoresetMode | `"NextStep"` | what happens after the end of an episode             |
+    | `threads`        | int or None          | `None`       | number of threads; None for one per core             |
+
+    All other arguments are those of `BilliardsEnv` and apply to every environment.
+
+    ## Rendering
+
+    The render modes are those of `BilliardsEnv`. A frame shows the first four environments next to each other.
 
     Attributes:
-        single_env: An environment with the same arguments, checked and with their defaults; it is never played.
+        single_env: A `BilliardsEnv` with the same arguments. It holds their checked values and is never stepped.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -80,32 +105,31 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             choose("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.threads = None if threads is None else whole("threads", threads, "threads")
-        self.single_env = BilliardsEnv(**arguments)
-        env = self.single_env
+        self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
         self._renderer = (
             None if env.render_mode is None else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix)
         )
         self.metadata = {**BilliardsVectorEnv.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = self.single_env.observation_space
-        self.single_action_space = self.single_env.action_space
+        self.single_observation_space = env.observation_space
+        self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
-        self._episodes = self.single_env.episodes(self.num_envs)
+        self._episodes = env.episodes(self.num_envs)
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
-        self._seeds = [-1] * self.num_envs  # less than 0 for one that has none yet
+        self._seeds = [-1] * self.num_envs  # -1: not seeded yet
         self._begun = np.zeros(self.num_envs, np.bool_)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """The seed of each environment; it is drawn for one that was never given any."""
-        self._seed_the_rest()
+        """The seed of each environment. An environment that was not seeded gets a random seed."""
+        self._seed_unseeded()
         return tuple(self._seeds)
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
-        """For each environment a generator that stands where its stream does; drawing from it moves no environment."""
+        """A copy of each environment's random generator in its present state."""
         generators = []
         for seed, row in zip(self.np_random_seed, self._streams, strict=True):
             generators.append(np.random.Generator(np.random.PCG64(seed)))
@@ -114,52 +138,54 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(num_envs, n, 2) where the balls are, m, a copy; a potted ball is at its pocket's centre."""
+        """(num_envs, n, 2) positions of the balls, m, a copy. A potted ball is at the centre of its pocket."""
         return self._episodes.shots.positions.copy()
 
     @property
     def potted(self) -> Bools:
-        """(num_envs, n) the balls off the table, a copy."""
+        """(num_envs, n) balls off the table, a copy."""
         return ~self._episodes.shots.in_play
 
     @property
     def goals(self) -> NDArray[np.float64]:
-        """(num_envs, g, 2) the goals, m, a copy: one a table in the task "place", none in the others."""
+        """(num_envs, g, 2) goals, m, a copy: one per environment in the task "place", none in the others."""
         return self._episodes.goals.copy()
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Starts an episode in every environment, or in those of a mask.
+        """Begins an episode in every environment, or in those of a mask.
 
         Args:
-            seed: Environment i is seeded with `seed + i`, or with entry i of a sequence; None seeds none anew.
-            options: None or a dict with any of "positions": (num_envs, n, 2) places of the balls, m, "goal":
-                (num_envs, 2) m, in the task "place", and "reset_mask": (num_envs,) bool array, the environments to
-                reset; the others are neither reset nor seeded.
+            seed: Seed of the first environment, from which environment i gets `seed + i`, or a sequence with one seed
+                per environment. None leaves the random streams as they are.
+            options: None or a dict with any of "positions", "goal" and "reset_mask", see the class. Environments
+                outside the mask are neither reset nor seeded.
 
         Returns:
             (num_envs, size) observations of all environments, and an empty info.
 
         Raises:
-            ValueError: If a seed or an option is wrong, or the balls cannot be placed so.
-            TypeError: If the options are no mapping or the mask no bool array.
-            ResetNeeded: If the mask leaves out environments that were never reset.
+            ValueError: If a seed or an option is wrong, or a position or a goal is impossible.
+            TypeError: If the options are not a mapping or the mask is not a bool array.
+            ResetNeeded: If environments outside the mask were never reset.
         """
         seeds = self._checked_seeds(seed)
         mask = np.ones(self.num_envs, np.bool_)
         if isinstance(options, dict) and "reset_mask" in options:
-            mask = self._checked_mask(options["reset_mask"])
+            mask = _checked_mask(options["reset_mask"], self.num_envs)
             options = {key: value for key, value in options.items() if key != "reset_mask"}
         positions, goals = check_options(self.single_env.scene, self.single_env.task, options, mask)
         if not (self._begun | mask).all():
-            raise ResetNeeded("reset_mask leaves out environments that have never been reset: reset all of them first")
+            raise ResetNeeded(
+                "reset_mask leaves out environments that have never been reset: reset all environments first"
+            )
         if seeds is not None:
             for i in np.flatnonzero(mask).tolist():
                 if seeds[i] is not None:
                     self._seed(i, seeds[i])
         if not self._begun.all():
-            self._seed_the_rest()
+            self._seed_unseeded()
         episodes = self._episodes
         if positions is not None:
             episodes.shots.positions[mask] = positions[mask]
@@ -171,32 +197,32 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             episodes.draw(begin, end, mask, self._streams, balls=positions is None, goals=goals is None)
             episodes.begin(begin, end, mask, observations)
 
-        self._begun &= ~mask  # should the work be interrupted
+        self._begun &= ~mask  # an interrupted reset has to be repeated
         spread(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
-            self._renderer.begin([self._balls_at_rest(k) for k in range(self._n_drawn())])
+            self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_drawn())])
         return observations, {}
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
-        """Plays one shot in every environment, save those that this step resets.
+        """Plays one shot in every environment, except in those that this step resets.
 
-        A step that is interrupted (by Ctrl-C) leaves the environments as they were before it.
+        If the call is interrupted (by Ctrl-C), the environments keep the state that they had before it.
 
         Args:
-            actions: (num_envs, 2) the cue balls' velocities over `max_speed`.
+            actions: (num_envs, 2) velocities of the cue balls divided by `max_speed`.
 
         Returns:
-            (num_envs, size) observations, (num_envs,) rewards, terminated and truncated (always False), and infos: the
-            keys of `BilliardsEnv`'s info, each an array over the environments, beside a bool array `_key` that tells
-            which of them have it.
+            (num_envs, size) observations, (num_envs,) rewards, terminated and truncated (always False), and infos. The
+            infos contain the keys of `BilliardsEnv`, each an array over the environments. For each key there is also a
+            bool array `_key`, which is True for the environments that have this key.
 
         Raises:
-            ResetNeeded: If no episode is under way in an environment.
+            ResetNeeded: If an environment has to be reset before.
             ValueError: If an action is not two finite numbers.
         """
         episodes, m = self._episodes, self.num_envs
-        shots, env = episodes.shots, self.single_env
+        shots = episodes.shots
         if not self._begun.all():
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
         skip = np.zeros(m, np.bool_)
@@ -238,21 +264,21 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    self._balls_at_rest(k)
+                    drawn_layout(episodes, k)
                     if skip[k]
-                    else env.drawn_shot(episodes, k, checked[k], rewards[k], tally[k], goals[k])
+                    else drawn_shot(episodes, k, checked[k], rewards[k], tally[k], goals[k])
                     for k in range(self._n_drawn())
                 ]
             )
         cut_off = (shots.status >= AT_EVENT_LIMIT) & ~skip
         if cut_off.any():
             k = int(np.argmax(cut_off))
-            warn_cut_off(episodes, k, env.scene, checked[k])
+            episodes.warn_cut_off(k, checked[k])
         info = self._info(tally, potted)
         if same_step and over.any():
             infos = {
                 **_masked(info, ~over),
-                "final_obs": _rows(last, over),
+                "final_obs": _masked_rows(last, over),
                 "_final_obs": over.copy(),
                 "final_info": _masked(info, over),
                 "_final_info": over.copy(),
@@ -262,10 +288,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
     def render(self) -> Any:
-        """Shows the shots of the first few tables side by side.
+        """Renders the shots of the first four environments, see the class.
 
         Returns:
-            A frame (height, width, 3) uint8, a list of frames, or None, by the render mode.
+            "rgb_array": a frame (height, width, 3) uint8. "rgb_array_list": a list of frames. None in the mode "human"
+            and without a render mode.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
@@ -279,11 +306,6 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def _n_drawn(self) -> int:
         return min(MAX_DRAWN, self.num_envs)
-
-    def _balls_at_rest(self, k: int) -> DrawnShot:
-        shots = self._episodes.shots
-        circles = goal_circles(self._episodes.goals[k])
-        return balls_at_rest(shots.positions[k], self.single_env.task, shots.in_play[k], circles)
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._episodes.shots
@@ -310,54 +332,53 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._streams[i] = streams.seeded(seed)
         self._seeds[i] = seed
 
-    def _seed_the_rest(self) -> None:
+    def _seed_unseeded(self) -> None:
         """Draws a seed for each environment that has none."""
         unseeded = [i for i, seed in enumerate(self._seeds) if seed < 0]
         for i, seed in zip(unseeded, np.random.SeedSequence().generate_state(len(unseeded), np.uint64), strict=True):
             self._seed(i, int(seed))
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None] | None:
-        """One seed an environment, or None."""
+        """Returns one seed per environment, or None."""
         if seed is None:
             return None
         if isinstance(seed, (int, np.integer)):
             seed = [int(seed) + i for i in range(self.num_envs)]
         seeds = list(seed)
         if len(seeds) != self.num_envs:
-            raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one an environment")
+            raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one per environment")
         return [v if v is None else whole(f"seed of environment {i}", v, "seed") for i, v in enumerate(seeds)]
 
-    def _checked_mask(self, mask: Any) -> Bools:
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise TypeError(f"options['reset_mask'] = {mask!r}: expected a numpy array of bool")
-        if mask.shape != (self.num_envs,):
-            raise ValueError(f"options['reset_mask'] has shape {mask.shape}: expected ({self.num_envs},)")
-        if not mask.any():
-            raise ValueError("options['reset_mask'] is False throughout: expected an environment to reset")
-        return mask.copy()
-
     def _checked_actions(self, actions: ArrayLike, skip: Bools) -> NDArray[np.float64]:
-        aimed = np.array(actions, dtype=np.float64)
-        if aimed.shape != (self.num_envs, 2):
-            raise ValueError(f"actions has shape {aimed.shape}: expected ({self.num_envs}, 2)")
-        finite = np.isfinite(aimed)
+        """Returns a copy of the actions; those in `skip` may be any numbers."""
+        array = shaped("actions", actions, (self.num_envs, 2))
+        finite = np.isfinite(array)
         if not finite.all():
             bad = np.flatnonzero(~finite.all(axis=1) & ~skip)
             if len(bad):
-                raise ValueError(
-                    f"action of environment {bad[0]} = {aimed[bad[0]].tolist()}: expected two finite numbers"
-                )
-        return aimed
+                raise ValueError(f"action of environment {bad[0]} = {array[bad[0]].tolist()}: expected finite numbers")
+        return array
+
+
+def _checked_mask(mask: Any, num_envs: int) -> Bools:
+    """Returns a copy of a reset mask."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise TypeError(f"options['reset_mask'] = {mask!r}: expected a NumPy array of bool")
+    if mask.shape != (num_envs,):
+        raise ValueError(f"options['reset_mask'] has shape {mask.shape}: expected ({num_envs},)")
+    if not mask.any():
+        raise ValueError("options['reset_mask'] is False everywhere: expected at least one environment to reset")
+    return mask.copy()
 
 
 def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:
-    """The infos of the environments in the mask, as `VectorEnv._add_info` lays them out: nothing for the others."""
+    """Returns the infos of the environments in the mask, in the format of `VectorEnv._add_info`."""
     if not mask.any():
         return {}
-    whole = mask.all()
+    everywhere = mask.all()
     infos: dict[str, Any] = {}
     for key, values in info.items():
-        if whole:
+        if everywhere:
             infos[key] = values
         elif values.dtype == object:
             infos[key] = np.where(mask, values, _NOTHING)
@@ -367,8 +388,8 @@ def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:
     return infos
 
 
-def _rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
-    """An object array of the rows in the mask, None elsewhere."""
+def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
+    """Returns an object array of the rows in the mask, with None for the other rows."""
     rows = np.full(len(array), None)
     rows[mask] = np.fromiter(array[mask], dtype=object)
     return rows

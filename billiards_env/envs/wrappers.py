@@ -1,8 +1,9 @@
-"""Wrappers of `Billiards-v0`: action frames and execution noise, for one environment and for many at once.
+"""Wrappers of `Billiards-v0`: action frames and execution noise, for single and vector environments.
 
-`ActionFrame(gym.make("Billiards-v0"), "cut")` and `VectorActionFrame(gym.make_vec("Billiards-v0", 64), "cut")` give the
-same shots for the same actions bit for bit, as do `ExecutionNoise` and `VectorExecutionNoise` for the same seeds. Noise
-acts on velocities, so a frame goes around it: `ActionFrame(ExecutionNoise(env), "cut")`.
+`ActionFrame(gym.make("Billiards-v0"), "cut")` and `VectorActionFrame(gym.make_vec("Billiards-v0", 64), "cut")` play the
+same shots for the same actions, bit for bit. `ExecutionNoise` and `VectorExecutionNoise` add the same noise for the
+same seeds. Noise is added to velocities, so an action frame must be the outer wrapper:
+`ActionFrame(ExecutionNoise(env), "cut")`.
 """
 
 from __future__ import annotations
@@ -20,28 +21,30 @@ from billiards_env.envs.action_frames import ActionTransform, perturb
 
 Floats = NDArray[np.float64]
 
-_AHEAD = 16  # shots of an environment for which noise is drawn at once
+_AHEAD = 16  # number of shots for which the noise of an environment is drawn at once
 
 
 class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
-    """Takes actions in another frame than the velocity's components.
+    """Changes the meaning of the actions from velocities to directions, cut angles and speeds.
 
-    The action space stays `Box(-1, 1, (2,), float32)`, and every action in it is a shot; what lies outside is clipped.
+    The action space is still `Box(-1, 1, (2,), float32)`. Actions outside it are clipped.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
         frame: "polar", "cut" or "sum_to_three", see `billiards_env.envs.action_frames`.
-        ball: The ball that "cut" and "sum_to_three" aim at: the "nearest" to the cue ball of the task's balls still in
-            play, the "first" of them in their order, or a ball by its number, and once that is potted the first.
-        least_speed: The slowest shot of "polar" and "cut", m/s.
+        ball: The target ball of "cut" and "sum_to_three". It is chosen from the balls of the task that are in play:
+            "nearest" is the ball nearest to the cue ball, and "first" is the ball with the lowest number. A number is
+            that ball, or "first" once it is potted.
+        least_speed: Speed of the slowest shot of "polar" and "cut", m/s.
 
     Raises:
-        ValueError: If a name is unknown, there is no such ball, or the speeds do not fit the environment's `max_speed`.
+        ValueError: If a name is unknown, the ball does not exist, or a speed does not fit the environment's
+            `max_speed`.
 
     Example:
         >>> env = ActionFrame(gym.make("billiards_env:Billiards-v0", layout="line"), "cut")
         >>> observation, info = env.reset()
-        >>> *_, info = env.step([0.0, -0.5])  # a full hit
+        >>> *_, info = env.step([0.0, -0.5])  # full hit
         >>> info["first_hit"]
         1
     """
@@ -57,7 +60,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         )
 
     def action(self, action: ArrayLike) -> Floats:
-        """(2,) the environment's own action for one in this frame.
+        """Returns the (2,) action of the wrapped environment for an action in this frame.
 
         Raises:
             ValueError: If the action is not two finite numbers.
@@ -70,13 +73,13 @@ class VectorActionFrame(VectorActionWrapper):
     """`ActionFrame` for a vector environment.
 
     Args:
-        env: A vector environment of like `BilliardsEnv`: the native one or a `SyncVectorEnv`.
+        env: A `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
         frame: As in `ActionFrame`.
         ball: As in `ActionFrame`.
         least_speed: As in `ActionFrame`.
 
     Raises:
-        ValueError: As `ActionFrame` does.
+        ValueError: As in `ActionFrame`.
     """
 
     def __init__(self, env: VectorEnv, frame: str, ball: str | int = "nearest", least_speed: float = 0.4) -> None:
@@ -86,7 +89,7 @@ class VectorActionFrame(VectorActionWrapper):
         self._frame = ActionTransform(frame, game.scene, game.targets, game.max_speed, ball, least_speed)
 
     def actions(self, actions: ArrayLike) -> Floats:
-        """(num_envs, 2) the environments' own actions for those in this frame.
+        """Returns the (num_envs, 2) actions of the wrapped environment for actions in this frame.
 
         Raises:
             ValueError: If an action is not two finite numbers.
@@ -96,13 +99,13 @@ class VectorActionFrame(VectorActionWrapper):
 
 
 class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
-    """A player who does not quite do what they meant to: Gaussian noise on each shot's direction and speed.
+    """Adds Gaussian noise to the direction and speed of each shot, as an inaccurate player does.
 
-    The defaults are the noise of the Computer Olympiad's pool tournaments (Smith 2007, PickPocket: A computer billiards
-    shark) in the two parameters of a shot that this environment has. The speed stays between 0 and `max_speed`; a shot
-    of speed 0 is none, and stays so.
+    The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer
+    billiards shark), for the two parameters of a shot that this environment has. The speed stays between 0 and
+    `max_speed`. A shot of speed 0 stays at speed 0.
 
-    `reset(seed=...)` seeds the noise too. It has a stream of its own, so the layouts are those without noise.
+    `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
@@ -121,90 +124,90 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         self._stream = _stream(None)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Starts an episode; a seed seeds the noise as well as the environment."""
+        """Begins an episode. A seed seeds the environment and the noise."""
         result = self.env.reset(seed=seed, options=options)
         if seed is not None:
             self._stream = _stream(seed)
         return result
 
     def step(self, action: ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Plays the shot that comes of `action`."""
+        """Plays the shot `action` with noise."""
         return self.env.step(perturb(action, *(self._stream.standard_normal(2) * self._scales)))
 
 
 class VectorExecutionNoise(VectorWrapper):
-    """`ExecutionNoise` for a vector environment; each environment has a stream of its own.
+    """`ExecutionNoise` for a vector environment. Each environment has a separate random stream.
 
     Args:
-        env: A vector environment of like `BilliardsEnv`: the native one or a `SyncVectorEnv`.
+        env: A `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
         angle_std: As in `ExecutionNoise`.
         speed_std: As in `ExecutionNoise`.
 
     Raises:
-        ValueError: As `ExecutionNoise` does.
+        ValueError: As in `ExecutionNoise`.
     """
 
     def __init__(self, env: VectorEnv, angle_std: float = 0.125, speed_std: float = 0.075) -> None:
         super().__init__(env)
         self._scales = _scales(angle_std, speed_std, _game(env).max_speed)
         self._streams = [_stream(None) for _ in range(self.num_envs)]
-        self._waits = self.metadata.get("autoreset_mode") == AutoresetMode.NEXT_STEP
+        self._next_step = self.metadata.get("autoreset_mode") == AutoresetMode.NEXT_STEP
         self._over = np.zeros(self.num_envs, np.bool_)
-        # Drawn ahead of time, as a draw from each of many streams takes longer than the shots do.
+        # Noise for several shots is drawn at once: a draw from each of many streams takes longer than the shots.
         self._drawn = np.empty((self.num_envs, _AHEAD, 2))
         self._used = np.full(self.num_envs, _AHEAD)
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Starts episodes; seeds seed the noise as well as the environments."""
+        """Begins episodes. Seeds seed the environments and the noise."""
         if isinstance(seed, np.integer):
             seed = int(seed)
         chosen = np.ones(self.num_envs, np.bool_)
         if options is not None and "reset_mask" in options:
-            chosen = np.array(options["reset_mask"])  # before SyncVectorEnv takes it out of the options
+            chosen = np.array(options["reset_mask"])  # a copy: SyncVectorEnv removes it from the options
         result = self.env.reset(seed=seed, options=options)  # pyright: ignore[reportArgumentType]
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        for i, own in enumerate(seeds or ()):
-            if own is not None and chosen[i]:
-                self._streams[i] = _stream(own)
+        for i, one in enumerate(seeds or ()):
+            if one is not None and chosen[i]:
+                self._streams[i] = _stream(one)
                 self._used[i] = _AHEAD
         self._over[chosen] = False
         return result
 
     def step(self, actions: ArrayLike) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Plays the shots that come of `actions`."""
+        """Plays the shots `actions` with noise."""
         noise = np.zeros((self.num_envs, 2))
-        playing = np.flatnonzero(~self._over)  # where this step only resets there is no shot
+        playing = np.flatnonzero(~self._over)  # this step resets the others and plays no shot there
         for i in playing[self._used[playing] == _AHEAD].tolist():
             self._drawn[i] = self._streams[i].standard_normal((_AHEAD, 2))
             self._used[i] = 0
         noise[playing] = self._drawn[playing, self._used[playing]]
         self._used[playing] += 1
         result = self.env.step(perturb(actions, *(noise * self._scales).T))
-        if self._waits:
+        if self._next_step:
             self._over = result[2] | result[3]
         return result
 
 
 def _scales(angle_std: float, speed_std: float, max_speed: float) -> Floats:
-    """The standard deviations, checked, in half turns and shares of `max_speed`."""
+    """Returns the standard deviations after a check, in half turns and as a fraction of `max_speed`."""
     angle, speed = real("angle_std", angle_std, "angle_std"), real("speed_std", speed_std, "speed_std")
     return np.array([angle / 180.0, speed / max_speed])
 
 
 def _stream(seed: int | None) -> np.random.Generator:
-    """A stream that has nothing to do with the one from which the environment of that seed draws its layouts."""
+    """Returns a random stream that is independent of the layouts of an environment with the same seed."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
 
 
 def _game(envs: VectorEnv) -> Any:
-    """One of the environments, all of which have the same arguments."""
+    """Returns a single environment with the arguments of all environments."""
     base: Any = envs.unwrapped
     return base.single_env if hasattr(base, "single_env") else base.get_attr("unwrapped")[0]
 
 
 def _each(envs: VectorEnv, name: str) -> NDArray[Any]:
-    """An attribute of all the environments, with a leading axis."""
+    """Returns an attribute of all environments, stacked along a first axis."""
     base: Any = envs.unwrapped
     return np.stack(base.get_attr(name)) if hasattr(base, "get_attr") else getattr(base, name)

@@ -26,7 +26,8 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose, real, whole
-from billiards_env.envs.billiards import cue_velocity, make_scene
+from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import GameState, History, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.placement import Point, placement_area

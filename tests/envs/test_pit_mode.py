@@ -91,7 +91,7 @@ def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
             observation, _, terminated, _, info = env.step(rng.uniform(-1, 1, 2))
             assert observation in env.observation_space
             assert info["status"] == "rest"
-            places = env._tables.shots.positions[0][~info["potted"]]
+            places = env._episodes.shots.positions[0][~info["potted"]]
             apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
             deepest = max(deepest, 2 * env.scene.balls.radius[0] - apart.min())
             beyond = max(beyond, (np.abs(places) - room).max())

@@ -381,7 +381,7 @@ def test_a_mode_that_does_not_exist_is_refused():
 def test_rendering_without_a_mode_says_so():
     env = BilliardsEnv()
     env.reset(seed=0)
-    with pytest.warns(UserWarning, match="without a render mode shows nothing"):
+    with pytest.warns(UserWarning, match="without a render mode draws nothing"):
         assert env.render() is None
     env.close()
 

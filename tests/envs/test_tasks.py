@@ -3,7 +3,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.envs.tasks import PLACE_RADIUS, TASKS, carom, judge, place, pot, sum_to_three, three_cushion
+from billiards_env.envs.tasks import (
+    PLACE_RADIUS,
+    TASKS,
+    Outcome,
+    judge,
+    judge_carom,
+    judge_place,
+    judge_pot,
+    judge_sum_to_three,
+    judge_three_cushion,
+)
 
 NONE = np.zeros(3, bool)
 BOTH = np.array([False, True, True])
@@ -24,7 +34,7 @@ def one(task, targets=BOTH, **changes: Any):
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
     goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
-    return task(2, targets, goals, before, after, cushions, before_hit, positions)
+    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit))
 
 
 def balls(*numbers):
@@ -45,12 +55,12 @@ def balls(*numbers):
     ],
 )
 def test_pot(before, after, points, over, success):
-    assert one(pot, before=balls(*before), after=balls(*after)) == (points, over, success)
+    assert one(judge_pot, before=balls(*before), after=balls(*after)) == (points, over, success)
 
 
 def test_pot_asks_for_the_targets_only():
-    assert one(pot, balls(2), after=balls(2)) == (1, True, True)
-    assert one(pot, balls(2), after=balls(1)) == (0, False, False)
+    assert one(judge_pot, balls(2), after=balls(2)) == (1, True, True)
+    assert one(judge_pot, balls(2), after=balls(1)) == (0, False, False)
 
 
 TOUCHES = [
@@ -66,7 +76,7 @@ TOUCHES = [
 
 @pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
 def test_carom(before_hit, potted, points, over):
-    assert one(carom, before_hit=before_hit, after=balls(*potted)) == (points, over, points == 1)
+    assert one(judge_carom, before_hit=before_hit, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
@@ -83,13 +93,13 @@ def test_carom(before_hit, potted, points, over):
     ],
 )
 def test_three_cushion_asks_for_three_contacts_before_the_last_ball(before_hit, points):
-    assert one(three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
+    assert one(judge_three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
 
 
 @pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
 def test_three_cushion_ends_as_carom_does(before_hit, potted, points, over):
     later = np.where(np.array(before_hit) >= 0, 3, -1)
-    assert one(three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
+    assert one(judge_three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +115,11 @@ def test_three_cushion_ends_as_carom_does(before_hit, potted, points, over):
     ],
 )
 def test_sum_to_three(cushions, before_hit, points):
-    assert one(sum_to_three, cushions=(*cushions, 7), before_hit=(-1, before_hit, 7)) == (points, False, points == 1)
+    assert one(judge_sum_to_three, cushions=(*cushions, 7), before_hit=(-1, before_hit, 7)) == (
+        points,
+        False,
+        points == 1,
+    )
 
 
 ON_THE_EDGE = (GOAL[0] + PLACE_RADIUS - 1e-12, GOAL[1])
@@ -127,16 +141,22 @@ BEYOND = (GOAL[0], GOAL[1] - PLACE_RADIUS - 1e-12)
 )
 def test_place(cue, before_hit, before, after, points, over):
     shot = {"cue": cue, "before_hit": before_hit, "before": balls(*before), "after": balls(*after)}
-    assert one(place, **shot) == (points, over, points == 1)
+    assert one(judge_place, **shot) == (points, over, points == 1)
 
 
 def test_place_asks_for_no_touch_where_there_is_no_ball_to_touch():
-    assert one(place, NONE, cue=GOAL) == (1, True, True)
+    assert one(judge_place, NONE, cue=GOAL) == (1, True, True)
 
 
 @pytest.mark.parametrize("task", TASKS)
 def test_each_task_is_judged_by_its_kernel(task):
-    kernel = {"pot": pot, "carom": carom, "three_cushion": three_cushion, "sum_to_three": sum_to_three, "place": place}
+    kernel = {
+        "pot": judge_pot,
+        "carom": judge_carom,
+        "three_cushion": judge_three_cushion,
+        "sum_to_three": judge_sum_to_three,
+        "place": judge_place,
+    }[task]
     shots: list[dict[str, Any]] = [
         {"after": balls(1)},
         {"before_hit": (-1, 0, 0)},
@@ -147,6 +167,6 @@ def test_each_task_is_judged_by_its_kernel(task):
     told = set()
     for shot in shots:
         outcome = one(lambda *shot: judge(TASKS.index(task), *shot), **shot)
-        assert outcome == one(kernel[task], **shot)
+        assert outcome == one(kernel, **shot)
         told.add(outcome[0])
     assert told == {0, 1}

@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, tables
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import VectorExecutionNoise
 from billiards_env.layouts import LAYOUTS
@@ -138,7 +138,7 @@ def test_a_masked_reset_leaves_the_others_alone(mode):
         mask = rng.random(6) < 0.5
         mask[0] = True
         if mode is AutoresetMode.DISABLED:
-            mask |= native._tables.over
+            mask |= native._episodes.over
         seed = [None, 40, [9, 8, 7, 6, None, 4]][step % 3]
         options = {"reset_mask": mask.copy()}
         same(native.reset(seed=seed, options=options), sync.reset(seed=seed, options=dict(options)))
@@ -207,7 +207,7 @@ def test_no_array_given_out_shares_memory_with_another(mode):
             twin.reset(options={"reset_mask": mask})
     for a, b in itertools.combinations(given, 2):
         assert not np.may_share_memory(a, b)
-    inner = [envs._rows, *envs._tables.shots, envs._tables.tally, envs._tables.over, envs._tables.starts]
+    inner = [envs._streams, *envs._episodes.shots, envs._episodes.tally, envs._episodes.over, envs._episodes.start]
     assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 
@@ -217,7 +217,7 @@ def test_next_step_resets_ignore_the_action():
     envs.step(np.zeros((2, 2)))
     *_, infos = envs.step(np.full((2, 2), np.nan))
     assert infos == {}
-    with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected two finite numbers"):
+    with pytest.raises(ValueError, match=r"action of environment 1 = \[0.0, nan\]: expected finite numbers"):
         envs.step([[0.0, 0.0], [0.0, np.nan]])
 
 
@@ -229,7 +229,7 @@ def test_a_bad_action_is_refused_and_changes_nothing(mode):
     for actions, message in (
         (np.zeros((2, 2)), r"actions has shape \(2, 2\): expected \(3, 2\)"),
         (np.zeros(2), r"actions has shape \(2,\): expected \(3, 2\)"),
-        ([[0, 0], [np.inf, 0], [0, 0]], r"action of environment 1 = \[inf, 0.0\]: expected two finite numbers"),
+        ([[0, 0], [np.inf, 0], [0, 0]], r"action of environment 1 = \[inf, 0.0\]: expected finite numbers"),
     ):
         with pytest.raises(ValueError, match=message):
             envs.step(actions)
@@ -241,7 +241,7 @@ def test_step_needs_episodes_under_way(mode):
     envs = BilliardsVectorEnv(2, autoreset_mode=mode)
     with pytest.raises(ResetNeeded, match="call reset"):
         envs.step(np.zeros((2, 2)))
-    with pytest.raises(ResetNeeded, match="never been reset: reset all of them first"):
+    with pytest.raises(ResetNeeded, match="never been reset: reset all environments first"):
         envs.reset(options={"reset_mask": np.array([True, False])})
     envs.reset()
     envs.step(np.zeros((2, 2)))
@@ -270,10 +270,10 @@ TWO_APART = [[0.0, 0.0], [0.5, 0.0]]
             ValueError,
             "shot 1, balls 0 and 1 are 0.01 m apart",
         ),
-        ({"options": {"reset_mask": [True, True]}}, TypeError, "expected a numpy array of bool"),
-        ({"options": {"reset_mask": np.ones(2)}}, TypeError, "expected a numpy array of bool"),
+        ({"options": {"reset_mask": [True, True]}}, TypeError, "expected a NumPy array of bool"),
+        ({"options": {"reset_mask": np.ones(2)}}, TypeError, "expected a NumPy array of bool"),
         ({"options": {"reset_mask": np.ones(3, bool)}}, ValueError, r"has shape \(3,\): expected \(2,\)"),
-        ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected an environment to reset"),
+        ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected at least one environment to reset"),
     ],
 )
 def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
@@ -361,7 +361,7 @@ def test_a_copy_goes_on_as_its_original(twin_of):
 
 
 def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
-    monkeypatch.setattr(tables, "MAX_EVENTS", 2)
+    monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
     envs = BilliardsVectorEnv(2)
     positions = [[-0.5, 0.0], [0.5, 0.0]]
     envs.reset(options={"positions": [positions] * 2})
@@ -373,7 +373,7 @@ def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
 def test_a_layout_without_room_is_refused_in_a_thread_too(monkeypatch):
     envs = BilliardsVectorEnv(128, threads=2)
     hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
-    monkeypatch.setattr(envs._tables, "plan", envs._tables.plan._replace(pockets=hole))
+    monkeypatch.setattr(envs._episodes, "plan", envs._episodes.plan._replace(pockets=hole))
     with pytest.raises(ValueError, match="found no room for ball 0"):
         envs.reset(seed=0)
 

@@ -22,6 +22,7 @@ from billiards_env.envs.action_frames import (
     aim,
     choose_ball,
     cos_sin,
+    cue_velocity,
     cut,
     perturb,
     polar,
@@ -56,6 +57,15 @@ def random_layouts(count, seed=0):
 
 
 # --- geometry ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_action_is_a_fraction_of_max_speed_and_has_length_1_at_most():
+    assert cue_velocity(np.array([0.5, -0.25], np.float32), 4.0).tolist() == [2.0, -1.0]
+    assert cue_velocity([0, 1], 3.0).tolist() == [0.0, 3.0]
+    for action in ([1, 1], [3.0, -4.0], [1e300, 1e300], [1e-320, 5.0]):
+        velocity = cue_velocity(action, 2.0)
+        assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-15)
+        np.testing.assert_allclose(velocity / velocity[1], np.divide(action, action[1]), rtol=1e-15)
 
 
 @given(st.floats(-5.0, 5.0))

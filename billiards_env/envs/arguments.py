@@ -1,0 +1,74 @@
+"""The arguments of the environments: scenes, and the options of `reset`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import choose, shaped
+from billiards_env.envs.episodes import cue_ball_alone
+from billiards_env.scene import Scene, check_positions
+
+
+def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
+    """Returns the scene of an environment.
+
+    Args:
+        scene: Name of a scene, or its data in the form of `Scene.to_dict()`.
+        n_object_balls: Number of object balls of a named scene; None for its usual number.
+
+    Raises:
+        ValueError: If the name is unknown, the data are invalid, or both data and `n_object_balls` are given.
+        TypeError: If `scene` is neither a string nor a mapping, or a value in it has the wrong type.
+    """
+    if isinstance(scene, str):
+        return Scene.named(scene, n_object_balls)
+    if not isinstance(scene, Mapping):
+        raise TypeError(f"scene = {scene!r}: expected a name or a dict in the form of Scene.to_dict()")
+    if n_object_balls is not None:
+        raise ValueError(
+            f"n_object_balls = {n_object_balls!r} with a scene given as a dict: expected None, the dict lists the balls"
+        )
+    return Scene.from_dict(scene)
+
+
+def check_options(
+    scene: Scene, task: str, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
+    """Returns the positions and goals in the options of a reset, after a check.
+
+    Args:
+        scene: The scene.
+        task: The task; only "place" has goals.
+        options: The options.
+        mask: None for one environment. For m environments (m,) bool: those to reset. The positions and goals of the
+            others are not used and only have to be finite.
+
+    Returns:
+        (n, 2) or (m, n, 2) positions of the balls, m, or None if they are not in the options, and (1, 2) or (m, 1, 2)
+        goals, m, or None.
+
+    Raises:
+        ValueError: If an option is unknown, or a position of a ball or a goal is impossible.
+        TypeError: If the options are not a mapping.
+    """
+    if options is None:
+        return None, None
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options = {options!r}: expected a dict")
+    for key in options:
+        choose("key of options", key, ("positions", "goal") if task == "place" else ("positions",))
+    many = () if mask is None else (len(mask),)
+    positions = goals = None
+    if "positions" in options:
+        name, shape = "options['positions']", (*many, scene.n_balls, 2)
+        in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
+        positions = check_positions(scene, shaped(name, options["positions"], shape), name, in_play)
+    if "goal" in options:
+        goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
+        in_play = None if mask is None else mask[:, None]
+        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
+    return positions, goals
