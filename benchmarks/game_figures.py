@@ -40,7 +40,7 @@ def window() -> GameWindow:
         press(shown, pygame.K_SPACE)
     model = shown.model
     velocity = np.array(geometric(setup)(setup, model.game, 3.0, rng).velocity)
-    cue, speed = np.array(model.cue_at), float(np.hypot(*velocity))
+    cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
     return shown
 

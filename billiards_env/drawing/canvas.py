@@ -99,7 +99,7 @@ class Canvas:
             (self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1
         )
 
-    def place_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
+    def point_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
         """The place, m, that lies at a pixel of a frame."""
         return (pixel[0] - self._middle[0]) / self.scale, (self._middle[1] - pixel[1]) / self.scale
 
