@@ -93,7 +93,7 @@ def test_weak_contacts_have_no_mark():
         assert len([line for line in axes.lines if line.get_marker() == "*"]) == marks
 
 
-def test_every_named_table_can_be_drawn(elsewhere):
+def test_carom_tables_and_striped_balls_can_be_drawn(elsewhere):
     assert len(elsewhere.plot().lines) > 0
     stripes = simulate(Scene.named("pool", 9), [[0.1 * k, 0.0] for k in range(10)], [0.0, 1.0], record=True)
     assert [text.get_text() for text in stripes.plot().texts if text.get_text() == "9"] == ["9"]
