@@ -240,10 +240,10 @@ def test_the_page_is_one_file_without_links(shot, pit):
 def test_the_page_contains_the_trajectories_with_all_digits(shot):
     (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', make_page(shot.recording()))
     data = json.loads(text)
-    recording = shot.recording()
+    paths = shot.recording().trajectory
     for ball, rows in enumerate(data["runs"][0]["pieces"]):
-        assert [row[2:4] for row in rows] == recording.position[recording.ball == ball].tolist()
-    assert data["runs"][0]["gone"][2] == recording.gone[2]
+        assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
+    assert data["runs"][0]["gone"][2] == paths.gone[2]
     assert data["runs"][0]["gone"][0] is None
 
 
@@ -261,7 +261,7 @@ def test_a_shot_that_ends_at_its_time_limit():
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
     assert shot._repr_html_().startswith("<iframe ")
     assert unrecorded._repr_html_() is None
-    monkeypatch.setattr("billiards_env.engine.shot.LONGEST_SHOWN", 3)
+    monkeypatch.setattr("billiards_env.shot.LONGEST_SHOWN", 3)
     assert shot._repr_html_() is None
 
 
