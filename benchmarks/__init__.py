@@ -1,22 +1,25 @@
-"""Measurements of the engine: each module prints tables and writes what they show to `benchmarks/results` as JSON.
+"""Measurements of the engine: each module prints tables and writes its results to `benchmarks/results` as JSON.
 
-A module's `blocks` makes the tables, as Markdown by name, from what was measured. The module prints them, and
+The function `blocks` of a module converts the results to Markdown blocks by name. The module prints these blocks, and
 `benchmarks.readme` writes them into the README and `docs/measurements.md`.
 """
 
 from __future__ import annotations
 
+import argparse
 import importlib.metadata
 import os
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from billiards_env.checks import Range, whole
+
 RESULTS = Path(__file__).resolve().parent / "results"
 
 
 def machine() -> dict[str, str | int | float | None]:
-    """What the numbers depend on: processor, cores, how busy they are, and the versions of Python and of packages."""
+    """Returns the processor, the number of cores, the load, and the versions of Python and of packages."""
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None  # Windows has none
     return {
         "cpu": _cpu_model(),
@@ -29,7 +32,7 @@ def machine() -> dict[str, str | int | float | None]:
 
 
 def machine_line(m: Mapping[str, object]) -> str:
-    """What `machine()` told before a measurement, in one line."""
+    """Returns the values of `machine()` in one line."""
     versions = ", ".join(f"{name} {m[name]}" for name in ("python", "numba", "numpy", "gymnasium"))
     return f"{m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
 
@@ -40,7 +43,7 @@ def print_blocks(blocks: Mapping[str, str]) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """A Markdown table, the first `left` columns to the left and the others to the right."""
+    """Returns a Markdown table; the first `left` columns are left-aligned and the others right-aligned."""
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
     rule = ["-" * w if k < left else "-" * (w - 1) + ":" for k, w in enumerate(widths)]
     lines = []
@@ -50,6 +53,15 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def check_counts(parser: argparse.ArgumentParser, args: argparse.Namespace, **least: int) -> None:
+    """Exits with an error if an argument is not a whole number of at least the given size."""
+    for name, low in least.items():
+        try:
+            whole(f"--{name}", getattr(args, name), Range(low, None))
+        except ValueError as error:
+            parser.error(str(error))
 
 
 def _cpu_model() -> str:

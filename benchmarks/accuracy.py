@@ -1,13 +1,13 @@
-"""Run time against error: what a timestep costs and what it gets wrong.
+"""Run time and error of PIC, of PIT at many timesteps, and of other simulators.
 
-The same random shots are run by PIC, by PIT with timesteps of 1/15 to 1/15360 s and each of its fixes, and, where the
-physics is frictionless and elastic, by the simulators of `benchmarks.others`. Errors are those against the 50-digit
-oracle; outcomes (which balls are potted, which is hit first) are compared with PIC's, over more shots, after PIC's have
-been compared with the oracle's. Times are those of one core, all methods in turn in one process.
+PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. The simulators of
+`benchmarks.others` also run the frictionless, elastic shots. Errors are measured against the 50-digit oracle. Outcomes
+(the balls potted, the ball hit first) of more shots are compared with those of PIC, which are compared with the oracle
+first. Run times are measured on one core; all methods take turns in one process.
 
     python -m benchmarks.accuracy               # within ten minutes on two cores
     python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1
-    python -m benchmarks.accuracy --again       # prints and draws what was measured last
+    python -m benchmarks.accuracy --again       # prints and draws the last results
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, accuracy_report, convergence, error_limit, machine, others
+from benchmarks import RESULTS, accuracy_report, check_counts, convergence, error_limit, machine, others
 from benchmarks.methods import PIC, Method, run_all, run_other, timer
 from billiards_env.files import write_json, write_whole
 from billiards_env.physics.state import FIXES
@@ -41,12 +41,12 @@ IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 STEPS = convergence.STEPS
 """Timesteps of PIT, as steps per second."""
 OTHERS_STEPS = [60 * 2**k for k in range(6)]
-"""The same of the other simulators."""
+"""Timesteps of the other simulators, as steps per second."""
 TIMES = (0.5, 1.0, 2.0, 5.0)
-"""Times at which positions are compared, s; they are compared at the shot's end as well."""
+"""Times at which positions are compared, s, in addition to the end of the shot."""
 CONTACTS = ("ball_ball", "cushion", "pocket")
 TIMED = 24  # shots whose run time is measured
-BREAKS = 8  # for one break whose outcome is looked at there are so many other shots: breaks take long
+BREAKS = 8  # number of other shots per break in the comparison of outcomes, because breaks take long
 
 
 class Problem(NamedTuple):
@@ -55,7 +55,7 @@ class Problem(NamedTuple):
     Attributes:
         scene: The scene.
         draw: Draws positions, m, and velocities, m/s.
-        column: Which of `TIMES`, or -1 for the end, is the one to compare errors at.
+        column: Index in `TIMES` of the time of the main error, or -1 for the end.
     """
 
     scene: Scene
@@ -81,7 +81,7 @@ PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
 
 
 def methods(problem: Problem) -> list[Method]:
-    """The methods that can run a problem's shots: the others know no friction."""
+    """Returns the methods that can run a problem's shots; the other simulators have no friction."""
     found = [PIC, *PIT]
     if problem.scene.physics.motion == "ideal":
         for name in others.available():
@@ -90,7 +90,7 @@ def methods(problem: Problem) -> list[Method]:
 
 
 def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
-    """Positions (n, 2), m, and velocities (n, 2), m/s, of a problem's shot of that number."""
+    """Returns the positions (n, 2), m, and velocities (n, 2), m/s, of a shot of a problem."""
     scene, draw, _ = PROBLEMS[name]
     positions, velocities = draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
     moving = np.zeros_like(positions)
@@ -99,13 +99,13 @@ def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
 
 
 def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
-    """The first `count` shots of a problem, (m, n, 2) each."""
+    """Returns the first `count` shots of a problem, (m, n, 2) each."""
     positions, velocities = zip(*(shot_of(name, seed) for seed in range(count)), strict=True)
     return np.array(positions), np.array(velocities)
 
 
 def end_and_before(scene: Scene) -> list[float]:
-    """`TIMES` and the end of a shot that friction does not end."""
+    """Returns `TIMES` and the time limit of a frictionless scene."""
     assert scene.physics.max_time is not None
     return [*TIMES, scene.physics.max_time]
 
@@ -113,21 +113,21 @@ def end_and_before(scene: Scene) -> list[float]:
 def first_difference(
     ours: Sequence[tuple[float, str, int, int]], reference: Sequence[tuple[float, str, int, int]], complete: bool
 ) -> int | None:
-    """Where a sequence of contacts first differs from the reference's; contacts at one instant have no order.
+    """Compares a sequence of contacts with the reference; contacts at the same instant have no order.
 
     Args:
-        ours: (time, kind, ball, other) in the order of time.
-        reference: The same.
-        complete: Whether the reference goes on to the end of the shot.
+        ours: (time, kind, ball, other), sorted by time.
+        reference: The same for the reference.
+        complete: Whether the reference extends to the end of the shot.
 
     Returns:
-        The number of contacts before the first that differs, or None if none does as far as the reference goes.
+        The number of contacts before the first difference, or None if there is no difference within the reference.
     """
     here = 0
     for _, tied in itertools.groupby(ours, key=lambda contact: contact[0]):
         group = sorted(contact[1:] for contact in tied)
         expected = [contact[1:] for contact in reference[here : here + len(group)]]
-        if len(expected) < len(group) and not complete:  # the reference ends among them
+        if len(expected) < len(group) and not complete:  # the reference ends within this group
             return None if all(contact in group for contact in expected) else here
         if sorted(expected) != group:
             return here
@@ -136,15 +136,16 @@ def first_difference(
 
 
 def follow(task: tuple[str, int]) -> dict[str, Any]:
-    """One shot by the oracle and by every method.
+    """Runs one shot by the oracle and by every method.
 
-    The shot is followed to its end, or until balls at rest press against each other, where the laws of impact do not
-    say how it goes on, or until PIC's contact-time rule acts.
+    The shot is followed to its end, or until balls at rest press against each other (the laws of impact then have no
+    unique solution), or until PIC's contact-time rule acts.
 
     Returns:
-        For each method its errors (root mean square over the balls, m) at `TIMES` and at the end, NaN where the shot
-        was not followed so far, how many contacts were the oracle's, and when the first that was not should have been;
-        and whether the shot was followed to its end, the number of its contacts, and whether PIC has its outcome.
+        `errors`: for each method the root mean square error over the balls, m, at `TIMES` and at the end; NaN at times
+        to which the shot is not followed. `same`: for each method the number of contacts equal to the oracle's.
+        `until`: the oracle's time of the first other contact. `complete`: whether the shot is followed to its end.
+        `contacts`: the number of contacts. `outcome_as_oracle`: whether PIC has the outcome of the oracle.
     """
     name, seed = task
     scene = PROBLEMS[name].scene
@@ -198,7 +199,7 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
 
 
 def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
-    """`follow` for so many shots of every problem."""
+    """Runs `follow` for the first `shots` shots of every problem."""
     tasks = [(name, seed) for name in PROBLEMS for seed in range(shots)]
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in PROBLEMS}
     with ProcessPoolExecutor(workers) as pool:
@@ -208,20 +209,21 @@ def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
 
 
 def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method, dict[str, float | int]]:
-    """In how many of a problem's first shots a PIT has another outcome than PIC.
+    """Compares the outcomes of PIT and PIC over the first shots of a problem.
 
-    Outcomes are the balls potted, the ball hit first, and, on a table without pockets, which balls the cue ball
-    touched; a shot scores if it pots an object ball, or if the cue ball touches them all.
+    The outcome is the set of potted balls and the ball hit first. On a table without pockets it is the set of balls
+    that the cue ball touches and the ball hit first. A shot scores if it pots an object ball, or without pockets if the
+    cue ball touches all object balls.
 
     Returns:
-        For each PIT the share of shots with another outcome, the share of those that either scores in which the balls
-        potted (or the caroms made) are not the same, and the number of the latter.
+        For each PIT: the share of shots with another outcome; the number of shots that score in PIC or PIT; and the
+        share of these shots with other potted balls (or another carom).
     """
     scene = PROBLEMS[name].scene
     positions, velocities = shots_of(name, count)
 
-    def look(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """What scores (m, k), whether it is an object ball's or the carom's (m,), and all that counts (m, l)."""
+    def outcome(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
         batch = run_all(scene, positions, velocities, method, workers)
         touched = batch.cushions_before_hit[:, 1:] >= 0
         if scene.table.pockets:
@@ -233,10 +235,10 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
         made = np.logical_and.reduce(touched, axis=1)
         return made[:, None], made, np.column_stack((touched, batch.first_hit))
 
-    exact = look(PIC)
+    exact = outcome(PIC)
     found: dict[Method, dict[str, float | int]] = {}
     for method in PIT:
-        here = look(method)
+        here = outcome(method)
         scoring = exact[1] | here[1]
         wrong = (here[0] != exact[0]).any(axis=1)
         found[method] = {
@@ -249,7 +251,7 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
 
 
 def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[float]]]:
-    """How long the first shots of each problem take, on average, one entry a pass; one core, all methods in turn."""
+    """Returns the mean time of a shot by problem and method, one entry per pass; methods take turns on one core."""
     calls: dict[str, dict[Method, Callable[[], float]]] = {}
     for name, problem in PROBLEMS.items():
         positions, velocities = shots_of(name, min(shots, TIMED))
@@ -272,7 +274,7 @@ def rows_of(
     seconds: dict[Method, list[float]],
     wrong: dict[Method, dict[str, float | int]],
 ) -> list[dict[str, Any]]:
-    """What was found of a problem, a row a method."""
+    """Returns the results of a problem, one row per method."""
     rows = []
     errors = np.array([result["errors"] for result in followed])  # (shots, methods, times)
     for k, method in enumerate(methods(PROBLEMS[name])):
@@ -303,16 +305,16 @@ def rows_of(
 
 
 def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
-    """Runs everything.
+    """Runs all measurements.
 
     Args:
         shots: Shots of each problem that are compared with the oracle.
-        outcome_shots: Shots of each problem whose outcomes are compared with PIC's.
-        passes: Repeats of the measurement of times.
-        workers: Processes and threads, but for times.
+        outcome_shots: Shots of each problem whose outcomes are compared with those of PIC.
+        passes: Repetitions of the run time measurement.
+        workers: Processes and threads, except for run times.
 
     Returns:
-        What goes to `accuracy.json`.
+        The content of `accuracy.json`.
     """
     on = machine()
     seconds = seconds_per_shot(shots, passes)
@@ -345,7 +347,7 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
 
 
 def table_of(scenes: dict[str, Any]) -> bytes:
-    """All rows of all scenes as CSV."""
+    """Returns all rows of all scenes as CSV."""
     rows = [row for scene in scenes.values() for row in scene["methods"]]
     names = list(dict.fromkeys(itertools.chain.from_iterable(rows)))
     text = io.StringIO()
@@ -356,22 +358,20 @@ def table_of(scenes: dict[str, Any]) -> bytes:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.accuracy --help`."""
+    """Runs the command line; see `python -m benchmarks.accuracy --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy", description="Run time against error, for every engine and timestep."
     )
     parser.add_argument("--shots", type=int, default=64, help="shots of each scene against the oracle (64)")
     parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
-    parser.add_argument("--passes", type=int, default=3, help="repeats of the measurement of times (3)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one a core)")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="where accuracy.json and accuracy.csv go")
-    parser.add_argument("--images", type=Path, default=IMAGES, help="where pareto.png and convergence.png go")
-    parser.add_argument("--again", action="store_true", help="measure nothing, print and draw what accuracy.json holds")
+    parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json and accuracy.csv")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png and convergence.png")
+    parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
-    # The fourth break is the first that can be followed to its end.
-    for name, least in (("shots", 4), ("outcomes", 1), ("passes", 1), ("workers", 1)):
-        if getattr(args, name) < least:
-            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= {least}")
+    # The fourth break is the first one that can be followed to its end.
+    check_counts(parser, args, shots=4, outcomes=1, passes=1, workers=1)
     if args.again:
         result = json.loads((args.results / "accuracy.json").read_text())
     else:
@@ -381,7 +381,7 @@ def main(arguments: list[str] | None = None) -> None:
     accuracy_report.draw_pareto(result, args.images / "pareto.png")
     convergence.draw(result, args.images / "convergence.png")
     accuracy_report.print_report(result)
-    print(f"In {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
+    print(f"Written to {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
 
 
 if __name__ == "__main__":

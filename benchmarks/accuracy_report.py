@@ -1,4 +1,4 @@
-"""The tables and the picture of what `benchmarks.accuracy` has measured."""
+"""Tables and a picture of the results of `benchmarks.accuracy`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ OTHERS: dict[str, dict[str, Any]] = {
     "Box2D": {"marker": "D", "color": "#e69f00", "linestyle": "--", "markersize": 4, "linewidth": 1},
     "python-billiards": {"marker": "P", "color": "#56b4e9", "linestyle": "none", "markersize": 8},
 }
-FLOOR = 1e-17  # m, errors of nothing are drawn here
+FLOOR = 1e-17  # m, zero errors are drawn at this value
 
 
 def _pit(scene: dict[str, Any], fix: str) -> list[dict[str, Any]]:
-    """PIT's rows with a fix, the coarsest first."""
+    """Returns the rows of PIT with a fix, from the coarsest timestep to the finest."""
     return sorted((row for row in scene["methods"] if row["fix"] == fix), key=lambda row: row["steps_per_second"])
 
 
@@ -46,13 +46,13 @@ def _ratio(value: float) -> str:
 
 
 def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any] | None:
-    """Of rows from coarse to fine the first from which on all are good."""
+    """Returns the first row, from coarse to fine, from which all rows are good."""
     last_bad = max((k for k, fine in enumerate(good) if not fine), default=-1)
     return rows[last_bad + 1] if last_bad + 1 < len(rows) else None
 
 
 def scene_table(scene: dict[str, Any]) -> str:
-    """PIT's errors, outcomes and run times at each dt."""
+    """Returns the table of PIT's errors, outcomes and run times at each timestep."""
     fixes = list(PIT_STYLES)
     rows = {fix: _pit(scene, fix) for fix in fixes}
     scores = "wrong_scores" in rows[fixes[0]][0]
@@ -72,7 +72,7 @@ def scene_table(scene: dict[str, Any]) -> str:
 
 
 def levels(scenes: dict[str, Any]) -> str:
-    """The run time, over PIC's, of the cheapest PIT that keeps the median error below a level."""
+    """Returns the table of the run time, over that of PIC, of the fastest PIT with a median error below each level."""
     lines = []
     for name, scene in scenes.items():
         line, pic = [f"{name}, {_when(scene)}"], _pic(scene)
@@ -90,7 +90,7 @@ def levels(scenes: dict[str, Any]) -> str:
 
 
 def enough(scenes: dict[str, Any]) -> str:
-    """The largest timestep with which outcomes are right in 99 % of shots, and its cost."""
+    """Returns the table of the largest timesteps with 99 % right outcomes, and their run times."""
     lines = []
     for name, scene in scenes.items():
         for fix in PIT_STYLES:
@@ -112,7 +112,7 @@ def enough(scenes: dict[str, Any]) -> str:
 
 
 def contacts(scenes: dict[str, Any]) -> str:
-    """How far the sequence of contacts is the oracle's."""
+    """Returns the table of the number of contacts equal to those of the oracle."""
     lines = []
     for name, scene in scenes.items():
         chosen = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 960, 15360)]
@@ -133,7 +133,7 @@ def contacts(scenes: dict[str, Any]) -> str:
 
 
 def others_table(scene: dict[str, Any]) -> str:
-    """The simulators that people use, with PIT and PIC beside them."""
+    """Returns the table of the other simulators, PIT and PIC."""
     rows = [r for r in scene["methods"] if r["method"] in OTHERS and r["steps_per_second"] in (None, 60, 480, 1920)]
     pit = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 480, 1920)]
     lines = []
@@ -145,7 +145,7 @@ def others_table(scene: dict[str, Any]) -> str:
 
 
 def orders_table(families: dict[str, Any]) -> str:
-    """The observed orders of convergence."""
+    """Returns the table of the observed orders of convergence."""
     lines = []
     for family, fixes in families.items():
         for fix, found in fixes.items():
@@ -155,7 +155,7 @@ def orders_table(families: dict[str, Any]) -> str:
 
 
 def shots_table(result: dict[str, Any]) -> str:
-    """What errors and outcomes are taken from."""
+    """Returns the table of the numbers of shots."""
     rows = [
         [
             name,
@@ -173,7 +173,7 @@ def shots_table(result: dict[str, Any]) -> str:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     scenes = result["scenes"]
     found = {
         "machine": machine_line(result["machine"]),
@@ -193,23 +193,23 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def print_report(result: dict[str, Any]) -> None:
-    """Prints everything."""
+    """Prints all tables."""
     titles = {
-        "shots": "Shots against the oracle, and shots for outcomes against PIC",
-        "levels": "Run time of the cheapest PIT within an error, over PIC's",
-        "enough": f"The largest timestep with which {ENOUGH:.0%} of outcomes are PIC's, and its run time over PIC's",
-        "contacts": "Contacts as the oracle has them (medians; PIT with push_apart)",
-        "orders": "Order in dt of PIT's error after one collision",
+        "shots": "Shots compared with the oracle, and shots whose outcomes are compared with PIC",
+        "levels": "Run time of the fastest PIT below an error, over that of PIC",
+        "enough": f"The largest timestep with {ENOUGH:.0%} of PIC's outcomes, and its run time over that of PIC",
+        "contacts": "Contacts equal to those of the oracle (medians; PIT with push_apart)",
+        "orders": "Order of PIT's error in dt after one collision",
     }
     for name, scene in result["scenes"].items():
-        titles[f"others, {name}"] = f"{name}: median error after so many seconds; 10 s are simulated"
+        titles[f"others, {name}"] = f"{name}: median error after the given time; 10 s are simulated"
         titles[name] = f"{name}: median error {_when(scene)}"
     for name, text in blocks(result).items():
         print(f"{titles[name]}\n\n{text}\n" if name in titles else f"{text}\n")
 
 
 def draw_pareto(result: dict[str, Any], path: Path) -> None:
-    """Run time against error, a panel a scene."""
+    """Draws run time against error, one panel per scene."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 6), dpi=95, layout="constrained")
@@ -229,13 +229,13 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
         axes.set_ylim(FLOOR / 3, 60)
         axes.grid(alpha=0.3)
     for axes in (panels[0], panels[4]):
-        axes.set_ylabel("median error of the places (m)")
+        axes.set_ylabel("median error of the positions (m)")
     for axes in panels[3:]:
-        axes.set_xlabel("run time (us a shot)")
+        axes.set_xlabel("run time (us per shot)")
     key.axis("off")
     for label, style in (("PIC", PIC_STYLE), *((f"PIT, {fix}", style) for fix, style in PIT_STYLES.items())):
         key.plot([], [], **style, label=label)
     for other in result["versions"]:
         key.plot([], [], **OTHERS[other], label=other)
-    key.legend(loc="center", frameon=False, title="left is faster, down is more exact")
+    key.legend(loc="center", frameon=False, title="left: faster, down: more exact")
     save(figure, path)

@@ -1,9 +1,9 @@
-"""What the contact-time rule costs: `python -m benchmarks.contact_rule`.
+"""The effect of the contact-time rule on breaks: `python -m benchmarks.contact_rule`.
 
-The rule's contact time is a model parameter, so breaks are run with other values of it, and each ball's end position is
-compared with that of the usual value. For comparison, the table shows the change when the cue ball moves by a distance
-too small to measure. The change of a shot is the largest over its balls. A ball that is potted in either run is left
-out of the distances.
+The contact time of the rule is a model parameter. Breaks are run with several values of it, and the final position of
+each ball is compared with that of the default value. For comparison, the table also shows the change after the cue ball
+is moved by a distance too small to measure. The change of a shot is the largest change of a ball. A ball that is potted
+in either run is not counted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SHOTS = 2000
 
 
 class Ends(NamedTuple):
-    """Ends of m shots of n balls: positions (m, n, 2) m and potted (m, n) bool."""
+    """Results of m shots with n balls: positions (m, n, 2) m and potted (m, n) bool."""
 
     positions: NDArray[np.float64]
     potted: NDArray[np.bool_]
@@ -89,7 +89,7 @@ def _length(metres: float) -> str:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     head = ("15-ball break", "what differs", "median", "99th percentile", "same end", "other balls potted")
     rows = []
     for name, kind in result["kinds"].items():

@@ -1,4 +1,4 @@
-"""How the error of PIT falls with its timestep: in single collisions as dt, in a gas only up to the chaos horizon."""
+"""The error of PIT against its timestep: proportional to dt in single collisions, limited by chaos in a gas."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from billiards_env.simulation import simulate_batch
 Floats = NDArray[np.float64]
 
 STEPS = [15 * 2**k for k in range(11)]
-FIT_FROM = 240  # steps per second; coarser ones miss collisions
+FIT_FROM = 240  # steps per second; coarser timesteps miss collisions
 COUNT = 200
 END = 0.5  # s, well after the collision
 PIT_STYLES: dict[str, dict[str, Any]] = {
@@ -25,11 +25,11 @@ PIT_STYLES: dict[str, dict[str, Any]] = {
     "move_back": {"marker": "s", "color": "#d55e00", "markersize": 4, "linewidth": 1.2},
     "none": {"marker": "^", "color": "#009e73", "markersize": 4, "linewidth": 1.2, "linestyle": "--"},
 }
-"""By fix."""
+"""Plot styles of the fixes."""
 
 
 def two_balls(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """A ball that hits one at rest, no more than 64 degrees off the middle, after 0.05 to 0.2 s."""
+    """Draws a ball that hits a resting ball after 0.05 to 0.2 s, at most 64 degrees off the line of centres."""
     reach = 2 * RADIUS
     angle, speed, off = rng.uniform(0, 2 * np.pi), rng.uniform(1, 2), rng.uniform(-0.9, 0.9) * reach
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
@@ -38,7 +38,7 @@ def two_balls(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def one_cushion(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """A ball that meets the cushion at +x, no more than 60 degrees off the normal, after about 0.05 to 0.2 s."""
+    """Draws a ball that hits the cushion at +x after about 0.05 to 0.2 s, at most 60 degrees off the normal."""
     angle, speed = rng.uniform(-np.pi / 3, np.pi / 3), rng.uniform(1, 2)
     velocity = speed * np.array([np.cos(angle), np.sin(angle)])
     return np.array([[2.0 - RADIUS - velocity[0] * rng.uniform(0.05, 0.2), 0.0]]), velocity[None]
@@ -55,7 +55,7 @@ FAMILIES: dict[str, tuple[Scene, Callable[[np.random.Generator], tuple[Floats, F
 
 
 def order(errors: list[float]) -> float | None:
-    """The slope of log error over log dt; None where the errors are rounding."""
+    """Returns the slope of log error over log dt; None if the errors are rounding errors."""
     fine = [k for k, steps in enumerate(STEPS) if steps >= FIT_FROM]
     if max(errors[k] for k in fine) < 1e-12:
         return None
@@ -63,7 +63,7 @@ def order(errors: list[float]) -> float | None:
 
 
 def measure() -> dict[str, Any]:
-    """Root-mean-square errors after one collision, in places (m) and velocities (m/s), and their orders in dt."""
+    """Measures root-mean-square errors after one collision, of positions (m) and velocities (m/s), and their orders."""
     found = {}
     for family, (scene, draw) in FAMILIES.items():
         rng = np.random.default_rng(0)
@@ -84,14 +84,14 @@ def measure() -> dict[str, Any]:
 
 
 def draw(result: dict[str, Any], path: Path) -> None:
-    """Draws errors against dt: of a single collision with their slopes, and of the gas at several times."""
+    """Draws the errors of a single collision with their slopes, and of the gas at several times, against dt."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 3.9), dpi=110, layout="constrained")
     first, second, third = figure.subplots(1, 3)
     dts = [1 / s for s in STEPS]
     for axes, key, what, unit in (
-        (first, "error_m", "order_of_places", "error of the places (m)"),
+        (first, "error_m", "order_of_places", "error of the positions (m)"),
         (second, "error_m_per_s", "order_of_velocities", "error of the velocities (m/s)"),
     ):
         for fix, found in result["convergence"]["sliding balls"].items():
@@ -115,7 +115,7 @@ def draw(result: dict[str, Any], path: Path) -> None:
         )
         third.plot(2.2e-5, pic[key], "*", color=colour, markersize=11, markeredgecolor="black", markeredgewidth=0.5)
     third.plot([], [], "*", color="white", markersize=11, markeredgecolor="black", markeredgewidth=0.5, label="PIC")
-    third.set(xlabel="timestep (s); at the left PIC, which has none", ylabel="median error (m)")
+    third.set(xlabel="timestep (s); PIC, without a timestep, on the left", ylabel="median error (m)")
     third.set_title("Gas of 16 disks, push_apart", fontsize=10)
     for axes in (first, second, third):
         axes.grid(alpha=0.3)

@@ -1,9 +1,9 @@
-"""The engine's error against the error that no double-precision engine can avoid.
+"""The engine's error compared with the error that no double-precision engine can avoid.
 
-Random shots of several kinds are run by the engine and by the 50-digit oracle. Each is followed to its end, or until
-the unavoidable error (the unit roundoff times the shot's own condition number) reaches a thousandth of a ball's radius,
-or until the contact-time rule acts, of which the laws know nothing. Up to there the events have to be the same, and the
-error in the balls' positions is divided by the unavoidable one.
+The engine and the 50-digit oracle run random shots of several kinds. Each shot is followed to its end, or until the
+unavoidable error (the unit roundoff times the condition number of the shot) reaches a thousandth of a ball's radius, or
+until the contact-time rule acts, which the oracle does not have. Up to this time the events must be the same. The error
+of the positions is divided by the unavoidable error.
 
     python -m benchmarks.error_limit            # 1,000 shots of each kind
     python -m benchmarks.error_limit --shots 50
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, machine, machine_line, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, table
 from billiards_env import layouts
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
@@ -39,7 +39,7 @@ GAS_COLLISIONS = 100
 
 
 def _shot(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """A random layout; every other shot is aimed at some object ball, within its width, the rest anywhere."""
+    """Draws a random layout and a shot: half of the shots hit an object ball, the others have a random direction."""
     places = layouts.draw("random", scene, rng)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     if rng.random() < 0.5:
@@ -51,7 +51,7 @@ def _shot(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _break(scene: Scene, rng: np.random.Generator, loose: bool) -> tuple[Floats, Floats]:
-    """A break of a rack with gaps of 0.1 to 0.5 mm, or of 1 to 10 micrometres."""
+    """Draws a break of a rack with gaps of 0.1 to 0.5 mm, or of 1 to 10 micrometres."""
     places = layouts.draw("rack" if loose else "tight_rack", scene, rng)
     if not loose:
         spread = 1.0 + rng.uniform(1e-6, 1e-5) / (2.0 * scene.balls.radius[1])
@@ -79,15 +79,15 @@ KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Float
 
 
 def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
-    """One shot by engine and oracle.
+    """Runs one shot by the engine and by the oracle.
 
     Args:
         kind: One of `KINDS`.
-        seed: The shot's number.
+        seed: The number of the shot.
 
     Returns:
-        error (m), condition (m), ratio (error over condition times the unit roundoff), same_events, to_end (whether it
-        was followed to its end), events (how many were compared).
+        error (m), condition (m), ratio (error over condition times the unit roundoff), same_events, to_end (whether the
+        shot was followed to its end) and events (the number of events compared).
     """
     scene, draw = KINDS[kind]
     rng = np.random.default_rng([seed, list(KINDS).index(kind)])
@@ -104,7 +104,7 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     allowed = OF_A_RADIUS * min(scene.balls.radius) / UNIT_ROUNDOFF
     for k, here in enumerate(shot.sensitivities(times)):
         if here.condition > allowed or not here.smooth:
-            # Between the last event before and this one, so that rounding cannot move either across the end.
+            # Halfway between this event and the one before, so that rounding does not move an event across the end.
             until = 0.5 * (times[k - 1] + times[k]) if k else 0.5 * times[0]
             break
     condition = shot.sensitivity(until).condition
@@ -118,14 +118,14 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     )
     theirs = sorted((e.kind, e.ball, -1 if e.other is None else e.other, float(e.time)) for e in exact.events)
     same = [e[:3] for e in ours] == [e[:3] for e in theirs]
-    # At its very end a shot is compared as it ended: the oracle's last event may lie beyond `until` by a rounding.
+    # A complete shot is compared at its end, because the oracle's last event may be later than `until` by rounding.
     places, exactly = (shot.at(until), exact.positions_at(until)) if limit else (shot.positions, exact.positions)
     pairs = zip(places.tolist(), exactly, strict=True)
     error = max(float(mpmath.hypot(a[0] - b[0], a[1] - b[1])) for a, b in pairs)
     return {
         "error": error,
         "condition": condition,
-        "ratio": error / (condition * UNIT_ROUNDOFF) if error else 0.0,  # nothing depends on anything with all potted
+        "ratio": error / (condition * UNIT_ROUNDOFF) if error else 0.0,  # the condition is 0 if all balls are potted
         "same_events": same,
         "to_end": until == shot.time,
         "events": len(ours),
@@ -137,7 +137,7 @@ def _work(task: tuple[str, int]) -> tuple[str, dict[str, float | bool | int]]:
 
 
 def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, float | int]:
-    """What the table tells of the shots of one kind."""
+    """Returns the numbers of the table for one kind of shots."""
     ratio = np.array([r["ratio"] for r in results])
     return {
         "shots": len(results),
@@ -153,7 +153,7 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
 
 
 def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: Path) -> None:
-    """The errors of all shots over their condition numbers, with the limit."""
+    """Draws the errors of all shots against their condition numbers, with the limit."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -166,7 +166,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
     ends = np.array(axes.get_xlim())
     axes.plot(ends, ends * UNIT_ROUNDOFF, color="black", linewidth=1.2, label="unavoidable")
     axes.set(xscale="log", yscale="log", xlabel="condition number of the shot (m)", ylabel="error of the engine (m)")
-    axes.set_title("The error is the one that rounding the input makes")
+    axes.set_title("The error equals that of rounding the input")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, markerscale=4, loc="upper left")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -177,7 +177,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was found as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     columns: dict[str, Callable[[dict[str, Any]], str]] = {
         "same events": lambda s: f"{s['same_events']} of {s['shots']}",
         "to their end": lambda s: f"{s['to_end']}",
@@ -198,18 +198,16 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.error_limit --help`."""
+    """Runs the command line; see `python -m benchmarks.error_limit --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.error_limit", description="The engine's error against the unavoidable one."
+        prog="python -m benchmarks.error_limit", description="Compare the engine's error with the unavoidable error."
     )
     parser.add_argument("--shots", type=int, default=1000, help="shots of each kind (default: 1000)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one a core)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "error_limit.json", help="where the JSON goes")
-    parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="where the picture goes")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one per core)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "error_limit.json", help="JSON file")
+    parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="picture file")
     args = parser.parse_args(arguments)
-    for name in ("shots", "workers"):
-        if getattr(args, name) < 1:
-            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= 1")
+    check_counts(parser, args, shots=1, workers=1)
     on = machine()
     tasks = [(kind, seed) for kind in KINDS for seed in range(args.shots)]
     found: dict[str, list[dict[str, float | bool | int]]] = {kind: [] for kind in KINDS}

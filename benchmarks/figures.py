@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from PIL import Image  # comes with matplotlib
+from PIL import Image  # a dependency of matplotlib
 
 from billiards_env import layouts
 from billiards_env.drawing.plot import legend_handles
@@ -23,11 +23,11 @@ from billiards_env.simulation import simulate
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 
 SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
-"""Of many random shots the one that shows most: a combination, a bank, two balls potted."""
+"""A random shot with a combination, a bank and two potted balls."""
 
 
 def picture(shot: ShotResult, title: str) -> Figure:
-    """A figure of a recorded shot."""
+    """Returns a figure of a recorded shot."""
     figure = Figure(figsize=(9, 5.35), dpi=120, facecolor="white")
     shot.plot(figure.add_axes((0.01, 0.06, 0.98, 0.88)))
     figure.text(0.5, 0.965, title, fontsize=11.5, color=INK, ha="center", va="center")
@@ -37,16 +37,17 @@ def picture(shot: ShotResult, title: str) -> Figure:
 
 
 def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult:
-    """A recorded shot from a random layout."""
+    """Returns a recorded shot from a random layout."""
     positions = layouts.draw("random", scene, np.random.default_rng(seed))
     angle = math.radians(degrees)
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 
 
 def save(figure: Figure, path: Path, colours: int | None = None) -> None:
-    """Writes a figure as PNG, whole or not at all; no date in it, so the same figure is the same file.
+    """Writes a figure as PNG, completely or not at all.
 
-    With a palette of at most 256 `colours` the file is a third as large.
+    The file has no date, so equal figures give equal files. A palette of at most 256 `colours` reduces the size to a
+    third.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
@@ -58,16 +59,16 @@ def save(figure: Figure, path: Path, colours: int | None = None) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.figures --help`."""
+    """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.figures", description="Draw the pictures of the README."
     )
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where they go (default: docs/images)")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
-    title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3, then drops itself"
+    title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
     save(picture(shot, title), args.folder / "shot.png")
     print(f"Written to {args.folder / 'shot.png'}.")
 

@@ -1,6 +1,6 @@
-"""A picture of the window that people play in, and a film of a shot: `python -m benchmarks.game_figures`.
+"""A picture of the game window and a film of a shot: `python -m benchmarks.game_figures`.
 
-The window is driven as people drive it, by events of keyboard and mouse, on a display that is shown nowhere.
+The window receives keyboard and mouse events on a dummy display.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ WIDTH = 1080
 
 
 def window() -> GameWindow:
-    """A nine ball game after the break, the next shot aimed with the mouse as the geometric player would play it."""
+    """Returns a window with a nine ball game after the break; the mouse aims the shot of the geometric player."""
     rng = np.random.default_rng(SEED)
     setup = Setup("nine_ball", Scene.named("pool", 9))
     model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
     shown = GameWindow(model, (None, None), rng, Path("game.json"), WIDTH)
-    for _ in range(3):  # the cue ball is put down, shot, and the break skipped
+    for _ in range(3):  # places the cue ball, shoots and skips to the end of the break
         press(shown, pygame.K_SPACE)
     model = shown.model
     velocity = np.array(geometric(setup)(setup, model.game, 3.0, rng).velocity)
-    cue, speed = np.array(model.cue_at), float(np.hypot(*velocity))
+    cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
     return shown
 
 
 def press(shown: GameWindow, key: int) -> None:
-    """Presses a key and lets the window take it."""
+    """Presses a key and shows a frame."""
     pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
     shown.frame()
 
 
 def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
-    """Drags the mouse from one place, m, to another."""
-    (x0, y0), (x1, y1) = (np.round(shown.pixels_of(place)).astype(int).tolist() for place in (start, end))
+    """Drags the mouse from one point, m, to another."""
+    (x0, y0), (x1, y1) = (np.round(shown.pixels_of(point)).astype(int).tolist() for point in (start, end))
     for kind, more in (
         (pygame.MOUSEBUTTONDOWN, {"pos": (x0, y0), "button": 1}),
         (pygame.MOUSEMOTION, {"pos": (x1, y1), "rel": (x1 - x0, y1 - y0), "buttons": (1, 0, 0)}),
@@ -64,11 +64,11 @@ def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.game_figures --help`."""
+    """Runs the command line; see `python -m benchmarks.game_figures --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.game_figures", description="Draw the window and a film for the README."
     )
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where they go (default: docs/images)")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
     shown = window()
     buffer = io.BytesIO()

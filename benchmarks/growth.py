@@ -1,10 +1,10 @@
 """Run time against the number of balls: `python -m benchmarks.growth`.
 
-An elastic gas of 2 to 10,000 disks at one density: the table grows with the number of disks. All engines run the same
-shots in turn, in one process and on one core; those whose cost grows with the square of the number leave off where it
-gets too long. Each disk has about as many collisions whatever their number, so an engine whose cost for each event does
-not grow gives a flat line. `simulate` changes from the queue of all pairs to the grid of `engine.cell_grid` at
-`engine.modes.MANY_BALLS` balls. Both also run alone, which shows from which number of balls the grid is faster.
+An elastic gas of 2 to 10,000 disks at constant density: the table grows with the number of disks. All engines run the
+same shots in turn, in one process and on one core. Engines whose cost grows with the square of the number stop at a
+smaller number. Each disk has about the same number of collisions for any number of disks, so a constant cost per event
+is a flat line. PIC runs as in `simulate`, which tests all pairs below `MANY_BALLS` balls and uses a grid from there.
+Both variants are also measured separately, which shows the number of disks from which the grid is faster.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks import RESULTS, machine, machine_line, others, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, others, print_blocks, table
 from benchmarks.ablation import RunShots, run
 from benchmarks.convergence import PIT_STYLES
 from benchmarks.figures import IMAGES, save
@@ -31,7 +31,7 @@ from billiards_env.scene import Balls, Physics, Scene, Table
 
 DISKS = sorted([*(2**k for k in range(1, 13)), 96, 10_000])
 SHARE = 0.1
-"""Of the table's area that is covered by disks."""
+"""Share of the table's area covered by disks."""
 RADIUS, MASS = 0.028575, 0.170097  # m, kg: pool balls
 SECONDS = 2.0  # simulated
 SPEED = 1.0  # m/s, root mean square along each axis
@@ -39,42 +39,42 @@ STEPS = (60, 960)  # of PIT, per second
 GROWS_FROM = MANY_BALLS  # disks
 ALL_PAIRS, GRID = "PIC, all pairs", "PIC, grid"
 MOST = {"PIT, 1/60 s": 1024, "PIT, 1/960 s": 1024, "python-billiards": 256, ALL_PAIRS: 256, GRID: 256}
-"""The largest number of disks that each is run with; PIC runs with any."""
+"""The largest number of disks of each method; PIC has no limit."""
 
 
 def gas(n: int) -> Scene:
-    """Elastic, frictionless disks on a table twice as long as wide."""
+    """Returns a scene of elastic, frictionless disks on a table twice as long as wide."""
     width = math.sqrt(n * math.pi * RADIUS**2 / SHARE / 2)
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=SECONDS)
     return Scene(Balls((RADIUS,) * n, (MASS,) * n), Table(2 * width, width), physics)
 
 
 def shots(scene: Scene, count: int) -> tuple[Floats, Floats]:
-    """Random starts, (count, n, 2) m, and velocities, m/s: each disk anywhere in a square of its own of a lattice."""
+    """Draws positions, (count, n, 2) m, and velocities, m/s; each disk lies at random in its cell of a lattice."""
     n, rng = scene.n_balls, np.random.default_rng(scene.n_balls)
     rows = math.ceil(math.sqrt(n / 2))
     columns = math.ceil(n / rows)
-    square = np.array([scene.table.length / columns, scene.table.width / rows])
+    cell = np.array([scene.table.length / columns, scene.table.width / rows])
     sites = np.stack(np.divmod(np.arange(columns * rows), rows), axis=1) + 0.5
     taken = np.array([sites[rng.permutation(len(sites))[:n]] for _ in range(count)])
     corner = np.array([scene.table.length, scene.table.width]) / 2
-    room = square / 2 - 1.001 * RADIUS
-    return taken * square - corner + room * rng.uniform(-1, 1, taken.shape), rng.normal(0.0, SPEED, taken.shape)
+    reach = cell / 2 - 1.001 * RADIUS
+    return taken * cell - corner + reach * rng.uniform(-1, 1, taken.shape), rng.normal(0.0, SPEED, taken.shape)
 
 
 def methods() -> list[Method]:
-    """What is measured through the engines' interface."""
+    """Returns the methods that are measured through the public interface."""
     found = [PIC, *(Method("PIT", steps, "push_apart") for steps in STEPS)]
     return found + [Method(name) for name in others.available() if not others.has_timestep(name)]
 
 
 def label(method: Method) -> str:
-    """What the tables call a method."""
+    """Returns the name of a method in the tables."""
     return method.name + (f", 1/{method.steps} s" if method.steps else "")
 
 
 def kernel_timer(engine: RunShots, scene: Scene, positions: Floats, velocities: Floats) -> Callable[[], float]:
-    """What runs shots by a `run_shots`, unchecked, and gives the processor time of one of them, s."""
+    """Returns a function that runs shots by a `run_shots` without checks and returns the processor time per shot, s."""
 
     def call(copies: int = 1) -> float:
         many = np.tile(positions, (copies, 1, 1)), np.tile(velocities, (copies, 1, 1))
@@ -86,7 +86,7 @@ def kernel_timer(engine: RunShots, scene: Scene, positions: Floats, velocities: 
 
 
 def timers(scene: Scene, positions: Floats, velocities: Floats) -> dict[str, Callable[[], float]]:
-    """What runs the shots and gives the seconds for one, by name."""
+    """Returns functions by name that run the shots and return the seconds per shot."""
     n, given = scene.n_balls, (scene, positions, velocities)
     found = {label(m): timer(*given, m) for m in methods() if n <= MOST.get(label(m), n)}
     for name, engine in ((ALL_PAIRS, pic.run_shots), (GRID, pic.run_shots_of_many)):
@@ -96,15 +96,15 @@ def timers(scene: Scene, positions: Floats, velocities: Floats) -> dict[str, Cal
 
 
 def measure(disks: list[int], passes: int) -> dict[str, Any]:
-    """Runs everything.
+    """Runs all measurements.
 
     Args:
         disks: Numbers of disks.
-        passes: Repeats; the methods take turns in each.
+        passes: Repetitions; the methods take turns in each pass.
 
     Returns:
-        `rows`, one for each number of disks: events a shot, and by method the microseconds a shot and the ratio to
-        PIC's (medians over the passes); `all_pairs_over_grid`, the ratio of the two ways to run PIC.
+        `rows`, one for each number of disks: the events per shot, and by method the microseconds per shot and the ratio
+        to PIC (medians over the passes). `all_pairs_over_grid` is the ratio of the two variants of PIC.
     """
     on, rows = machine(), []
     for n in tqdm(disks, unit="gas"):
@@ -137,7 +137,7 @@ def measure(disks: list[int], passes: int) -> dict[str, Any]:
 
 
 def slope(rows: list[dict[str, Any]], name: str) -> float | None:
-    """The exponent with which a method's time for each event grows from `GROWS_FROM` disks on; None if unknown."""
+    """Returns the exponent of the growth of a method's time per event from `GROWS_FROM` disks; None if unknown."""
     large = [row for row in rows if row["disks"] >= GROWS_FROM and name in row["us_per_shot"]]
     if len(large) < 2:
         return None
@@ -146,14 +146,14 @@ def slope(rows: list[dict[str, Any]], name: str) -> float | None:
 
 
 def crossover(rows: list[dict[str, Any]]) -> int | None:
-    """The number of disks from which on the grid is never the slower way; None if there is none."""
+    """Returns the smallest number of disks from which the grid is never slower; None if it does not exist."""
     known = [row for row in rows if "all_pairs_over_grid" in row]
     slower = max((k for k, row in enumerate(known) if row["all_pairs_over_grid"] < 1), default=-1)
     return known[slower + 1]["disks"] if slower + 1 < len(known) else None
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     rows = result["rows"]
     names = list(rows[0]["us_per_shot"])
     per_event, ratios = [], []
@@ -195,7 +195,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def draw(result: dict[str, Any], path: Path) -> None:
-    """Run time of a shot and of an event against the number of disks."""
+    """Draws the run time of a shot and of an event against the number of disks."""
     from matplotlib.figure import Figure
 
     styles: dict[str, dict[str, Any]] = {
@@ -209,16 +209,16 @@ def draw(result: dict[str, Any], path: Path) -> None:
     left, right = figure.subplots(1, 2)
     rows = result["rows"]
     for name, style in styles.items():
-        mine = [row for row in rows if name in row["us_per_shot"]]
-        disks = [row["disks"] for row in mine]
-        us = np.array([row["us_per_shot"][name] for row in mine])
-        events = np.array([row["events_per_shot"] for row in mine])
+        measured = [row for row in rows if name in row["us_per_shot"]]
+        disks = [row["disks"] for row in measured]
+        us = np.array([row["us_per_shot"][name] for row in measured])
+        events = np.array([row["events_per_shot"] for row in measured])
         left.loglog(disks, us / 1e6, **style, label=name)
         right.loglog(disks, us / events, **style)
     left.set(xlabel="disks", ylabel="run time of a shot (s)")
     left.set_title(f"{result['seconds_simulated']:g} s of an elastic gas at one density", fontsize=10)
-    right.set(xlabel="disks", ylabel="run time for each of PIC's events (us)")
-    right.set_title("The same for each event", fontsize=10)
+    right.set(xlabel="disks", ylabel="run time per event of PIC (us)")
+    right.set_title("Run time per event", fontsize=10)
     ticks = [row["disks"] for row in rows if math.log2(row["disks"]) % 2 == 1 or row is rows[-1]]
     for axes in (left, right):
         axes.set_xticks(ticks, [f"{n:,}" for n in ticks], minor=False)
@@ -226,24 +226,22 @@ def draw(result: dict[str, Any], path: Path) -> None:
         axes.grid(alpha=0.3)
         axes.axvline(result["grid_from"], color="#888888", linewidth=0.8, linestyle="--")
     foot = {"fontsize": 8, "color": "#555555", "transform": right.get_xaxis_transform(), "va": "bottom"}
-    right.text(result["grid_from"] * 1.1, 0.02, "PIC: a grid from here on", **foot)
+    right.text(result["grid_from"] * 1.1, 0.02, "PIC uses a grid from here", **foot)
     left.legend(fontsize=8)
     save(figure, path)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.growth --help`."""
+    """Runs the command line; see `python -m benchmarks.growth --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.growth", description="Run time against the number of balls."
     )
-    parser.add_argument("--passes", type=int, default=5, help="repeats (5)")
+    parser.add_argument("--passes", type=int, default=5, help="number of passes (5)")
     parser.add_argument("--most", type=int, default=DISKS[-1], help=f"largest number of disks ({DISKS[-1]:,})")
-    parser.add_argument("--output", type=Path, default=RESULTS / "growth.json", help="where the JSON goes")
-    parser.add_argument("--picture", type=Path, default=IMAGES / "growth.png", help="where the picture goes")
+    parser.add_argument("--output", type=Path, default=RESULTS / "growth.json", help="JSON file")
+    parser.add_argument("--picture", type=Path, default=IMAGES / "growth.png", help="picture file")
     args = parser.parse_args(arguments)
-    for name, least in (("passes", 1), ("most", 2)):
-        if getattr(args, name) < least:
-            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= {least}")
+    check_counts(parser, args, passes=1, most=2)
     result = measure([n for n in DISKS if n <= args.most], args.passes)
     write_json(args.output, result)
     draw(result, args.picture)

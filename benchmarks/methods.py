@@ -1,4 +1,4 @@
-"""What is compared: the engines of this package with their timesteps, and the simulators of `benchmarks.others`."""
+"""The compared methods: PIC, PIT with its timesteps, and the simulators of `benchmarks.others`."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from billiards_env.simulation import BatchResult, simulate_batch
 Floats = NDArray[np.float64]
 
 LEAST_SECONDS = 0.02
-"""A timed call of the engine is given so many copies of the shots that it takes about this long."""
+"""s. A timed call of the engine runs as many copies of the shots as take about this time."""
 
 
 class Method(NamedTuple):
-    """A way to run a shot.
+    """A method to run a shot.
 
     Attributes:
         name: "PIC", "PIT" or one of `others.MODULES`.
-        steps: Timesteps per second; None for one without a timestep.
-        fix: What PIT does about overlaps.
+        steps: Timesteps per second; None for a method without a timestep.
+        fix: The fix of PIT for overlaps.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Method(NamedTuple):
 
     @property
     def ours(self) -> bool:
-        """Whether it is an engine of this package."""
+        """Whether the method is an engine of this package."""
         return self.name in ("PIC", "PIT")
 
     @property
@@ -44,7 +44,7 @@ class Method(NamedTuple):
 
     @property
     def engine(self) -> dict[str, Any]:
-        """The arguments by which `simulate` and `simulate_batch` choose it."""
+        """The arguments of `simulate` and `simulate_batch` that select the engine."""
         return {"mode": self.name.lower(), "dt": self.dt, "fix": self.fix}
 
 
@@ -59,15 +59,15 @@ def run_all(scene: Scene, positions: Floats, velocities: Floats, method: Method,
 def run_other(
     scene: Scene, positions: Floats, velocities: Floats, method: Method, times: Sequence[float]
 ) -> tuple[list[Floats], float]:
-    """Runs a shot by another simulator; the positions at some times, s, and how many seconds it took."""
+    """Runs a shot by another simulator; returns the positions at some times (s) and the run time, s."""
     go_to = others.prepare(method.name, scene, positions, velocities, method.dt)
     begin = perf_counter()
-    places = [go_to(t) for t in times]
-    return places, perf_counter() - begin
+    positions_at = [go_to(t) for t in times]
+    return positions_at, perf_counter() - begin
 
 
 def timer(scene: Scene, positions: Floats, velocities: Floats, method: Method) -> Callable[[], float]:
-    """What runs shots, (m, n, 2) m and m/s, and gives the seconds for one of them; setting up others is not timed."""
+    """Returns a function that runs shots, (m, n, 2) m and m/s, and returns the seconds per shot without the set-up."""
     if not method.ours:
         assert scene.physics.max_time is not None
         end, pairs = [scene.physics.max_time], list(zip(positions, velocities, strict=True))

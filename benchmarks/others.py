@@ -1,8 +1,8 @@
-"""The elastic, frictionless disks of an "ideal" scene in the simulators that people use today.
+"""The elastic, frictionless disks of an "ideal" scene in other simulators.
 
-Each function sets up one shot and gives back a function of a time in s that goes on to that time and gives the disks'
-positions, (n, 2) m. What it does until then is all that is timed. Settings are what the libraries' manuals advise for
-such a scene; what is not named here is left at its default.
+Each function sets up one shot and returns a function of a time, s. That function advances the shot to this time and
+returns the positions of the disks, (n, 2) m. Only these calls are timed. The settings follow the manuals of the
+libraries; all other settings have their default values.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ Floats = NDArray[np.float64]
 GoTo: TypeAlias = Callable[[float], Floats]
 
 MODULES = {"pymunk": "pymunk", "Box2D": "Box2D", "python-billiards": "billiards"}
-"""What is imported for each simulator."""
+"""The module of each simulator."""
 
 PYMUNK_SLOP = 1e-4
-"""m, the overlap that pymunk tolerates; its default of 0.1 is meant for pixels and wider than a ball."""
+"""m, the overlap that pymunk tolerates; the default of 0.1 is meant for pixels and is larger than a ball."""
 
 BOX2D_TIME = 1e3
-"""s, the unit of time in Box2D, which takes impacts slower than a unit of length per unit of time as inelastic: with
-this one, those below 0.1 mm/s."""
+"""s, the unit of time in Box2D. Box2D treats impacts slower than one unit of length per unit of time as inelastic; with
+this unit these are impacts below 0.1 mm/s."""
 
 BOX2D_ITERATIONS = 8, 3
-"""For velocities and positions, as its manual advises."""
+"""Iterations for velocities and for positions, as in the manual."""
 
 _WALL = 1.0  # m, thickness of pymunk's walls, so that no disk passes through one
 
 
 def available() -> list[str]:
-    """The simulators that are installed (by `pip install '.[bench]'`)."""
+    """Returns the names of the installed simulators (`pip install '.[bench]'`)."""
     return [name for name, module in MODULES.items() if importlib.util.find_spec(module)]
 
 
 def pymunk(scene: Scene, positions: Floats, velocities: Floats, dt: float) -> GoTo:
-    """pymunk (Chipmunk): fixed timestep, double precision, elasticity 1, friction 0, no damping."""
+    """Sets up pymunk (Chipmunk): fixed timestep, double precision, elasticity 1, friction 0, no damping."""
     import pymunk as library  # pyright: ignore[reportMissingImports]
 
     space = library.Space()
@@ -77,13 +77,14 @@ def pymunk(scene: Scene, positions: Floats, velocities: Floats, dt: float) -> Go
 
 
 def box2d(scene: Scene, positions: Floats, velocities: Floats, dt: float) -> GoTo:
-    """Box2D: fixed timestep with continuous collision detection (bullets), single precision, restitution 1.
+    """Sets up Box2D: fixed timestep, continuous collision detection (bullets), single precision, restitution 1.
 
-    It lets no body go farther than 2 units of length in a step and tolerates 0.005 units of overlap. So the unit is the
-    smallest, 0.1 m at most, in which a disk twice as fast as the fastest at the start is not held back.
+    Box2D limits the motion of a body in a timestep to 2 units of length and tolerates an overlap of 0.005 units. The
+    unit is therefore the smallest one, at most 0.1 m, that does not slow down a disk with twice the largest initial
+    speed.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of SWIG's types, at the first import
+        warnings.simplefilter("ignore", DeprecationWarning)  # from SWIG's types at the first import
         import Box2D as library  # pyright: ignore[reportMissingImports]
 
     world = library.b2World(gravity=(0, 0), doSleep=False, continuousPhysics=True)
@@ -102,7 +103,7 @@ def box2d(scene: Scene, positions: Floats, velocities: Floats, dt: float) -> GoT
             fixedRotation=True,
             fixtures=library.b2FixtureDef(
                 shape=library.b2CircleShape(radius=scene.balls.radius[i] / unit),
-                density=1.0,  # all disks of an ideal scene are alike
+                density=1.0,  # all disks of an ideal scene are equal
                 restitution=1.0,
                 friction=0.0,
             ),
@@ -121,7 +122,7 @@ def box2d(scene: Scene, positions: Floats, velocities: Floats, dt: float) -> GoT
 
 
 def billiards(scene: Scene, positions: Floats, velocities: Floats) -> GoTo:
-    """python-billiards: event-driven, in Python and numpy."""
+    """Sets up python-billiards: event-driven, in Python and numpy."""
     import billiards as library  # pyright: ignore[reportMissingImports]
 
     x, y = scene.table.length / 2, scene.table.width / 2
@@ -138,18 +139,18 @@ def billiards(scene: Scene, positions: Floats, velocities: Floats) -> GoTo:
 
 
 def has_timestep(name: str) -> bool:
-    """Whether a simulator advances by a timestep."""
+    """Returns whether a simulator has a timestep."""
     return name != "python-billiards"
 
 
 def prepare(name: str, scene: Scene, positions: Floats, velocities: Floats, dt: float | None) -> GoTo:
-    """Sets up a shot in the simulator of that name; dt in s, None for one that has no timestep."""
+    """Sets up a shot in a simulator; dt is in s, None for a simulator without a timestep."""
     if dt is None:
         return billiards(scene, positions, velocities)
     return (pymunk if name == "pymunk" else box2d)(scene, positions, velocities, dt)
 
 
 def versions() -> dict[str, str]:
-    """Of the simulators that are installed."""
+    """Returns the versions of the installed simulators."""
     packages = {"pymunk": "pymunk", "Box2D": "Box2D", "python-billiards": "billiards"}
     return {name: importlib.metadata.version(packages[name]) for name in available()}

@@ -1,7 +1,7 @@
-"""The paper's eight figures, each drawn from a run of its scene: `python -m benchmarks.paper_figures`.
+"""The paper's eight figures, drawn from simulated shots: `python -m benchmarks.paper_figures`.
 
-One row a failure (see `billiards_env.failures`), PIT on the left and PIC on the right, to scale. The paper numbers its
-figures 1 to 8 and has PIC first from the third pair on. Colours and marks are those of `benchmarks.figures`.
+Each failure of `billiards_env.failures` has a row, with PIT on the left and PIC on the right, to scale. The paper
+numbers its figures 1 to 8, with PIC first from the third pair. Colours and marks are those of `benchmarks.figures`.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from billiards_env.simulation import simulate
 Floats = NDArray[np.float64]
 
 COLOURS, FIXED, OVERLAP, QUIET = ("#0072b2", "#e69f00"), "#8c8c8c", "#d55e00", "#555555"
-ARROW = 0.02  # s; an arrow is as long as the way in this time
-# In inches: the picture's width, a panel, the gaps at the sides and between the columns, the heights of the columns'
-# heads, of a panel's title and of the legend.
+ARROW = 0.02  # s; the length of an arrow is the distance in this time
+# In inches: the width of the picture, the size of a panel, the gaps at the sides and between the columns, the heights
+# of the column heads, of a panel's title and of the legend.
 WIDTH, PANEL, SIDE, GAP, HEAD, TITLE, LEGEND = 9.0, (4.34, 2.4), 0.09, 0.14, 0.34, 0.52, 0.55
 
 
 class View(NamedTuple):
-    """What is shown of a failure: its figures in the paper (PIT, PIC), centre and height of a window (m), frames."""
+    """The view of a failure: figure numbers in the paper (PIT, PIC), centre and height of the view (m), timesteps."""
 
     numbers: tuple[int, int]
     x: float
@@ -55,32 +55,32 @@ VIEWS = {
 
 
 def run(case: Failure) -> tuple[ShotResult, ShotResult]:
-    """The recorded shots of PIT and of PIC."""
+    """Returns the recorded shots of PIT and of PIC."""
     start = case.scene, case.positions, case.velocities
     return simulate(*start, mode="pit", dt=case.dt, record=True), simulate(*start, record=True)
 
 
 def nearest(case: Failure) -> float:
-    """When the balls' centres would be nearest to each other if nothing were in the way, s."""
+    """Returns the time at which the balls would be closest without a collision, s."""
     apart, closing = np.diff(case.positions, axis=0)[0], np.diff(case.velocities, axis=0)[0]
     return float(-apart @ closing / (closing @ closing))
 
 
 def captions(name: str, pit: ShotResult, pic: ShotResult) -> tuple[str, str]:
-    """What is to be seen, with the times and angles of the runs."""
+    """Returns the captions of PIT and PIC with the times and angles of the shots."""
     assert pit.events is not None
     assert pic.events is not None
     dt, found, true = FAILURES[name].dt, pit.events["time"], pic.events["time"]
     if name == "missed_collision":
         k = math.floor(nearest(FAILURES[name]) / dt)
         return (
-            f"In each other between frames {k} and {k + 1}, at neither: both go straight on",
-            f"They touch at {true[0]:.3f} s and turn, each into the other's direction",
+            f"The balls overlap only between frames {k} and {k + 1}: both go straight on",
+            f"They touch at {true[0]:.3f} s, and each leaves in the other's direction",
         )
     frame = f"Frame {round(found[0] / dt)}, at {found[0]:.3f} s"
     if name == "multiple_collisions":
         return (
-            f"{frame}, finds one hit of the two: ball 1 comes back",
+            f"{frame}, finds one of two hits: ball 1 comes back",
             f"Hits at {true[0]:.3f} s, {true[1]:.3f} s (cushion) and {true[2]:.3f} s: ball 0 comes back",
         )
     a, b = pit.velocities[0], pic.velocities[0]
@@ -93,7 +93,7 @@ def captions(name: str, pit: ShotResult, pic: ShotResult) -> tuple[str, str]:
 
 
 def before(shot: ShotResult, t: float) -> Floats:
-    """(2, 2) where the balls are at time t, m, before a fix moves them."""
+    """Returns the positions (2, 2) at time t, m, before a fix moves the balls."""
     return shot.at(float(np.nextafter(t, 0.0)))
 
 
@@ -102,14 +102,14 @@ def colour(case: Failure, ball: int) -> str:
 
 
 def circle(axes: Axes, case: Failure, ball: int, place: Floats, **style: Any) -> Circle:
-    """Adds a ball's outline, or disk."""
+    """Adds the outline or the disk of a ball."""
     patch = Circle((float(place[0]), float(place[1])), case.scene.balls.radius[ball], **style)
     axes.add_patch(patch)
     return patch
 
 
 def draw_ball(axes: Axes, case: Failure, ball: int, place: Floats, alpha: float, label: str) -> None:
-    """A ball at a frame, the fainter the longer ago."""
+    """Draws a ball at a timestep; earlier ones are fainter."""
     shade = colour(case, ball)
     circle(axes, case, ball, place, facecolor=CLOTH, edgecolor="none", zorder=3)
     circle(axes, case, ball, place, facecolor=shade, alpha=alpha, edgecolor="none", zorder=3)
@@ -120,7 +120,7 @@ def draw_ball(axes: Axes, case: Failure, ball: int, place: Floats, alpha: float,
 
 
 def draw_velocity(axes: Axes, case: Failure, ball: int, place: Floats, velocity: Floats, after: bool) -> None:
-    """An arrow from the ball's edge, or to it if the velocity is that before the impacts."""
+    """Draws a velocity as an arrow from the edge of a ball, or to the edge if it is the velocity before the impacts."""
     speed = math.hypot(*velocity)
     if speed == 0.0:
         return
@@ -131,7 +131,7 @@ def draw_velocity(axes: Axes, case: Failure, ball: int, place: Floats, velocity:
 
 
 def draw_contact(axes: Axes, case: Failure, both: Floats, outlines: bool) -> None:
-    """Two balls that touch or lie in each other: dashed outlines, overlap, line of centres, point of contact."""
+    """Draws two touching or overlapping balls: dashed outlines, overlap, line of centres, point of contact."""
     r, s = case.scene.balls.radius
     apart = both[1] - both[0]
     distance = math.hypot(*apart)
@@ -156,7 +156,7 @@ def draw_mark(axes: Axes, kind: str, place: Floats) -> None:
 
 
 def draw_panel(axes: Axes, case: Failure, shot: ShotResult, view: View, exact: bool) -> None:
-    """One figure of the paper."""
+    """Draws one figure of the paper."""
     assert shot.events is not None
     half_x, half_y = view.height * PANEL[0] / PANEL[1] / 2, view.height / 2
     left, bottom = view.x - half_x, view.y - half_y
@@ -165,7 +165,7 @@ def draw_panel(axes: Axes, case: Failure, shot: ShotResult, view: View, exact: b
     axes.add_patch(Rectangle((wall, bottom), 1.0, 2 * half_y, facecolor=CUSHION, zorder=1))
     first, last = view.frames
     begin, end = first * case.dt, last * case.dt
-    # Paths, broken where a fix moves a ball.
+    # Paths, interrupted where a fix moves a ball.
     times = shot.events["time"].tolist()
     for start, stop in zip([begin, *times], [*times, end], strict=True):
         pieces = np.array([shot.at(start), before(shot, stop)])
@@ -175,14 +175,16 @@ def draw_panel(axes: Axes, case: Failure, shot: ShotResult, view: View, exact: b
         now, then = before(shot, k * case.dt), before(shot, (k + 1) * case.dt)
         for ball in range(2):
             moved = (now[ball] != case.positions[ball]).any()
-            if moved or k == last or (now[ball] != then[ball]).any():  # of a ball at rest only the last
+            if (
+                moved or k == last or (now[ball] != then[ball]).any()
+            ):  # a ball at rest is drawn once, at the last timestep
                 alpha = 0.12 + 0.7 * (k - first) / (last - first)
                 draw_ball(axes, case, ball, now[ball], alpha, str(k) if moved else "")
     for ball in range(2):
         draw_velocity(axes, case, ball, before(shot, begin)[ball], np.array(case.velocities[ball]), after=False)
         draw_velocity(axes, case, ball, before(shot, end)[ball], shot.velocities[ball], after=True)
     for k, event in enumerate(shot.events):
-        if event["kind"] == "ball_ball":  # PIT's are at frames, whose outlines are there
+        if event["kind"] == "ball_ball":  # PIT's contacts are at timesteps, where the outlines are already drawn
             draw_contact(axes, case, before(shot, times[k]), outlines=exact and k == 0)
         elif exact:
             draw_mark(axes, "cushion", np.array([wall, event["y"]]))
@@ -195,7 +197,7 @@ def draw_panel(axes: Axes, case: Failure, shot: ShotResult, view: View, exact: b
 
 
 def legend(figure: Figure, dt: float) -> None:
-    """What colours, marks and numbers mean, in two rows at the foot."""
+    """Draws the legend in two rows at the bottom."""
     none: dict[str, Any] = {"linestyle": "none"}
     ball: dict[str, Any] = {**none, "marker": "o", "markersize": 9}
     star, square = MARKS["ball_ball"], MARKS["cushion"]
@@ -205,9 +207,9 @@ def legend(figure: Figure, dt: float) -> None:
     handles = [
         Line2D([], [], color=COLOURS[0], label="ball 0", **ball),
         Line2D([], [], color=COLOURS[1], label="ball 1", **ball),
-        Line2D([], [], color=FIXED, label="ball 1, of infinite mass", **ball),
+        Line2D([], [], color=FIXED, label="ball 1, infinite mass", **ball),
         Line2D([], [], color=INK, label=f"frame number, {1000 * dt:.0f} ms apart", **digit),
-        Line2D([], [], color=INK, label=f"velocity: way in {1000 * ARROW:.0f} ms", **arrow),
+        Line2D([], [], color=INK, label=f"velocity: path in {1000 * ARROW:.0f} ms", **arrow),
         Line2D([], [], color=INK, marker=star[0], markersize=star[1], label=star[2], **none),
         Line2D([], [], color=INK, marker=square[0], markersize=square[1], label=square[2], **none),
         Line2D([], [], color=OVERLAP, marker="s", markersize=9, label="overlap", **none),
@@ -221,12 +223,12 @@ def legend(figure: Figure, dt: float) -> None:
 
 
 def picture() -> Figure:
-    """All eight figures."""
+    """Returns a figure with all eight figures of the paper."""
     height = HEAD + len(VIEWS) * (TITLE + PANEL[1]) + LEGEND
     figure = Figure(figsize=(WIDTH, height), dpi=120, facecolor="white")
     lefts = SIDE, SIDE + PANEL[0] + GAP
     [dt] = {case.dt for case in FAILURES.values()}
-    heads = f"PIT: looks for overlaps {round(1 / dt)} times a second", "PIC: solves for the instant of each hit"
+    heads = f"PIT: tests for overlaps {round(1 / dt)} times per second", "PIC: computes the instant of each hit"
     for left, head in zip(lefts, heads, strict=True):
         centre = (left + PANEL[0] / 2) / WIDTH
         figure.text(centre, 1 - 0.2 / height, head, fontsize=11.5, color=INK, ha="center", va="center")
@@ -249,11 +251,11 @@ def picture() -> Figure:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.paper_figures --help`."""
+    """Runs the command line; see `python -m benchmarks.paper_figures --help`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.paper_figures", description="Draw the paper's figures.")
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where they go (default: docs/images)")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
     save(picture(), args.folder / "failures.png", colours=256)
     print(f"Written to {args.folder / 'failures.png'}.")
 

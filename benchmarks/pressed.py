@@ -1,9 +1,9 @@
-"""The engine against constrained motion, where balls stay pressed together: `python -m benchmarks.pressed`.
+"""Balls pressed together, compared with constrained motion: `python -m benchmarks.pressed`.
 
 A ball is pressed against a cushion by its spin, or two balls against each other. The reference, `reference.pressed`,
-integrates the motion with the contact kept closed. It does not depend on the restitution, as the contact never opens
-and closes. The deviation is the largest distance of a ball's place in the engine from its place in the reference, at
-rest, or shortly before a ball reaches another cushion.
+integrates the motion with a closed contact. It does not depend on the restitution, because the contact stays closed.
+The deviation is the largest distance between the positions of a ball in the engine and in the reference, at rest, or
+shortly before a ball reaches another cushion.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from billiards_env.simulation import simulate
 from reference.pressed import PressedShot, press_cushion, press_pair
 
 BEFORE_IMPACT = 0.01
-"""s. So long before a later impact the places are compared."""
+"""s. The positions are compared this long before the next impact."""
 
 E_CUSHION = (0.0, 0.3, 0.5, 0.85, 1.0)
 E_BALL = (0.0, 0.5, 0.95, 1.0)
@@ -32,10 +32,10 @@ E_BALL = (0.0, 0.5, 0.95, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A start in which balls are pressed together.
+    """An initial state in which balls are pressed together.
 
     Attributes:
-        name: For the tables.
+        name: Name in the tables.
         scene: One ball at a cushion, or two balls.
         positions: (n, 2) m.
         velocities: (n, 2) m/s.
@@ -49,12 +49,12 @@ class Case:
     spins: tuple[tuple[float, float, float], ...]
 
     def with_restitution(self, e: float) -> Scene:
-        """The scene with a restitution `e` of the contact in question."""
+        """Returns the scene with the restitution `e` of the pressed contact."""
         name = "e_cushion" if self.scene.n_balls == 1 else "e_ball"
         return dataclasses.replace(self.scene, physics=dataclasses.replace(self.scene.physics, **{name: e}))
 
     def reference(self) -> PressedShot:
-        """The reference, to rest or to `BEFORE_IMPACT`."""
+        """Returns the reference shot, up to rest or to `BEFORE_IMPACT`."""
         run = press_cushion if self.scene.n_balls == 1 else press_pair
         shot = run(self.scene, self.positions, self.velocities, self.spins)
         if shot.status != "impact":
@@ -65,29 +65,29 @@ class Case:
 def at_cushion(
     spin: tuple[float, float, float], cushion: str = "han2005", side: str = "+y", speed: float = 0.0
 ) -> Case:
-    """A ball at the middle of a cushion of the pool table without pockets.
+    """Returns a ball at the centre of a cushion of the pool table without pockets.
 
     Args:
-        spin: rad/s, as it would be at the cushion +y; the whole start is turned to the others.
+        spin: rad/s, for the cushion +y; the initial state is rotated to the other cushions.
         cushion: The law of the cushion.
         side: "+y", "-x", "-y" or "+x".
-        speed: Velocity along x at +y, m/s; turned likewise.
+        speed: Velocity along x for the cushion +y, m/s; rotated in the same way.
 
     Returns:
         The case.
     """
     scene = Scene(Balls.uniform(1), physics=Physics(cushion=cushion))
     radius, across = scene.balls.radius[0], scene.table.width if side[1] == "y" else scene.table.length
-    # The turn takes y to the side's normal n, and x to (n_y, -n_x).
+    # The rotation maps y to the normal n of the cushion, and x to (n_y, -n_x).
     sign = 1.0 if side[0] == "+" else -1.0
     nx, ny = (sign, 0.0) if side[1] == "x" else (0.0, sign)
-    room = across / 2 - radius
+    distance = across / 2 - radius
     wx, wy, wz = spin
     moving = f", {speed:g} m/s" if speed else ""
     return Case(
         f"{spin}{moving}, {side}, {cushion}",
         scene,
-        ((room * nx, room * ny),),
+        ((distance * nx, distance * ny),),
         ((speed * ny, -speed * nx),),
         ((wx * ny + wy * nx, wy * ny - wx * nx, wz),),
     )
@@ -101,24 +101,24 @@ def frozen_pair(
     object_spin: tuple[float, float, float] = (0.0, 0.0, 0.0),
     speed: float = 0.0,
 ) -> Case:
-    """Two touching balls of the pool table without pockets, the cue ball behind the object ball.
+    """Returns two touching balls on the pool table without pockets; the cue ball pushes the object ball.
 
     Args:
-        name: For the tables.
-        spin: The cue ball's, rad/s.
-        angle: Of the line from the cue ball to the object ball, rad. The spins are not turned.
+        name: Name in the tables.
+        spin: Spin of the cue ball, rad/s.
+        angle: Angle of the line from the cue ball to the object ball, rad. The spins are not rotated.
         masses: kg.
-        object_spin: The object ball's, rad/s.
-        speed: Of both balls along x, m/s.
+        object_spin: Spin of the object ball, rad/s.
+        speed: Speed of both balls along x, m/s.
 
     Returns:
         The case.
     """
     radius = Balls.uniform(1).radius[0]
     scene = Scene(Balls((radius, radius), masses))
-    place = (-1.0, -0.4 * math.sin(angle))
-    other = (place[0] + 2 * radius * math.cos(angle), place[1] + 2 * radius * math.sin(angle))
-    return Case(name, scene, (place, other), ((speed, 0.0), (speed, 0.0)), (spin, object_spin))
+    cue = (-1.0, -0.4 * math.sin(angle))
+    other = (cue[0] + 2 * radius * math.cos(angle), cue[1] + 2 * radius * math.sin(angle))
+    return Case(name, scene, (cue, other), ((speed, 0.0), (speed, 0.0)), (spin, object_spin))
 
 
 CUSHION_CASES = (
@@ -157,22 +157,22 @@ PAIR_CASES = (
 
 
 def deviation(case: Case, e: float, reference: PressedShot) -> float:
-    """Largest distance of a ball of the engine's run from the reference, m; `e` is the restitution of the contact."""
+    """Returns the largest distance of a ball in the engine from the reference, m; `e` is the restitution."""
     until = None if reference.status == "rest" else reference.time
     shot = simulate(case.with_restitution(e), case.positions, case.velocities, spins=case.spins, max_time=until)
     return float(np.hypot(*(shot.positions - reference.positions).T).max())
 
 
 def compare(cases: Sequence[Case], restitutions: Sequence[float]) -> list[dict[str, Any]]:
-    """The deviations of some cases.
+    """Returns the deviations of some cases.
 
     Args:
         cases: The cases.
-        restitutions: Each case is run with each of them.
+        restitutions: Each case is run with each of these restitutions.
 
     Returns:
-        A dict a case: name, end (n, 2) of the reference in m, time and separation_time in s, status, and deviations in
-        m, one a restitution.
+        One dict per case: name, end (n, 2) of the reference in m, time and separation_time in s, status, and deviations
+        in m, one per restitution.
     """
     rows = []
     for case in cases:
@@ -191,7 +191,7 @@ def compare(cases: Sequence[Case], restitutions: Sequence[float]) -> list[dict[s
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
 
     def of(kind: str, first: str) -> str:
         found = result[kind]
@@ -215,11 +215,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.pressed --help`."""
+    """Runs the command line; see `python -m benchmarks.pressed --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.pressed", description="The engine against constrained motion of pressed balls."
+        prog="python -m benchmarks.pressed", description="Compare the engine with constrained motion of pressed balls."
     )
-    parser.add_argument("--output", type=Path, default=RESULTS / "pressed.json", help="where the JSON goes")
+    parser.add_argument("--output", type=Path, default=RESULTS / "pressed.json", help="JSON file")
     args = parser.parse_args(arguments)
     result = {
         "machine": machine(),

@@ -1,6 +1,6 @@
-"""How fast frames are drawn, and what a render mode costs that nobody looks at: `python -m benchmarks.rendering`.
+"""The speed of drawing, and the cost of a render mode without rendering: `python -m benchmarks.rendering`.
 
-Medians over the repeats, the cases in turn. Frames are counted with their copy into an array.
+The results are medians over the passes; the cases take turns. The time of a frame includes its copy to an array.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.files import write_json
@@ -27,19 +27,19 @@ STEP = "env.step, render_mode={!r}, never rendered: us"
 
 
 def shots() -> dict[str, ShotResult]:
-    """A shot at one object ball, and a break."""
+    """Returns a shot at one object ball and a break."""
     rng = np.random.default_rng(0)
     one, rack = Scene.named("pool"), Scene.named("pool", 15)
-    places = layouts.draw("rack", rack, rng)
-    toward = (places[1] - places[0]) / np.hypot(*(places[1] - places[0]))
+    positions = layouts.draw("rack", rack, rng)
+    toward = (positions[1] - positions[0]) / np.hypot(*(positions[1] - positions[0]))
     return {
         "pool, 1 object ball": simulate(one, [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True),
-        "15-ball break": simulate(rack, places, 8 * toward, record=True),
+        "15-ball break": simulate(rack, positions, 8 * toward, record=True),
     }
 
 
 def frames_per_second(shot: ShotResult, width: int) -> float:
-    """Of the film of a shot in frames of `width` pixels, the canvas included."""
+    """Returns the frames per second of a film with frames of `width` pixels, including the canvas."""
     recording = shot.recording()
     begin = perf_counter()
     frames = sum(1 for frame in Canvas(recording.scene, width).film(recording, 30) if len(pixels(frame)))
@@ -47,7 +47,7 @@ def frames_per_second(shot: ShotResult, width: int) -> float:
 
 
 def step_seconds(env: gym.Env[Any, Any]) -> float:
-    """Of one step, resets not counted."""
+    """Returns the seconds per step, without resets."""
     actions = np.random.default_rng(0).uniform(-1, 1, (STEPS, 2)).astype(np.float32)
     total = 0.0
     for k, action in enumerate(actions):
@@ -59,7 +59,7 @@ def step_seconds(env: gym.Env[Any, Any]) -> float:
 
 
 def measure(repeats: int) -> dict[str, list[float]]:
-    """The figures of each case, one a repeat."""
+    """Returns the results of each case, one per pass."""
     found: dict[str, list[float]] = {}
     recorded = shots()
     envs = {mode: gym.make("Billiards-v0", render_mode=mode) for mode in (None, "rgb_array")}
@@ -73,25 +73,24 @@ def measure(repeats: int) -> dict[str, list[float]]:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     values = result["values"]
     ratios = np.divide(values[STEP.format("rgb_array")], values[STEP.format(None)])
     return {
         "machine": machine_line(result["machine"]),
         "figures": table(("what", "median"), [(name, f"{value:,.0f}") for name, value in result["medians"].items()]),
-        "cost": "A step of an environment with a render mode, nothing of it ever rendered, takes "
-        f"{statistics.median(ratios.tolist()):.1f} times as long as one without.",
+        "cost": "A step with a render mode, without a call of render, takes "
+        f"{statistics.median(ratios.tolist()):.1f} times as long as a step without a render mode.",
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.rendering --help`."""
+    """Runs the command line; see `python -m benchmarks.rendering --help`."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.rendering", description="Measure the drawing.")
-    parser.add_argument("--repeats", type=int, default=15, help="of each measurement (default: 15)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "rendering.json", help="where the JSON goes")
+    parser.add_argument("--repeats", type=int, default=15, help="number of passes (default: 15)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "rendering.json", help="JSON file")
     args = parser.parse_args(arguments)
-    if args.repeats < 1:
-        parser.error(f"--repeats = {args.repeats}: expected a whole number >= 1")
+    check_counts(parser, args, repeats=1)
     on = machine()
     found = measure(args.repeats)
     medians = {name: statistics.median(values) for name, values in found.items()}

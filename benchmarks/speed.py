@@ -1,10 +1,10 @@
-"""How fast shots run: `python -m benchmarks.speed`.
+"""The speed of shots: `python -m benchmarks.speed`.
 
-The cases are measured in turn, over and over, in one process, so that whatever else the machine does falls on all of
-them alike; medians are reported, with the quartiles beside them in the JSON. Every case is drawn from a fixed seed.
-Shots per second are those of `simulate_batch(..., threads=1)`: its checks are part of the time, the drawing of the
-layouts is not. What two threads make of it is compared with two processes that run the same shots side by side, each on
-one thread: more than those get out of two cores the machine does not give at that moment.
+The cases take turns in one process, so that other load on the machine affects all of them equally. Medians are
+reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots per second are those of
+`simulate_batch(..., threads=1)`, including its checks but not the drawing of the layouts. The gain of two threads is
+compared with that of two processes that run the same shots at the same time, each on one thread. The processes show how
+much two cores can give on this machine at this moment.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.engine import STATUS
 from billiards_env.envs.action_frames import cue_velocity
@@ -32,9 +32,9 @@ from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate, simulate_batch
 
-MAX_SPEED = 4.0  # m/s, of a random shot: the environment's default
-BREAK_SPEED = 8.0  # m/s, of the cue ball in a break
-BREAK_SPREAD = math.radians(1)  # largest angle by which a break misses the middle of the first ball
+MAX_SPEED = 4.0  # m/s, largest speed of a random shot: the environment's default
+BREAK_SPEED = 8.0  # m/s, speed of the cue ball in a break
+BREAK_SPREAD = math.radians(1)  # largest angle between a break and the centre of the first ball
 GAS_SPEED = 1.0  # m/s, root mean square along each axis
 N_SINGLES = 1000  # shots run one at a time
 
@@ -42,10 +42,10 @@ Floats = NDArray[np.float64]
 
 
 class Case(NamedTuple):
-    """Shots to run, m of them with n balls.
+    """A set of m shots with n balls.
 
     Attributes:
-        name: What the table calls them.
+        name: Name in the table.
         scene: The scene.
         positions: (m, n, 2) m.
         velocities: (m, n, 2) or (m, 2) m/s.
@@ -58,7 +58,7 @@ class Case(NamedTuple):
 
 
 def cases(scale: float = 1.0) -> list[Case]:
-    """The cases, with so many shots each that one pass takes about a tenth of a second, times `scale`."""
+    """Returns the cases; with `scale` = 1 a pass over the shots of a case takes about a tenth of a second."""
 
     def count(shots: int) -> int:
         return max(1, round(shots * scale))
@@ -74,7 +74,7 @@ def cases(scale: float = 1.0) -> list[Case]:
 
 
 def random_shots(name: str, scene: Scene, count: int) -> Case:
-    """Random layouts, and shots as random actions of the environment give them."""
+    """Returns random layouts with the velocities of random actions of the environment."""
     rng = np.random.default_rng(0)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
     velocities = np.array([cue_velocity(action, MAX_SPEED) for action in rng.uniform(-1, 1, (count, 2))])
@@ -82,7 +82,7 @@ def random_shots(name: str, scene: Scene, count: int) -> Case:
 
 
 def breaks(name: str, layout: str, count: int) -> Case:
-    """Break shots at the first of 15 balls, from anywhere behind the head string."""
+    """Returns break shots at the first of 15 balls, from anywhere behind the head string."""
     rng = np.random.default_rng(0)
     scene = Scene.named("pool", 15)
     positions = np.array([layouts.draw(layout, scene, rng) for _ in range(count)])
@@ -92,7 +92,7 @@ def breaks(name: str, layout: str, count: int) -> Case:
 
 
 def gas(name: str, n_balls: int, count: int) -> Case:
-    """Frictionless, elastic disks that all move, for the 10 s that the scene lets them."""
+    """Returns shots in which all frictionless, elastic disks move, for the 10 s of the scene's time limit."""
     rng = np.random.default_rng(0)
     scene = Scene.named("ideal", n_balls - 1)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
@@ -100,66 +100,68 @@ def gas(name: str, n_balls: int, count: int) -> Case:
 
 
 def seconds(run: Callable[[], object]) -> float:
-    """How long `run()` takes, s."""
+    """Returns the run time of `run()`, s."""
     begin = perf_counter()
     run()
     return perf_counter() - begin
 
 
 def summary(values: list[float]) -> dict[str, float]:
-    """Median and quartiles."""
+    """Returns the median and the quartiles."""
     low, middle, high = np.quantile(values, (0.25, 0.5, 0.75)).tolist()
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}
 
 
 def run(case: Case, threads: int) -> None:
-    """Runs a case's shots."""
+    """Runs the shots of a case."""
     simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
 
 
-_own_cases: list[Case] = []
+_process_cases: list[Case] = []
 
 
-def _draw_own_cases(scale: float) -> None:
-    _own_cases[:] = cases(scale)
+def _draw_process_cases(scale: float) -> None:
+    _process_cases[:] = cases(scale)
 
 
-def _run_own_case(k: int) -> None:
-    run(_own_cases[k], 1)
+def _run_process_case(k: int) -> None:
+    run(_process_cases[k], 1)
 
 
 @contextlib.contextmanager
 def side_by_side(scale: float, count: int = 2) -> Iterator[Callable[[int], None]]:
-    """Gives a function of k that runs case k in each of `count` processes at the same time."""
+    """Yields a function of k that runs case k in each of `count` processes at the same time."""
     context = multiprocessing.get_context("spawn")
     with contextlib.ExitStack() as stack:
-        others = [stack.enter_context(ProcessPoolExecutor(1, context, _draw_own_cases, (scale,))) for _ in range(count)]
+        others = [
+            stack.enter_context(ProcessPoolExecutor(1, context, _draw_process_cases, (scale,))) for _ in range(count)
+        ]
 
         def run_all(k: int) -> None:
-            for future in [other.submit(_run_own_case, k) for other in others]:
+            for future in [other.submit(_run_process_case, k) for other in others]:
                 future.result()
 
         yield run_all
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs everything `repeats` times.
+    """Runs all measurements `repeats` times.
 
     Args:
         repeats: Number of passes over the cases.
         scale: Factor on the number of shots in a pass.
 
     Returns:
-        `batch`: a list, an entry a case; `microseconds_per_call`: for the first case's shots one at a time.
+        `batch`: a list with one entry per case; `microseconds_per_call`: times of the first case's shots one at a time.
     """
     on = machine()
     every = cases(scale)
-    outcomes = [simulate_batch(c.scene, c.positions, c.velocities, threads=1) for c in every]  # compiles, warms up
+    outcomes = [simulate_batch(c.scene, c.positions, c.velocities, threads=1) for c in every]  # compiles the kernels
     for case, outcome in zip(every, outcomes, strict=True):
         if (outcome.status == STATUS.index("event_limit")).any():
-            raise RuntimeError(f"{case.name}: a shot was given up, its time says nothing")
+            raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
 
-    # For each case and pass, s: one thread, two threads, two processes.
+    # For each case and pass: seconds with one thread, two threads, two processes.
     batch: list[list[tuple[float, float, float]]] = [[] for _ in every]
     calls: list[dict[str, float]] = []
     with side_by_side(scale) as run_both:
@@ -214,7 +216,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
 
 
 def time_calls(case: Case) -> dict[str, float]:
-    """Seconds a shot takes in a batch and in one call each of `simulate`, `env.step` and, none, of `env.reset`."""
+    """Returns the seconds per shot in a batch, in `simulate` and in `env.step`, and the seconds of `env.reset`."""
     few = case._replace(positions=case.positions[:N_SINGLES], velocities=case.velocities[:N_SINGLES])
     n, actions = len(few.positions), (few.velocities / MAX_SPEED).astype(np.float32)
     env = gym.make("Billiards-v0", max_speed=MAX_SPEED)
@@ -238,7 +240,7 @@ def time_calls(case: Case) -> dict[str, float]:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     shots = [
         (
             row["case"],
@@ -276,26 +278,25 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "shots": table(
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
-        "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} a pass): microseconds a call, and how far "
-        "above the batch's; medians of the passes, and the fastest ones, which other work on the machine spoils less:",
+        "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} per pass): microseconds per call, and the "
+        "difference to a batch; medians of the passes, and the fastest passes, which other load on the machine affects less:",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
         "two_cores": f"Two threads run {min(a['median'] for a, _ in ratios):.2f} to "
-        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots a second as one.",
-        "threads_of": "Shots per second on two cores over those on one: of two threads, and of two processes side by "
-        "side; medians of the passes' ratios, and the fastest passes compared, which other work on the machine spoils "
-        "less:",
+        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots per second as one.",
+        "threads_of": "Shots per second on two cores over those on one core, for two threads and for two processes; "
+        "medians of the ratios of the passes, and the ratio of the fastest passes, which other load on the machine "
+        "affects less:",
         "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.speed --help`."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.speed", description="Measure how fast shots run.")
-    parser.add_argument("--repeats", type=int, default=11, help="passes over the cases (default: 11)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "speed.json", help="where the JSON goes")
+    """Runs the command line; see `python -m benchmarks.speed --help`."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.speed", description="Measure the speed of shots.")
+    parser.add_argument("--repeats", type=int, default=11, help="number of passes (default: 11)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "speed.json", help="JSON file")
     args = parser.parse_args(arguments)
-    if args.repeats < 1:
-        parser.error(f"--repeats = {args.repeats}: expected a whole number >= 1")
+    check_counts(parser, args, repeats=1)
     result = measure(args.repeats)
     write_json(args.output, result)
 

@@ -1,7 +1,7 @@
-"""How long it takes until a first shot can be played: `python -m benchmarks.start_up`.
+"""The time from the start of a process to the first shot: `python -m benchmarks.start_up`.
 
-Every measurement is a fresh process. "Compile" has numba's cache in a new, empty folder; "second process" starts after
-it with that folder full. Medians are reported, with the single values beside them in the JSON.
+Every measurement uses a new process. "compiling" starts with an empty cache of numba; "compiled before" starts with the
+cache of an earlier process. Medians are reported; the JSON also has the single values.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from pathlib import Path
 from time import time
 from typing import Any
 
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Wall-clock times, not a process's own clock: the parent's reading before it starts the process counts as well.
+# Wall-clock times, because the first time is read by the parent process before it starts the process.
 IMPORTS = """
 import json, time
 times = [time.time()]
@@ -49,7 +49,7 @@ print(json.dumps(times))
 
 
 def run(code: str, cache: Path) -> list[float]:
-    """Runs `code` in a fresh process with numba's cache in `cache`; the start, then what it printed, s since 1970."""
+    """Runs `code` in a new process with numba's cache in `cache`; returns its start and the printed times, s."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
     begin = time()
     done = subprocess.run(
@@ -59,14 +59,14 @@ def run(code: str, cache: Path) -> list[float]:
 
 
 def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
-    """Starts the processes, the kinds in turn.
+    """Starts the processes; the kinds take turns.
 
     Args:
         repeats: Starts of each kind.
-        compilations: Starts with an empty cache, which take far longer.
+        compilations: Starts with an empty cache, which take much longer.
 
     Returns:
-        Seconds, a list for each thing measured.
+        A list of seconds for each measured quantity.
     """
     seconds: dict[str, list[float]] = {
         "import gymnasium, numba": [],
@@ -97,28 +97,26 @@ def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     count = {name: len(values) for name, values in result["seconds"].items()}
     rows = [(name, f"{value:.2f}", f"{count[name]}") for name, value in result["median_seconds"].items()]
     return {
         "machine": machine_line(result["machine"]),
-        "how": "Fresh processes; medians of so many starts.",
+        "how": "New processes; medians over the given number of starts.",
         "times": table(("what", "s", "starts"), rows),
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.start_up --help`."""
+    """Runs the command line; see `python -m benchmarks.start_up --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.start_up", description="Measure how long it takes until a first shot can be played."
+        prog="python -m benchmarks.start_up", description="Measure the time to the first shot."
     )
     parser.add_argument("--repeats", type=int, default=9, help="starts of each kind (default: 9)")
-    parser.add_argument("--compilations", type=int, default=3, help="starts that have to compile (default: 3)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "start_up.json", help="where the JSON goes")
+    parser.add_argument("--compilations", type=int, default=3, help="starts with an empty cache (default: 3)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "start_up.json", help="JSON file")
     args = parser.parse_args(arguments)
-    for name in ("repeats", "compilations"):
-        if getattr(args, name) < 1:
-            parser.error(f"--{name} = {getattr(args, name)}: expected a whole number >= 1")
+    check_counts(parser, args, repeats=1, compilations=1)
     on = machine()
     seconds = measure(args.repeats, args.compilations)
     medians = {name: statistics.median(values) for name, values in seconds.items()}

@@ -1,8 +1,8 @@
-"""The stress run: ten million random shots, each checked at every event, and what is left after very long runs.
+"""The stress run: ten million random shots, each checked at every event, and very long runs.
 
-`python -m benchmarks.stress` takes 10 to 25 minutes on two cores, prints its tables and writes them to
-`benchmarks/results/stress.json`, and the growth of errors to `docs/images/predictability.png`.
-It ends with an error if any shot breaks a rule.
+`python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It prints its tables, writes them to
+`benchmarks/results/stress.json`, and draws the growth of errors in `docs/images/predictability.png`. It ends with an
+error if any shot breaks a rule.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from reference.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
 
-# Thousands of shots of each kind, and how many are run in one go.
+# Thousands of shots of each kind, and the number of shots in one task.
 SHOTS = {
     "pool, cue ball alone": (1500, 10_000),
     "carom, cue ball alone": (1500, 10_000),
@@ -46,7 +46,7 @@ ADDED = ("shots", "contact_rule", "events")
 
 
 def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str, Any]]:
-    """Runs all kinds of shots; the worst that was found of each kind."""
+    """Runs all kinds of shots and returns the worst values of each kind."""
     tasks = []
     for name, (thousands, chunk) in SHOTS.items():
         count = max(1, round(1000 * thousands * scale / chunk))
@@ -70,7 +70,7 @@ def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str,
 
 
 def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
-    """Drift, time reversal, the blocks of pi and chaos."""
+    """Measures drift, time reversal, the blocks of pi and chaos."""
     drifts = [pool.submit(measure.drift, n, round(1e6 * scale)) for n in (100, 16, 2)]
     reversals = [pool.submit(measure.reversal, seed) for seed in range(round(1000 * scale) or 10)]
     digits = range(6 if scale == 1 else 4)
@@ -98,7 +98,7 @@ def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
 
 
 def growth(pool: ProcessPoolExecutor, shots: int) -> dict[str, list[dict[str, Any]]]:
-    """The error of a gas, of loose and of tight breaks from collision to collision, against 50 digits."""
+    """Measures the growth of the error from collision to collision in a gas and in breaks, against 50 digits."""
     futures: dict[str, list[Future[dict[str, Any]]]] = {}
     gas = measure.gas(16)
     for seed in range(shots):
@@ -129,7 +129,7 @@ def draw_growth(curves: dict[str, list[dict[str, Any]]]) -> None:
             counts = (~np.isnan(grid)).sum(axis=0)
             enough = counts >= max(1, len(several) // 3)
             median = [np.nanmedian(grid[:, k]) if enough[k] else np.nan for k in range(longest)]
-            if not any(enough):  # no amplification where balls meet at one instant
+            if not any(enough):  # no amplification if balls meet at the same instant
                 continue
             label = f"{name}: {'error' if key == 'errors' else 'amplified roundoff'}"
             axes.semilogy(np.arange(1, longest + 1), np.maximum(median, 1e-18), style, color=colour, label=label)
@@ -145,7 +145,7 @@ def draw_growth(curves: dict[str, list[dict[str, Any]]]) -> None:
 
 
 def horizon(curves: list[dict[str, Any]]) -> dict[str, Any]:
-    """How many collisions were predicted, and what the last error was."""
+    """Returns the number of correctly predicted collisions and the last error."""
     radius = 0.03
     lost = [next((k for k, e in enumerate(c["errors"]) if e > 1e-3 * radius), None) for c in curves]
     known = [k for k in lost if k is not None]
@@ -160,7 +160,7 @@ def horizon(curves: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def blocks(data: dict[str, Any]) -> dict[str, str]:
-    """The results as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     every = data["shots"].values()
     shots, bad = sum(s["shots"] for s in every), sum(len(s["bad"]) for s in every)
     worst = {key: max(s[key] for s in every) for key in WORST}
@@ -206,18 +206,18 @@ def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
 
 
 def _long_runs(data: dict[str, Any]) -> list[str]:
-    """The findings that need no table, a line each."""
+    """Returns the results without a table, one line each."""
     runs = data["long_runs"]
     r, chaos = runs["reversal"], runs["lyapunov"]
     lines = [
-        f"* There and back, {r['runs']} gases of 16 disks, {r['median_collisions']:.0f} collisions each way: "
+        f"* Time reversal of {r['runs']} gases of 16 disks, {r['median_collisions']:.0f} collisions each way: "
         f"median error {r['median_error_m']:.1e} m, {r['median_ratio']:.2f} times the amplified roundoff "
         f"(99th percentile {r['p99_ratio']:.1f}).",
         f"* Blocks of mass 1 and 100^k at a wall: {', '.join(map(str, runs['blocks']['cushion']))} collisions; "
-        f"with a ball of infinite mass for the wall {', '.join(map(str, runs['blocks']['ball']))}.",
+        f"with a ball of infinite mass as the wall {', '.join(map(str, runs['blocks']['ball']))}.",
         f"* Lyapunov exponent of the gas: {chaos['two_trajectories']['mean']:.2f} / s from two trajectories, "
         f"{chaos['sensitivity']['mean']:.2f} / s from the sensitivity, at "
-        f"{chaos['collisions_per_second']['mean']:.0f} collisions a second.",
+        f"{chaos['collisions_per_second']['mean']:.0f} collisions per second.",
     ]
     for name, h in data["predictability"].items():
         reached = h["median_collisions_to_1e-3_radius"]
@@ -230,10 +230,12 @@ def _long_runs(data: dict[str, Any]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Runs everything, prints and writes the results."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description="Run millions of shots, checked.")
-    parser.add_argument("--scale", type=float, default=1.0, help="share of the shots (1); less than 1 writes nothing")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one a core)")
+    """Runs all measurements, prints and writes the results."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description="Run and check millions of shots.")
+    parser.add_argument(
+        "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
+    )
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     args = parser.parse_args(arguments)
     families.run("pool, 1 object ball", 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()

@@ -1,8 +1,8 @@
-"""How fast environments are stepped, one and many at once: `python -m benchmarks.vector`.
+"""The speed of single and vector environments: `python -m benchmarks.vector`.
 
-Every kind of environment plays one-shot episodes at one object ball, each step of each environment a shot and a new
-layout. All kinds are measured in turn, over and over, in one process, so that whatever else the machine does falls on
-all of them alike; medians are reported, with the quartiles beside them in the JSON.
+Every environment plays one-shot episodes at one object ball, so each step is a shot and a new layout. The kinds take
+turns in one process, so that other load on the machine affects all of them equally. Medians are reported; the JSON also
+has the quartiles.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import billiards_env  # noqa: F401  (registers the environment)
 from agents.config import Config, load
 from agents.ppo import make_model, make_vec_env
 from agents.vec_env import SameStepVecEnv
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import seconds, summary
 from billiards_env import layouts
 from billiards_env.files import write_json
@@ -34,17 +34,17 @@ SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 MEMORY_COUNTS = (1024, 65_536)
 TRAINING = Path(__file__).resolve().parent.parent / "configs" / "ppo" / "pot.yaml"
-TRAININGS = 7  # the first of which warms up
+TRAININGS = 7  # the first one is not counted
 LAYOUTS = (("random", 1), ("random", 15), ("rack", 15))  # name and number of object balls
 
 
 def actions_for(count: int) -> np.ndarray:
-    """(8, count, 2) random actions, to be played in turn."""
+    """Returns (8, count, 2) random actions, to be played in turn."""
     return np.random.default_rng(0).uniform(-1, 1, (8, count, 2)).astype(np.float32)
 
 
 def single(steps: int) -> Callable[[], object]:
-    """A function that steps one environment so often, and resets it as often."""
+    """Returns a function that steps and resets one environment `steps` times."""
     env, actions = gym.make("Billiards-v0"), actions_for(steps)[0]
     env.reset(seed=0)
 
@@ -57,7 +57,7 @@ def single(steps: int) -> Callable[[], object]:
 
 
 def many(envs: Any, steps: int) -> Callable[[], object]:
-    """A function that steps a vector environment so often."""
+    """Returns a function that steps a vector environment `steps` times."""
     actions = actions_for(envs.num_envs)
 
     def play() -> None:
@@ -68,19 +68,19 @@ def many(envs: Any, steps: int) -> Callable[[], object]:
 
 
 def native(count: int, **arguments: Any) -> Any:
-    """The native vector environment, with same-step resets and reset once."""
+    """Returns the native vector environment with same-step resets, after a first reset."""
     envs = gym.make_vec("Billiards-v0", num_envs=count, autoreset_mode=SAME_STEP, **arguments)
     envs.reset(seed=0)
     return envs
 
 
 def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
-    """Name, environment steps of a pass and the pass, of each kind of environment."""
+    """Returns the name, the number of steps per pass and the pass of each kind of environment."""
 
     def steps(count: int) -> int:
         return max(1, round(20_000 * scale / count))
 
-    few = steps(4)  # of those that are slow
+    few = steps(4)  # for slow environments
     sync = gym.make_vec(
         "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": SAME_STEP}
     )
@@ -96,16 +96,18 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
 
 
 def drawing(name: str, n_object_balls: int, tables: int) -> Callable[[], object]:
-    """A function that draws so many layouts, on one thread."""
+    """Returns a function that draws `tables` layouts on one thread."""
     plan = layouts.plan(name, Scene.named("pool", n_object_balls))
-    wanted = np.ones(tables, np.bool_)
-    rows = np.random.default_rng(0).integers(2**63, size=(tables, 4), dtype=np.uint64) * 2 + 1  # odd increments
+    mask = np.ones(tables, np.bool_)
+    table_streams = (
+        np.random.default_rng(0).integers(2**63, size=(tables, 4), dtype=np.uint64) * 2 + 1
+    )  # odd increments
     positions = np.empty((tables, n_object_balls + 1, 2))
-    return lambda: layouts.draw_tables(plan, 0, tables, wanted, rows, positions)
+    return lambda: layouts.draw_tables(plan, 0, tables, mask, table_streams, positions)
 
 
 class _Stepping(BaseCallback):
-    """Adds up how long the environments' steps take in training."""
+    """Sums the time of the environments' steps in training."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -117,9 +119,9 @@ class _Stepping(BaseCallback):
 
         def timed() -> Any:
             begin = perf_counter()
-            told = step_wait()
+            result = step_wait()
             self.seconds += perf_counter() - begin
-            return told
+            return result
 
         envs.step_wait = timed
 
@@ -128,7 +130,7 @@ class _Stepping(BaseCallback):
 
 
 def training_config(n_envs: int, n_steps: int, updates: int) -> Config:
-    """The example agent's settings with so many environments and a minibatch of 4,096 steps."""
+    """Returns the settings of the example agent with `n_envs` environments and minibatches of 4,096 steps."""
     config = load(TRAINING)
     rollout = n_envs * n_steps
     settings = dataclasses.replace(config.ppo, n_steps=n_steps, batch_size=min(4096, rollout))
@@ -139,8 +141,8 @@ def training(n_envs: int = 1024, n_steps: int = 16, updates: int = 3) -> dict[st
     """Trains the example agent for a few updates.
 
     Returns:
-        `steps_per_second` and `environment_share`: the share of the time that went into the environments' steps,
-        simulation and adapter together.
+        `steps_per_second` and `environment_share`, the share of the time of the environments' steps, including the
+        adapter.
     """
     torch.set_num_threads(1)  # as agents.train does
     config = training_config(n_envs, n_steps, updates)
@@ -149,12 +151,12 @@ def training(n_envs: int = 1024, n_steps: int = 16, updates: int = 3) -> dict[st
     envs.seed(0)
     begin = perf_counter()
     model.learn(config.timesteps, stepping)
-    whole = perf_counter() - begin
-    return {"steps_per_second": model.num_timesteps / whole, "environment_share": stepping.seconds / whole}
+    total = perf_counter() - begin
+    return {"steps_per_second": model.num_timesteps / total, "environment_share": stepping.seconds / total}
 
 
 def memory(count: int) -> dict[str, float]:
-    """Bytes an environment takes: while it rests, and at most while it is reset and stepped."""
+    """Returns the bytes per environment after the reset, and the largest number during steps."""
     actions = actions_for(count)
     tracemalloc.start()
     try:
@@ -169,20 +171,20 @@ def memory(count: int) -> dict[str, float]:
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Measures everything `repeats` times, training `TRAININGS` times and memory once.
+    """Runs all measurements `repeats` times, training `TRAININGS` times and memory once.
 
     Args:
         repeats: Number of passes over the kinds of environments.
         scale: Factor on the number of steps in a pass.
 
     Returns:
-        `steps` and `layouts`: lists, an entry a kind, with rates per second; `training`, summaries; `memory`.
+        `steps` and `layouts`: lists with one entry per kind, with rates per second; `training`: summaries; `memory`.
     """
     on = machine()
     tables = max(1, round(20_000 * scale))
     every = kinds(scale)
     every += [(f"{name}, {n} object balls", tables, drawing(name, n, tables)) for name, n in LAYOUTS]
-    for _, _, play in every:  # compiles, warms up
+    for _, _, play in every:  # compiles the kernels
         play()
     rates: list[list[float]] = [[] for _ in every]
     for _ in range(repeats):
@@ -202,7 +204,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
+    """Returns the results as Markdown, by name."""
     rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
     one = next(iter(rates.values()))
     memory_rows = [
@@ -226,13 +228,14 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.vector --help`."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.vector", description="Measure how fast envs step.")
-    parser.add_argument("--repeats", type=int, default=11, help="passes over the environments (default: 11)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "vector.json", help="where the JSON goes")
+    """Runs the command line; see `python -m benchmarks.vector --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.vector", description="Measure the speed of environments."
+    )
+    parser.add_argument("--repeats", type=int, default=11, help="number of passes (default: 11)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "vector.json", help="JSON file")
     args = parser.parse_args(arguments)
-    if args.repeats < 1:
-        parser.error(f"--repeats = {args.repeats}: expected a whole number >= 1")
+    check_counts(parser, args, repeats=1)
     result = measure(args.repeats)
     write_json(args.output, result)
 

@@ -1,5 +1,5 @@
-"""Pictures, films and pages of recorded shots, from plain arrays and a scene; it knows nothing of the engine.
+"""Pictures, films and pages of recorded shots, drawn from plain arrays and a scene, without the engine.
 
-`recording` says what is drawn and `style` in which colours; `canvas` draws frames (pygame), `film` writes GIF and MP4,
-`plot` draws a picture (matplotlib) and `page` an HTML player. Each is imported when it is first used.
+`recording` is the data of a shot and `style` holds the colours. `canvas` draws frames with pygame, `film` writes GIF
+and MP4 files, `plot` draws a picture with matplotlib and `page` writes an HTML player. Each is imported on first use.
 """

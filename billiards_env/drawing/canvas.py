@@ -1,8 +1,8 @@
-"""Frames of a shot, drawn to scale by pygame; no window is needed.
+"""Frames of a shot, drawn to scale with pygame, without a window.
 
-Everything round is drawn several times larger and shrunk, which smooths its edges. What does not change is drawn once:
-the table, and the balls at a few fractions of a pixel, so that slow balls glide. The paths are drawn onto a copy of the
-table as the balls move on.
+Round shapes are drawn several times larger and then reduced, which smooths their edges. The table and the balls are
+drawn once. The balls are drawn at several fractions of a pixel, so that slow balls move smoothly. The paths are drawn
+on a copy of the table, frame by frame.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ Frame = NDArray[np.uint8]
 Surface = pygame.Surface
 
 TABLE_ZOOM, BALL_ZOOM, PATH_ZOOM = 3, 8, 4
-"""How much larger than shown the parts are drawn."""
+"""Enlargement of the parts before they are reduced."""
 
 BALL, RING, GHOST = 0, 1, 2
-"""Ways to draw a ball: filled with its number, as a ring (another run's), faint (where it began)."""
+"""Styles of a ball: filled with its number, a ring (for another run), faint (for the initial position)."""
 
-PHASES = 4
-"""A ball is drawn at so many fractions of a pixel along x and y."""
+SUBPIXELS = 4
+"""Number of fractions of a pixel along x and along y at which a ball is drawn."""
 
 PATH_STEPS = 4
-"""Points of a path from one frame to the next, corners apart."""
+"""Number of path points between two frames, in addition to the corners."""
 
 RESULT_SHOWN = 1.0
-"""The line on the right is shown in the last second of a shot, when balls hardly move."""
+"""s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
 
 
 class Canvas:
@@ -67,13 +67,13 @@ class Canvas:
     Attributes:
         scene: The scene.
         size: (width, height) of a frame, pixels, both even.
-        scale: Pixels a metre.
+        scale: Pixels per metre.
         table: A frame of the empty table, to be copied.
-        looks: How each ball looks.
+        looks: The look of each ball.
     """
 
     def __init__(self, scene: Scene, width: int = 800) -> None:
-        """Prepares to draw a scene in frames of `width` pixels."""
+        """Prepares the drawing of a scene in frames of `width` pixels."""
         width = whole("width", width, "frame_width")
         pygame.font.init()
         self.scene = scene
@@ -82,8 +82,8 @@ class Canvas:
         self._bar = width // 24
         self._rail = RAIL_SHARE * scene.table.length
         length, breadth = scene.table.length + 2 * self._rail, scene.table.width + 2 * self._rail
-        room = width - 2 * self._margin
-        self.scale = min(room / length, room / breadth)
+        available = width - 2 * self._margin
+        self.scale = min(available / length, available / breadth)
         height = math.ceil(breadth * self.scale) + self._margin + self._bar
         self.size = (width, height + height % 2)
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
@@ -92,15 +92,15 @@ class Canvas:
         self._sprites: dict[tuple[int, int, int, int], Surface] = {}
         self.table = self._draw_table()
 
-    def pixels_of(self, places: ArrayLike) -> Floats:
-        """Where places (..., 2), m, lie in a frame: (..., 2) pixels from its upper left corner."""
-        array = np.asarray(places, dtype=np.float64)
+    def pixels_of(self, points: ArrayLike) -> Floats:
+        """Converts points (..., 2), m, to (..., 2) pixels from the upper left corner of a frame."""
+        array = np.asarray(points, dtype=np.float64)
         return np.stack(
             (self._middle[0] + self.scale * array[..., 0], self._middle[1] - self.scale * array[..., 1]), -1
         )
 
-    def place_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
-        """The place, m, that lies at a pixel of a frame."""
+    def point_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
+        """Converts a pixel of a frame to a point, m."""
         return (pixel[0] - self._middle[0]) / self.scale, (self._middle[1] - pixel[1]) / self.scale
 
     def film(
@@ -118,19 +118,19 @@ class Canvas:
 
         Args:
             recording: The shot.
-            fps: Frames a second.
-            left: A line shown throughout, before the time.
-            right: A line shown in the last second.
-            compare: Another run of the same shot, whose balls are drawn as rings.
-            arrow: Whether to show the cue ball's velocity at the start.
-            only_last: Whether to draw the last frame alone; it is the same as that of the whole film.
-            circles: What to mark on the cloth: x, y and radius, m.
+            fps: Frames per second.
+            left: Text on the left, before the time.
+            right: Text on the right, shown in the last second.
+            compare: Another run of the same shot, drawn as rings.
+            arrow: Whether to show the initial velocity of the cue ball.
+            only_last: Whether to yield only the last frame, which is the same as in the whole film.
+            circles: Circles to mark on the cloth: x, y and radius, m.
 
         Yields:
-            The frame, valid until the next is asked for.
+            The frame, valid until the next one is drawn.
 
         Raises:
-            ValueError: If `compare` is of other balls or another table.
+            ValueError: If `compare` has other balls or another table.
         """
         shots = [recording]
         if compare is not None:
@@ -153,31 +153,31 @@ class Canvas:
             for i in range(n):
                 if shot.gone[i] == 0:
                     continue
-                places = self.pixels_of(shot.path(i, np.minimum(times, shot.time)))
+                centres = self.pixels_of(shot.path(i, np.minimum(times, shot.time)))
                 steps = None
                 if shot.moves(i):
                     if not ring:
-                        self.stamp(base, i, places[0], GHOST)
+                        self.stamp(base, i, centres[0], GHOST)
                     steps = self._path_steps(shot, i, times)
-                tracks.append((shot, ring, i, places, steps))
+                tracks.append((shot, ring, i, centres, steps))
         for k, t in enumerate(times):
             for _, ring, i, _, steps in tracks:
-                gap = ring and k % 2 == 0  # another run's paths are dotted
+                gap = ring and k % 2 == 0  # the paths of another run are dotted
                 if steps is not None and k > 0 and len(steps[k - 1]) > 1 and not gap:
                     self.draw_path(base, steps[k - 1], self.looks[i].path)
             if only_last and k < len(times) - 1:
                 continue
             frame.blit(base, (0, 0))
-            for shot, ring, i, places, _ in tracks:
+            for shot, ring, i, centres, _ in tracks:
                 if t < shot.gone[i]:
-                    self.stamp(frame, i, places[k], RING if ring else BALL)
+                    self.stamp(frame, i, centres[k], RING if ring else BALL)
             line = f"{left}   {t:.2f} s" if duration > 0 else left
             potted = np.flatnonzero(recording.gone <= t)
             self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
             yield frame
 
     def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
-        """The points of a ball's path, pixels, from each frame to the next."""
+        """Returns the points of a ball's path between each two frames, pixels."""
         end = min(shot.time, shot.gone[ball])
         fine = np.interp(np.arange(PATH_STEPS * (len(times) - 1) + 1) / PATH_STEPS, np.arange(len(times)), times)
         corners = shot.corners(ball)
@@ -209,47 +209,47 @@ class Canvas:
         diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) if k for s in (-1, 1)]
         diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
         size = z * 0.06 * self._rail * self.scale
-        for place in diamonds:
-            cx, cy = (z * self.pixels_of(place)).tolist()
+        for point in diamonds:
+            cx, cy = (z * self.pixels_of(point)).tolist()
             pygame.draw.polygon(large, CHALK, [(cx - size, cy), (cx, cy - size), (cx + size, cy), (cx, cy + size)])
         return pygame.transform.smoothscale(large, self.size)
 
-    def stamp(self, surface: Surface, ball: int, place: Floats, way: int) -> None:
-        """Puts a ball, drawn in one of the ways, at `place` (2,), pixels."""
-        corner = place - self._sprite_size(ball) / 2
-        whole = np.floor(corner)
-        fx, fy = ((corner - whole) * PHASES).astype(int).tolist()
-        surface.blit(self._sprite(ball, way, fx, fy), whole.astype(int).tolist())
+    def stamp(self, surface: Surface, ball: int, centre: Floats, style: int) -> None:
+        """Draws a ball in one of the styles with its centre at (2,) pixels."""
+        corner = centre - self._sprite_size(ball) / 2
+        pixel = np.floor(corner)
+        fx, fy = ((corner - pixel) * SUBPIXELS).astype(int).tolist()
+        surface.blit(self._sprite(ball, style, fx, fy), pixel.astype(int).tolist())
 
     def _sprite_size(self, ball: int) -> int:
         return 2 * math.ceil(self.scale * self.scene.balls.radius[ball] + 2)
 
-    def _sprite(self, ball: int, way: int, fx: int, fy: int) -> Surface:
-        key = (ball, way, fx, fy)
+    def _sprite(self, ball: int, style: int, fx: int, fy: int) -> Surface:
+        key = (ball, style, fx, fy)
         if key not in self._sprites:
-            self._sprites[key] = self._draw_ball(ball, way, (fx + 0.5) / PHASES, (fy + 0.5) / PHASES)
+            self._sprites[key] = self._draw_ball(ball, style, (fx + 0.5) / SUBPIXELS, (fy + 0.5) / SUBPIXELS)
         return self._sprites[key]
 
-    def _draw_ball(self, ball: int, way: int, dx: float, dy: float, radius: float | None = None) -> Surface:
-        """A ball whose centre is (dx, dy) pixels off the middle of the surface; `radius`, pixels, if not to scale."""
+    def _draw_ball(self, ball: int, style: int, dx: float, dy: float, radius: float | None = None) -> Surface:
+        """Draws a ball (dx, dy) pixels off the centre of a new surface; `radius` is in pixels, None for to scale."""
         look, z = self.looks[ball], BALL_ZOOM
         r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
         side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
-        edge = pygame.Color(INK if way == BALL else look.path)
-        # Transparent in the colour of the edge, which the shrinking mixes in.
+        edge = pygame.Color(INK if style == BALL else look.path)
+        # The transparent background has the colour of the edge, because the reduction mixes them.
         large = Surface((z * side, z * side), pygame.SRCALPHA, 32)
         large.fill((edge.r, edge.g, edge.b, 0))
         cx, cy = z * ((side - 1) / 2 + dx), z * ((side - 1) / 2 + dy)
-        if way == BALL:
+        if style == BALL:
             _paint_ball(large, look, cx, cy, r)
-        elif way == RING:
+        elif style == RING:
             pygame.draw.circle(large, edge, (cx, cy), r, round(max(1.6 * z, 0.16 * r)))
         else:
             pygame.draw.circle(large, (edge.r, edge.g, edge.b, 90), (cx, cy), r)
         return pygame.transform.smoothscale(large, (side, side))
 
     def draw_path(self, surface: Surface, points: Floats, colour: str) -> None:
-        """Draws a line of round ends through points (m, 2), pixels."""
+        """Draws a line with round ends through points (m, 2), pixels."""
         if not np.ptp(points, axis=0).any():
             return
         z, wide = PATH_ZOOM, max(1.6, self.size[0] / 420)
@@ -270,15 +270,15 @@ class Canvas:
             pygame.draw.circle(large, ink, point, half)
         surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
 
-    def draw_arrow(self, surface: Surface, ball: int, place: Floats, velocity: Floats) -> None:
-        """Draws the velocity (2,), m/s, of a ball at `place` (2,), m, as an arrow from its edge."""
+    def draw_arrow(self, surface: Surface, ball: int, position: Floats, velocity: Floats) -> None:
+        """Draws the velocity (2,), m/s, of a ball at `position` (2,), m, as an arrow from its edge."""
         speed = float(np.hypot(*velocity))
         if speed == 0:
             return
         along = velocity / speed * (1, -1)
         across = np.array([-along[1], along[0]])
         radius = self.scale * self.scene.balls.radius[ball]
-        start = self.pixels_of(place) + ARROW_START * radius * along
+        start = self.pixels_of(position) + ARROW_START * radius * along
         length = max(self.scale * ARROW * speed, 0.8 * radius)
         head, half = min(0.9 * radius, length), 0.16 * radius
         tip, neck = start + length * along, start + (length - head) * along
@@ -296,7 +296,7 @@ class Canvas:
         surface.blit(small, corner.tolist())
 
     def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Writes the lines of text under the table, and between them the potted balls."""
+        """Draws the bar under the table: a text on the left, the potted balls, and a text on the right."""
         y = self.size[1] - self._bar / 2
         x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
         for text, at_right in ((left, False), (right, True)):
@@ -312,7 +312,7 @@ class Canvas:
 
 
 def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> None:
-    """Paints a ball with its number, `BALL_ZOOM` times as large as it will be, about (cx, cy)."""
+    """Draws a ball with its number at (cx, cy), `BALL_ZOOM` times as large as in the frame."""
     inner = r - max(BALL_ZOOM, 0.08 * r)
     pygame.draw.circle(large, INK, (cx, cy), r)
     pygame.draw.circle(large, CHALK if look.striped else look.fill, (cx, cy), inner)
@@ -333,7 +333,7 @@ def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> N
 
 
 def pixels(surface: Surface) -> Frame:
-    """A copy of a frame as an array (height, width, 3) uint8, RGB."""
+    """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
     array = np.empty((height, width, 3), np.uint8)
     for k, view in enumerate(
@@ -344,18 +344,18 @@ def pixels(surface: Surface) -> Frame:
 
 
 def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:
-    """Films of one size beside each other; one that has ended shows its last frame.
+    """Combines films of the same size into one; a film that has ended shows its last frame.
 
     Args:
-        films: Their frames, of one film at least.
-        gap: Pixels between them.
+        films: The frames of each film, at least one film.
+        gap: Pixels between the films.
 
     Yields:
-        The frame, valid until the next is asked for.
+        The frame, valid until the next one is drawn.
     """
     columns = math.ceil(math.sqrt(len(films)))
     rows = math.ceil(len(films) / columns)
-    whole: Surface | None = None
+    sheet: Surface | None = None
     going = dict(enumerate(films))
     while going:
         for k, film in list(going.items()):
@@ -364,10 +364,10 @@ def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[S
                 del going[k]
                 continue
             width, height = frame.get_width() + gap, frame.get_height() + gap
-            if whole is None:
+            if sheet is None:
                 even = [(side - gap + 1) // 2 * 2 for side in (columns * width, rows * height)]
-                whole = Surface(even, 0, 32)
-                whole.fill(PAPER)
-            whole.blit(frame, (k % columns * width, k // columns * height))
-        if going and whole is not None:
-            yield whole
+                sheet = Surface(even, 0, 32)
+                sheet.fill(PAPER)
+            sheet.blit(frame, (k % columns * width, k // columns * height))
+        if going and sheet is not None:
+            yield sheet

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.checks import fits
+from billiards_env.checks import real
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.files import check_path, replacing
@@ -19,22 +19,22 @@ from billiards_env.files import check_path, replacing
 def frames(
     recording: Recording, fps: float, width: int, compare: Recording | None = None
 ) -> tuple[tuple[int, int], Iterator[Frame]]:
-    """The frames of a film.
+    """Draws the frames of a film.
 
     Args:
         recording: The shot.
-        fps: Frames a second.
-        width: Pixels.
+        fps: Frames per second.
+        width: Width of a frame, pixels.
         compare: Another run of the shot, drawn as rings.
 
     Returns:
-        Their size (width, height), pixels, and the frames, (height, width, 3) uint8, one by one.
+        The size (width, height) of a frame, pixels, and an iterator over the frames, (height, width, 3) uint8.
 
     Raises:
-        ValueError: If `fps` or `width` is impossible.
+        TypeError: If `fps` is not a number.
+        ValueError: If `fps` or `width` is outside its range.
     """
-    if not fits(fps, "fps"):
-        raise ValueError(f"fps = {fps!r}: expected frames a second, a number from 0.001 to 1000")
+    fps = real("fps", fps, "fps")
     canvas = Canvas(recording.scene, width)
     left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
     return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, left, compare=compare))
@@ -43,17 +43,18 @@ def frames(
 def write_gif(
     path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
 ) -> None:
-    """Writes a shot as an animated GIF; `fps` is rounded to what the format has, whole hundredths of a second."""
+    """Writes a shot as an animated GIF; the format stores the time of a frame in whole hundredths of a second."""
     from PIL import Image
 
     target = check_path(path, ".gif")
-    _, images = frames(recording, fps, width, compare)
-    hundredths = max(2, round(100 / fps))  # shorter ones are played slowly
-    _, images = frames(recording, 100 / hundredths, width, compare)
-    *_, last = images  # the frame that shows most colours
+    hundredths = max(2, round(100 / real("fps", fps, "fps")))  # viewers show shorter times slowly
+
+    def draw() -> Iterator[Frame]:
+        return frames(recording, 100 / hundredths, width, compare)[1]
+
+    *_, last = draw()  # the last frame has the most colours
     palette = Image.fromarray(last).quantize(255, dither=Image.Dither.NONE)
-    _, images = frames(recording, 100 / hundredths, width, compare)
-    indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in draw())
     with replacing(target) as temporary:
         next(indexed).save(
             temporary, save_all=True, append_images=indexed, duration=10 * hundredths, loop=0, disposal=1
@@ -73,15 +74,15 @@ def write_mp4(
 
 @contextlib.contextmanager
 def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Frame], None]]:
-    """A film that is written frame by frame, and is in its place when the block has ended well.
+    """Writes a film frame by frame; the file appears when the block succeeds.
 
     Args:
         target: The file.
         size: (width, height) of a frame, pixels, both even.
-        fps: Frames a second.
+        fps: Frames per second.
 
     Yields:
-        A function that takes a frame (height, width, 3) uint8.
+        A function that writes a frame (height, width, 3) uint8.
 
     Raises:
         ModuleNotFoundError: If imageio-ffmpeg is not installed.

@@ -1,4 +1,4 @@
-"""A page that plays a shot in a browser: one HTML file that needs no other."""
+"""A page that plays a shot in a browser, as a single HTML file."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ def write_page(
 
 
 def make_page(recording: Recording, compare: Recording | None = None, title: str | None = None) -> str:
-    """The page of a shot.
+    """Returns the page of a shot.
 
-    The positions it shows are computed in the browser from the pieces of the trajectories, at any time.
+    The browser computes the positions at any time from the pieces of the trajectories.
 
     Args:
         recording: The shot.
         compare: Another run of the shot, drawn as rings.
-        title: The heading; None for one that says how the shot was run.
+        title: The heading; None for the engine with the number of events and the duration.
 
     Returns:
-        HTML; whatever is put into it is escaped.
+        HTML with all inserted text escaped.
 
     Raises:
-        ValueError: If `compare` is of other balls or another table.
+        ValueError: If `compare` has other balls or another table.
     """
     runs = [recording]
     if compare is not None:
@@ -85,7 +85,7 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
-    # "<" in a script could end it; within JSON's strings, the only place for it, \u003c says the same.
+    # "<" could end the script. It occurs only in JSON strings, where \u003c is equivalent.
     before, after = template.split("{{data}}")
     return before.replace("{{title}}", html.escape(title)) + text.replace("<", "\\u003c") + after
 

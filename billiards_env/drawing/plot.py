@@ -1,7 +1,7 @@
-"""A picture of a shot, drawn to scale by matplotlib.
+"""A picture of a shot, drawn to scale with matplotlib.
 
-Faint balls where they begin, their paths, rings where two touch, a mark at each event with its time, and the balls
-where they end. Each kind of event has a mark of its own.
+It shows the initial positions as faint balls, the paths, the final positions, a ring for each ball in a contact, and a
+mark with the time of each event. Each kind of event has a different mark.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ MARKS = {
     "sliding_rolling": ("o", 3.5, "slides until here, then rolls"),
     "pocket": ("D", 5, "potted"),
 }
-"""Marker, its size in points, and what it means."""
+"""The marker of an event kind, its size in points, and its meaning."""
 
 SAMPLES = 400
-"""Points of a path, its corners apart."""
+"""Number of points of a path, in addition to its corners."""
 
 WEAK = 0.02
-"""m/s. Contacts at less bear no mark: balls that come to lie against each other touch a hundred times."""
+"""m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
 
 
 def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
@@ -56,14 +56,14 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
 
     Args:
         recording: The shot.
-        ax: Where to draw; None for a new figure.
-        compare: Another run of the shot; its paths are dashed, its balls rings.
+        ax: The axes to draw in; None for a new figure.
+        compare: Another run of the shot, drawn with dashed paths and rings.
 
     Returns:
         The axes, in metres.
 
     Raises:
-        ValueError: If `compare` is of other balls or another table.
+        ValueError: If `compare` has other balls or another table.
     """
     if compare is not None:
         check_pair(recording, compare)
@@ -114,7 +114,7 @@ def draw_table(ax: Axes, scene: Scene) -> None:
 
 
 def legend_handles() -> list[Line2D]:
-    """Entries of a legend that says what the balls and marks mean."""
+    """Returns the legend entries of the balls and marks."""
     marks = [("o", 9, "#e9c98a", "#c78a00", "start"), ("o", 9, "#e69f00", INK, "end")]
     for kind, (marker, size, label) in MARKS.items():
         fill = CHALK if kind == "sliding_rolling" else INK if kind == "ball_ball" else "#888888"
@@ -137,14 +137,14 @@ def _draw_path(ax: Axes, shot: Recording, ball: int, look: Look, style: Any) -> 
     ax.plot(*path.T, linestyle=style, color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
 
 
-def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, place: Floats, width: float) -> None:
-    centre = (float(place[0]), float(place[1]))
+def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, width: float) -> None:
+    centre = (float(position[0]), float(position[1]))
     circle = Circle(centre, scene.balls.radius[ball], fill=False, edgecolor=look.path, linewidth=width, zorder=5)
     ax.add_patch(circle)
 
 
-def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, place: Floats, ghost: bool) -> None:
-    centre, radius = (float(place[0]), float(place[1])), scene.balls.radius[ball]
+def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, ghost: bool) -> None:
+    centre, radius = (float(position[0]), float(position[1])), scene.balls.radius[ball]
     if ghost:
         ax.add_patch(Circle(centre, radius, facecolor=CLOTH, edgecolor="none", zorder=5))
         ax.add_patch(Circle(centre, radius, facecolor=look.fill, alpha=0.35, edgecolor="none", zorder=5.1))
@@ -167,41 +167,41 @@ def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, place: Floats, gho
 
 
 def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
-    """Draws the marks, and their times as far as they have room."""
+    """Draws the marks, and their times where they do not overlap."""
     scene, labelled = recording.scene, []
-    room = 0.03 * scene.table.length
+    label_height = 0.03 * scene.table.length
     for event in recording.events:
         kind, ball, other, time = event["kind"], int(event["ball"]), int(event["other"]), float(event["time"])
         if kind not in MARKS or (kind in ("ball_ball", "cushion") and event["speed"] < WEAK):
             continue
-        place = np.array([event["x"], event["y"]])
+        point = np.array([event["x"], event["y"]])
         edge, fill = INK, look[ball].path
         if kind == "ball_ball":
-            here, there = (recording.path(k, [time])[0] for k in (ball, other))
+            first, second = (recording.path(k, [time])[0] for k in (ball, other))
             share = scene.balls.radius[ball] / (scene.balls.radius[ball] + scene.balls.radius[other])
-            place = here + share * (there - here)
+            point = first + share * (second - first)
             edge, fill = CHALK, INK
-            for k, centre in ((ball, here), (other, there)):  # a moving ball, as the two touch
+            for k, centre in ((ball, first), (other, second)):  # only balls that have moved
                 if (centre != recording.path(k, [0.0])[0]).any():
                     _draw_ring(ax, scene, k, look[k], centre, 0.8)
         elif kind == "pocket":
             pocket = scene.table.pockets[other]
-            place, edge = np.array([pocket.x, pocket.y]), CHALK
+            point, edge = np.array([pocket.x, pocket.y]), CHALK
         elif kind == "sliding_rolling":
             fill = CHALK
         marker, size, _ = MARKS[kind]
-        ax.plot(*place, marker, markersize=size, color=fill, markeredgecolor=edge, markeredgewidth=0.7, zorder=7)
-        near = any(abs(x - place[0]) < 2 * room and abs(y - place[1]) < room for x, y in labelled)
-        if kind != "sliding_rolling" and not near:
-            labelled.append(place.tolist())
-            _label(ax, kind, other, place, f"{time:.2f} s")
+        ax.plot(*point, marker, markersize=size, color=fill, markeredgecolor=edge, markeredgewidth=0.7, zorder=7)
+        overlaps = any(abs(x - point[0]) < 2 * label_height and abs(y - point[1]) < label_height for x, y in labelled)
+        if kind != "sliding_rolling" and not overlaps:
+            labelled.append(point.tolist())
+            _label(ax, kind, other, point, f"{time:.2f} s")
 
 
-def _label(ax: Axes, kind: str, other: int, place: Floats, text: str) -> None:
-    """Writes an event's time: onto the rail, into the pocket, or beside two balls on the side of the table's middle."""
+def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
+    """Writes an event's time on the rail, in the pocket, or next to two balls, towards the centre of the table."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
     if kind == "ball_ball":
-        x, y = np.where(place > 0, -1, 1).tolist()
+        x, y = np.where(point > 0, -1, 1).tolist()
         ground, style["color"], style["xytext"] = CLOTH, INK, (8 * x, 8 * y)
         style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
@@ -212,4 +212,4 @@ def _label(ax: Axes, kind: str, other: int, place: Floats, text: str) -> None:
         ground, style["color"], style["xytext"] = POCKET, CHALK, (0, -4)
         style |= {"ha": "center", "va": "top"}
     style["path_effects"] = [Stroke(linewidth=2.5, foreground=ground), Normal()]
-    ax.annotate(text, place.tolist(), **style)
+    ax.annotate(text, point.tolist(), **style)

@@ -1,4 +1,4 @@
-"""What is drawn: one recorded shot as plain arrays."""
+"""A recorded shot as plain arrays, the input of all drawing functions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Recording(NamedTuple):
 
     @property
     def gone(self) -> Floats:
-        """(n,) Time at which each ball was potted, s: 0 if it was not in play, infinite if it stayed on the table."""
+        """(n,) s, the time at which each ball was potted; 0 if it was not in play, inf if it was not potted."""
         return self.trajectory.gone
 
     def path(self, ball: int, times: ArrayLike) -> Floats:
@@ -40,30 +40,30 @@ class Recording(NamedTuple):
         return self.trajectory.path(ball, times)
 
     def corners(self, ball: int) -> Floats:
-        """Returns the times at which a ball's path may turn, s, ascending."""
+        """Returns the times at which a ball's path may have a corner, s, ascending."""
         return np.unique(self.trajectory.start[self.trajectory.ball == ball])
 
     def moves(self, ball: int) -> bool:
-        """Returns whether a ball that is in play ever moves."""
+        """Returns whether a ball is in play and moves during the shot."""
         paths = self.trajectory
-        mine = paths.ball == ball
-        return bool(self.gone[ball] > 0 and ((paths.velocity[mine] != 0) & (paths.lasts[mine, None] > 0)).any())
+        pieces = paths.ball == ball
+        return bool(self.gone[ball] > 0 and ((paths.velocity[pieces] != 0) & (paths.lasts[pieces, None] > 0)).any())
 
 
 def check_pair(recording: Recording, other: Recording) -> None:
-    """Raises a ValueError unless two recordings are of the same balls on the same table."""
+    """Raises a ValueError unless two recordings have the same balls and the same table."""
     one, two = recording.scene, other.scene
     if one.balls != two.balls or one.table != two.table:
-        raise ValueError("compare: expected a shot of the same balls on the same table")
+        raise ValueError("compare: expected a shot with the same balls on the same table")
 
 
 def frame_times(duration: float, fps: float) -> Floats:
-    """The instants of a film's frames, s: a multiple of 1 / fps each but the last, which is the end.
+    """Returns the times of a film's frames, s: the multiples of 1 / fps, and the end of the shot.
 
     Example:
         >>> frame_times(0.1, 30).round(4).tolist(), len(frame_times(0.0, 30)), len(frame_times(2.0, 30))
         ([0.0, 0.0333, 0.0667, 0.1], 1, 61)
     """
-    # A duration that is a whole number of frames but for rounding gets no frame more.
+    # The tolerance avoids an extra frame if the duration is a whole number of frames up to rounding.
     last = int(np.ceil(duration * fps - 1e-6))
     return np.append(np.arange(last) / fps, duration)

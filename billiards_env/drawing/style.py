@@ -1,8 +1,8 @@
-"""Colours and proportions that all pictures share.
+"""Colours and proportions of all pictures.
 
-The balls' colours are those of Okabe and Ito (2008), which colour-blind readers tell apart, in the order of pool balls;
-seventh and eighth are the wine of Tol (2021) and black. Balls 9 to 15 are striped, and every object ball bears its
-number. Nothing is told by colour alone.
+The ball colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish, in the order of pool
+balls. The seventh is wine from Tol (2021) and the eighth is black. Balls 9 to 15 are striped, and each object ball has
+its number, so no information depends on colour alone.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ CLOTH, CUSHION, RAIL, POCKET = "#dfe9e2", "#a9c4b1", "#7a5c43", "#1c1c1c"
 PAPER, INK, CHALK, GREY = "#ffffff", "#222222", "#ffffff", "#6b6b6b"
 
 RAIL_SHARE, CUSHION_SHARE = 0.04, 0.014
-"""Widths of rail and cushion as drawn, over the table's length."""
+"""Widths of the drawn rail and cushion over the table's length."""
 
 ARROW, ARROW_START = 0.09, 1.4
-"""Length of an arrow over the speed that it stands for, s; how far from a ball's centre it begins, over the radius."""
+"""Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
 
 _POOL = ("#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#009e73", "#882255", "#1c1c1c")
 _CAROM = ("#d55e00", "#f0e442")
@@ -33,18 +33,18 @@ KINDS = {
     "rolling_rest": "stops",
     "spinning_rest": "stops spinning",
 }
-"""What an event of a kind is called, with its ball for the subject."""
+"""The text of each event kind, after the name of the ball."""
 
 
 class Look(NamedTuple):
-    """How a ball looks.
+    """The appearance of a ball.
 
     Attributes:
-        fill: Its colour.
-        ink: The colour of its number.
-        path: The colour of its path, which shows on the cloth.
-        striped: Whether only a band of it has the colour.
-        number: The number it bears; none on the cue ball.
+        fill: Colour of the ball.
+        ink: Colour of its number.
+        path: Colour of its path, visible on the cloth.
+        striped: Whether only a band has the colour.
+        number: The number on the ball; empty for the cue ball.
     """
 
     fill: str
@@ -55,7 +55,7 @@ class Look(NamedTuple):
 
 
 def looks(scene: Scene) -> tuple[Look, ...]:
-    """The look of each ball: white, red and yellow for carom, pool balls else; fixed balls are grey."""
+    """Returns the look of each ball: white, red and yellow in carom, otherwise pool balls; fixed balls are grey."""
     carom = not scene.table.pockets and scene.n_balls <= 3
     colours = _CAROM if carom else _POOL
     balls = [Look(CHALK, INK, "#555555", False, "")]

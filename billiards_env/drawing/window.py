@@ -1,4 +1,4 @@
-"""A window that shows frames as they are drawn."""
+"""A window that shows frames."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pygame
 
 
 class Window:
-    """A pygame window; with the environment variable SDL_VIDEODRIVER=dummy it is shown nowhere."""
+    """A pygame window; with the environment variable SDL_VIDEODRIVER=dummy it is invisible."""
 
     def __init__(self, size: tuple[int, int], title: str) -> None:
         """Opens a window of `size` (width, height), pixels."""
@@ -16,7 +16,7 @@ class Window:
         self._clock = pygame.time.Clock()
 
     def show(self, frame: pygame.Surface, fps: float) -> None:
-        """Shows a frame, 1 / fps seconds after the last at the earliest."""
+        """Shows a frame at least 1 / fps seconds after the last one."""
         self._screen.blit(frame, (0, 0))
         pygame.event.pump()
         self._clock.tick(fps)

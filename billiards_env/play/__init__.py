@@ -1,6 +1,6 @@
-"""A window in which people, and programs, play a game: `python -m billiards_env.play`.
+"""A window in which people and programs play a game: `python -m billiards_env.play`.
 
-`model` holds what can happen, as pure functions of plain data; it knows neither window nor clock. `players` finds the
-programs that play; `screen` draws a model, and `window` turns mouse and keys into a model's inputs. pygame is imported
-by the last two.
+`model` is the state of the window with pure functions that update it. It uses neither pygame nor a clock. `labels`
+makes the texts, `view` draws a model with pygame, and `window` converts mouse and keyboard events to inputs of the
+model. `players` finds the programs that play.
 """

@@ -1,4 +1,4 @@
-"""The window: turns mouse and keys into a model's inputs, and lets programs play when it is their turn."""
+"""The window: converts mouse and keyboard events to inputs of the model and calls the programs that play."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import records
-from billiards_env.drawing.canvas import pygame  # which says how to install it
+from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.window import Window as Frames
 from billiards_env.play.model import (
     AimAt,
-    Do,
+    ChangeSpeed,
+    Command,
     Input,
     Model,
     MoveBy,
     MoveTo,
-    Strengthen,
-    Turn,
+    TurnAim,
     shoot,
     tick,
     update,
 )
 from billiards_env.play.players import Player
-from billiards_env.play.screen import FPS, Screen
+from billiards_env.play.view import FPS, View
 
 COMMANDS = {
     pygame.K_SPACE: "go",
@@ -47,31 +47,31 @@ COMMANDS = {
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
 
 DEGREES, METRES_PER_SECOND, METRES = 1.0, 0.1, 0.01
-"""What an arrow key does to the aim, the speed and the cue ball in hand; with shift a tenth."""
+"""Changes of the aim, the speed and the cue ball in hand by an arrow key; a tenth of them with shift."""
 
 GRIP = 14
-"""Pixels beside the cue ball, and about the arrow's tip, by which the arrow can be taken hold of."""
+"""pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
 
 class GameWindow:
     """A game in a window.
 
     Attributes:
-        model: The game.
-        open: Whether the window is to stay open.
-        note: What there is to say of the last key.
+        model: The state of the game.
+        open: False after the user has quit.
+        message: The result of the last command, such as saving.
     """
 
     def __init__(
         self, model: Model, players: Sequence[Player | None], rng: np.random.Generator, save: Path, width: int
     ) -> None:
-        """Opens a window of `width` pixels; `players` has None for a person, `save` is where "S" saves to."""
+        """Opens a window of `width` pixels; a person is None in `players`, and "S" saves to the path `save`."""
         self.model, self.open = model, True
         self._players, self._rng, self._save = players, rng, save
-        self._screen = Screen(model.setup.scene, width)
-        self._frames = Frames(self._screen.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
+        self._view = View(model.setup.scene, width)
+        self._frames = Frames(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
         pygame.key.set_repeat(300, 30)
-        self._dragging, self.note = False, ""
+        self._dragging, self.message = False, ""
 
     def run(self) -> None:
         """Plays until the window is closed."""
@@ -85,22 +85,22 @@ class GameWindow:
         """Closes the window."""
         self._frames.close()
 
-    def pixels_of(self, place: ArrayLike) -> NDArray[np.float64]:
-        """Where a place (2,), m, is shown: (2,) pixels from the upper left corner."""
-        return self._screen.canvas.pixels_of(place)
+    def pixels_of(self, point: ArrayLike) -> NDArray[np.float64]:
+        """Returns the pixels (2,) of a point (2,), m, from the upper left corner."""
+        return self._view.canvas.pixels_of(point)
 
     def frame(self) -> pygame.Surface:
-        """Takes what has been done with mouse and keys, and shows a frame, 1 / FPS s after the last.
+        """Handles the events and shows a frame, 1 / FPS s after the last one.
 
         Returns:
-            The frame, valid until the next.
+            The frame, valid until the next call.
         """
         for event in pygame.event.get():
             self._take(event)
         self.model = tick(self.model, 1 / FPS)
-        frame = self._screen.draw(self.model, self.note)
+        frame = self._view.draw(self.model, self.message)
         self._frames.show(frame, FPS)
-        if self.model.phase == "thinking":  # after the frame that says so
+        if self.model.phase == "thinking":  # after the frame that shows this phase
             player = self._players[self.model.game.state.player]
             assert player is not None
             stroke = player(self.model.setup, self.model.game, self.model.max_speed, self._rng)
@@ -111,15 +111,15 @@ class GameWindow:
         """Saves the game."""
         try:
             records.save(self._save, records.record_game(self.model.history))
-            self.note = f"saved to {self._save}"
+            self.message = f"saved to {self._save}"
         except OSError as error:
-            self.note = f"not saved: {error}"
+            self.message = f"not saved: {error}"
 
     def _take(self, event: pygame.event.Event) -> None:
         if event.type == pygame.QUIT:
             self.open = False
         elif event.type == pygame.KEYDOWN:
-            self.note = ""
+            self.message = ""
             if event.key in (pygame.K_q, pygame.K_ESCAPE):
                 self.open = False
             elif event.key == pygame.K_s:
@@ -127,36 +127,36 @@ class GameWindow:
             elif event.key in ARROWS:
                 self._do(self._moved(*ARROWS[event.key], 0.1 if event.mod & pygame.KMOD_SHIFT else 1.0))
             elif event.key in COMMANDS:
-                self._do(Do(COMMANDS[event.key]))
+                self._do(Command(COMMANDS[event.key]))
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
-            self.note = ""
+            self.message = ""
             self._dragging = self._on_arrow(event.pos) and not self.model.help
             if not self._dragging:
-                self._do(Do("go"))
+                self._do(Command("go"))
         elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
             self._dragging = False
         elif event.type == pygame.MOUSEMOTION:
-            place = self._screen.canvas.place_of(event.pos)
-            self._do(AimAt(place) if self._dragging else MoveTo(place))
+            point = self._view.canvas.point_of(event.pos)
+            self._do(AimAt(point) if self._dragging else MoveTo(point))
         elif event.type == pygame.MOUSEWHEEL:
-            self._do(Strengthen(METRES_PER_SECOND * event.y))
+            self._do(ChangeSpeed(METRES_PER_SECOND * event.y))
 
-    def _do(self, given: Input) -> None:
-        self.model = update(self.model, given)
+    def _do(self, user_input: Input) -> None:
+        self.model = update(self.model, user_input)
 
     def _moved(self, x: int, y: int, share: float) -> Input:
-        """What an arrow key that points along (x, y) does."""
+        """Returns the input of an arrow key that points along (x, y)."""
         if self.model.phase == "placing":
             return MoveBy((METRES * share * x, METRES * share * y))
-        return Turn(-DEGREES * share * x) if x else Strengthen(METRES_PER_SECOND * share * y)
+        return TurnAim(-DEGREES * share * x) if x else ChangeSpeed(METRES_PER_SECOND * share * y)
 
     def _on_arrow(self, pixel: tuple[int, int]) -> bool:
-        """Whether a pixel is on the cue ball that is aimed, or on the tip of the arrow."""
-        model, canvas = self.model, self._screen.canvas
+        """Returns whether a pixel is on the aimed cue ball or on the tip of the arrow."""
+        model, canvas = self.model, self._view.canvas
         if model.phase != "aiming":
             return False
         radius = model.setup.scene.balls.radius[model.cue]
         velocity = np.array(model.stroke.velocity)
-        tip = np.array(model.cue_at) + velocity * (ARROW + ARROW_START * radius / model.speed)
-        ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_at, tip))
+        tip = np.array(model.cue_position) + velocity * (ARROW + ARROW_START * radius / model.speed)
+        ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_position, tip))
         return ball < canvas.scale * radius + GRIP or tip < GRIP

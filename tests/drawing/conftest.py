@@ -11,7 +11,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 SCENE = Scene.named("pool", 4)
 PLACES = layouts.draw("random", SCENE, np.random.default_rng(140))
-VELOCITY = [-2.6777, -0.8187]  # the combination of the README's picture: balls 3 and 2 are potted
+VELOCITY = [-2.6777, -0.8187]  # the shot of the README's picture: balls 3 and 2 are potted
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def shot():
 
 @pytest.fixture(scope="session")
 def pit():
-    """The same shot, at a coarse timestep."""
+    """The same shot by PIT with a coarse timestep."""
     return simulate(SCENE, PLACES, VELOCITY, mode="pit", dt=1 / 60, record=True)
 
 

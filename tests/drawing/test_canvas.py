@@ -30,7 +30,7 @@ def still(scene, positions, **kwargs):
     return canvas, frame
 
 
-def test_a_frame_for_each_thirtieth_of_a_second_and_one_for_the_end(shot):
+def test_a_film_has_a_frame_per_interval_and_one_for_the_end(shot):
     frames = [pixels(frame) for frame in Canvas(shot.scene).film(shot.recording(), 30)]
     assert len(frames) == math.ceil(30 * shot.time) + 1
     assert {frame.shape for frame in frames} == {(462, 800, 3)}
@@ -46,13 +46,13 @@ def test_frames_are_the_same_every_time(shot, pit):
     assert film() == film()
 
 
-def test_a_canvas_draws_one_film_as_it_draws_the_next(shot):
+def test_a_canvas_draws_the_same_film_twice(shot):
     canvas = Canvas(shot.scene, width=400)
     first, second = ([pixels(f).tobytes() for f in canvas.film(shot.recording(), 10)] for _ in range(2))
     assert first == second
 
 
-def test_the_last_frame_alone_is_that_of_the_film(shot, pit):
+def test_only_last_yields_the_last_frame_of_the_film(shot, pit):
     canvas = Canvas(shot.scene, width=400)
     film = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording())]
     (last,) = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording(), only_last=True)]
@@ -60,7 +60,7 @@ def test_the_last_frame_alone_is_that_of_the_film(shot, pit):
 
 
 @pytest.mark.parametrize("width", [640, 801, 1920])
-def test_balls_are_where_they_are_to_scale(width):
+def test_balls_are_drawn_at_their_positions_to_scale(width):
     scene = Scene.named("pool", 15)
     rng = np.random.default_rng(0)
     positions = np.column_stack((np.linspace(-1.1, 1.1, 16), rng.uniform(-0.5, 0.5, 16)))
@@ -70,14 +70,14 @@ def test_balls_are_where_they_are_to_scale(width):
     radius = scene.balls.radius[0] * canvas.scale
     for place, look in zip(positions, looks(scene), strict=True):
         centre = canvas.pixels_of(place)
-        # Beside the number; the middle of a striped ball is coloured too.
+        # Next to the number; the band of a striped ball is coloured there too.
         assert near(frame, centre, look.fill, 40, dx=-0.72 * radius)
         assert near(frame, centre, "#dfe9e2", dy=1.6 * radius)
         assert near(frame, centre, "#dfe9e2", dy=-1.6 * radius)
     assert near(frame, canvas.pixels_of(positions[0]), "#ffffff")
 
 
-def test_a_ball_is_as_large_as_it_is():
+def test_balls_are_drawn_with_their_radius():
     scene = Scene(Balls((0.05,), (0.2,)))
     canvas, frame = still(scene, [[0.3, -0.2]], width=960)
     cloth = np.abs(frame.astype(int) - rgb("#dfe9e2")).max(-1) <= 6
@@ -88,13 +88,13 @@ def test_a_ball_is_as_large_as_it_is():
     assert across[-1] - across[0] + 1 == pytest.approx(2 * 0.05 * canvas.scale, abs=2)
 
 
-def test_slow_balls_glide_by_less_than_a_pixel():
+def test_slow_balls_move_by_less_than_a_pixel():
     scene = Scene.named("pool", 0)
     (_, one), (_, two) = (still(scene, [[x, 0.0]]) for x in (0.1, 0.1 + 0.4 / Canvas(scene).scale))
     assert (one != two).any()
 
 
-def test_potted_balls_leave_the_table_for_the_bar(shot):
+def test_potted_balls_move_from_the_table_to_the_bar(shot):
     canvas = Canvas(shot.scene)
     *_, last = (pixels(frame) for frame in canvas.film(shot.recording(), 30))
     look = looks(shot.scene)
@@ -117,7 +117,7 @@ def test_paths_grow_behind_the_balls(shot):
     assert near(film[-1], where, path, 40)
 
 
-def test_the_arrow_points_where_the_cue_ball_goes():
+def test_the_arrow_points_along_the_velocity_of_the_cue_ball():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[0.0, 0.0]], [0.0, 2.0], record=True)
     canvas = Canvas(scene)
@@ -136,14 +136,14 @@ def test_the_other_run_is_drawn_as_rings(shot, pit):
     *_, alone = (pixels(f) for f in canvas.film(shot.recording(), 30))
     *_, both = (pixels(f) for f in canvas.film(shot.recording(), 30, compare=pit.recording()))
     radius = shot.scene.balls.radius[2] * canvas.scale
-    centre = canvas.pixels_of(pit.positions[2])  # it is not potted here
+    centre = canvas.pixels_of(pit.positions[2])  # this ball is not potted in this run
     path = looks(shot.scene)[2].path
     assert any(near(both, centre, path, 60, dx=radius - back) for back in (0, 0.5, 1, 1.5))
     assert near(both, centre, "#dfe9e2", dx=radius / 2)
     assert near(alone, centre, "#dfe9e2", dx=radius - 1)
 
 
-def test_lines_of_text(shot):
+def test_texts_are_drawn_in_the_bar(shot):
     canvas = Canvas(shot.scene)
 
     def film(left, right):
@@ -155,7 +155,7 @@ def test_lines_of_text(shot):
     assert shown == [t >= shot.time - 1.0 for t in [*(np.arange(len(plain) - 1) / 10), shot.time]]
 
 
-def test_odd_tables_fit():
+def test_tables_of_unusual_shape_fit():
     for length, width in ((1.0, 1.0), (0.5, 2.0), (5.0, 0.2)):
         scene = Scene(Balls((0.03,), (0.2,)), Table(length, width))
         canvas, frame = still(scene, [[0.0, 0.0]])
@@ -167,12 +167,12 @@ def test_odd_tables_fit():
 
 
 @pytest.mark.parametrize("width", [0, 159, 10**5, 320.0, True, "wide"])
-def test_impossible_widths_are_refused(width):
+def test_impossible_widths_are_rejected(width):
     with pytest.raises(ValueError, match=r"width = .*: expected a whole number from 160 to 7680 pixels"):
         Canvas(Scene.named("pool"), width)
 
 
-def test_films_side_by_side_each_to_its_own_end(shot):
+def test_films_of_different_length_are_shown_side_by_side(shot):
     scene = shot.scene
     short = simulate(scene, shot.at(0.0), [0.1, 0.0], record=True)
     canvas = Canvas(scene, width=320)

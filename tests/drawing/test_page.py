@@ -27,7 +27,7 @@ def tab(tmp_path_factory):
 
 @pytest.fixture
 def player(tab, shot, pit, tmp_path):
-    """The page of a shot and its coarse double, opened from the disk."""
+    """The page of a shot and of its PIT run, opened from a file."""
     shot.to_html(tmp_path / "shot.html", compare=pit)
     tab.open(tmp_path / "shot.html")
     return tab
@@ -42,7 +42,7 @@ def text(tab, selector):
 
 
 def pixel(tab, x, y):
-    """The colour at a place on the table, m, as the canvas shows it."""
+    """Returns the colour of the canvas at a point of the table, m."""
     return tab.run(
         f"(() => {{ const c = document.querySelector('#table'), p = c.getContext('2d'), m = p.getTransform();"
         f" const q = m.transformPoint(new DOMPoint({x}, {y}));"
@@ -51,7 +51,7 @@ def pixel(tab, x, y):
 
 
 @needs_browser
-def test_positions_are_those_of_the_shot(player, shot, pit):
+def test_positions_agree_with_the_shot(player, shot, pit):
     for run, one in enumerate((shot, pit)):
         times = [0.0, *np.linspace(0.003, one.time, 40).tolist(), *one.events["time"].tolist()[:40], one.time + 1]
         for t in times:
@@ -59,7 +59,7 @@ def test_positions_are_those_of_the_shot(player, shot, pit):
 
 
 @needs_browser
-def test_positions_of_a_break(tab, tmp_path):
+def test_positions_agree_with_a_break(tab, tmp_path):
     scene = Scene.named("pool", 15)
     rng = np.random.default_rng(1)
     places = np.column_stack((np.linspace(-1.1, 1.1, 16), rng.uniform(-0.5, 0.5, 16)))
@@ -68,11 +68,11 @@ def test_positions_of_a_break(tab, tmp_path):
     tab.open(tmp_path / "break.html")
     for t in np.linspace(0, shot.time, 100).tolist():
         assert np.abs(at(tab, 0, t) - shot.at(t)).max() < 1e-9
-    assert tab.run("document.querySelector('#other').getClientRects().length") == 0  # nothing to compare with
+    assert tab.run("document.querySelector('#other').getClientRects().length") == 0  # no other run
 
 
 @needs_browser
-def test_balls_are_drawn_where_they_are(player, shot):
+def test_balls_are_drawn_at_their_positions(player, shot):
     player.run("billiards.seek(1.0)")
     for ball, colour in ((1, (240, 228, 66)), (2, (0, 114, 178)), (4, (204, 121, 167))):
         x, y = shot.at(1.0)[ball]
@@ -83,7 +83,7 @@ def test_balls_are_drawn_where_they_are(player, shot):
 
 
 @needs_browser
-def test_play_goes_on_and_stops_at_the_end(player, shot, pit):
+def test_play_runs_and_stops_at_the_end(player, shot, pit):
     assert not player.run("billiards.playing")
     player.click("#play")
     assert player.run("new Promise(done => setTimeout(() => done(billiards.playing && billiards.time > 0.05), 500))")
@@ -98,13 +98,13 @@ def test_play_goes_on_and_stops_at_the_end(player, shot, pit):
         False,
         end,
     ]
-    player.click("#table")  # from the start again
+    player.click("#table")  # starts again
     assert player.run("billiards.playing && billiards.time < 1")
     player.run("billiards.pause()")
 
 
 @needs_browser
-def test_speed(player):
+def test_the_playback_speed(player):
     player.run("document.querySelector('#speed').value = '0.05'; billiards.play()")
     slow = player.run("new Promise(done => setTimeout(() => done(billiards.time), 600))")
     assert 0 < slow < 0.2
@@ -112,7 +112,7 @@ def test_speed(player):
 
 
 @needs_browser
-def test_scrubbing(player):
+def test_the_time_slider(player):
     player.run("const s = document.querySelector('#scrub'); s.value = 2.5; s.dispatchEvent(new Event('input'))")
     assert player.run("billiards.time") == pytest.approx(2.5, abs=1e-6)
     assert "2.500" in text(player, "#clock")
@@ -122,7 +122,7 @@ def test_scrubbing(player):
 
 
 @needs_browser
-def test_events_are_listed_and_jumped_to(player, shot):
+def test_events_are_listed_and_can_be_selected(player, shot):
     listed = player.run("[...document.querySelectorAll('#events button')].map(b => b.textContent)")
     strong = shot.events[np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
     assert len(listed) == len(strong) == 7
@@ -142,7 +142,7 @@ def test_events_are_listed_and_jumped_to(player, shot):
 
 
 @needs_browser
-def test_the_keyboard_does_everything(player, shot, pit):
+def test_the_keyboard_controls_everything(player, shot, pit):
     player.run("document.activeElement.blur()")
     times = shot.events["time"][np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
     steps = [
@@ -194,20 +194,20 @@ def test_dark_and_light(player):
 
 
 @needs_browser
-def test_it_fits_a_telephone(player):
+def test_the_page_fits_a_telephone(player):
     player.call("Emulation.setDeviceMetricsOverride", width=360, height=740, deviceScaleFactor=3, mobile=True)
     try:
         assert player.run("document.documentElement.scrollWidth") <= 360
-        deadline = time.monotonic() + 10.0  # the page follows the size of its window a frame or two later
+        deadline = time.monotonic() + 10.0  # the page adapts to the window after one or two frames
         while player.run("document.querySelector('#table').width") <= 900 and time.monotonic() < deadline:
             time.sleep(0.02)
-        assert player.run("document.querySelector('#table').width") > 900  # the screen's own pixels
+        assert player.run("document.querySelector('#table').width") > 900  # physical pixels of the screen
     finally:
         player.call("Emulation.clearDeviceMetricsOverride")
 
 
 @needs_browser
-def test_notebooks_show_it_in_a_frame(tab, shot, tmp_path):
+def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{shot._repr_html_()}", "utf-8")
     tab.open(tmp_path / "notebook.html")
     assert tab.run("document.querySelector('iframe').getBoundingClientRect().width") > 600
@@ -219,7 +219,7 @@ def test_notebooks_show_it_in_a_frame(tab, shot, tmp_path):
 
 
 @needs_browser
-def test_what_is_put_into_it_is_escaped(tab, shot, tmp_path):
+def test_inserted_text_is_escaped(tab, shot, tmp_path):
     title = "</title><script>document.body.id = 'broken'</script>{{data}} & \"'"
     shot.to_html(tmp_path / "shot.html", title=title)
     tab.open(tmp_path / "shot.html")
@@ -229,7 +229,7 @@ def test_what_is_put_into_it_is_escaped(tab, shot, tmp_path):
     assert tab.run("billiards.duration") == shot.time
 
 
-def test_one_file_without_links(shot, pit):
+def test_the_page_is_one_file_without_links(shot, pit):
     page = make_page(shot.recording(), pit.recording(), "</script><b>")
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert page.count("</script>") == 2
@@ -237,13 +237,13 @@ def test_one_file_without_links(shot, pit):
     assert "{{" not in page
 
 
-def test_the_data_are_all_digits_of_the_trajectories(shot):
+def test_the_page_contains_the_trajectories_with_all_digits(shot):
     (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', make_page(shot.recording()))
     data = json.loads(text)
-    recording = shot.recording()
+    paths = shot.recording().trajectory
     for ball, rows in enumerate(data["runs"][0]["pieces"]):
-        assert [row[2:4] for row in rows] == recording.position[recording.ball == ball].tolist()
-    assert data["runs"][0]["gone"][2] == recording.gone[2]
+        assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
+    assert data["runs"][0]["gone"][2] == paths.gone[2]
     assert data["runs"][0]["gone"][0] is None
 
 
@@ -253,23 +253,23 @@ def test_labels_are_escaped(shot):
     assert html.escape("</script><script>alert(1)</script>") in page
 
 
-def test_a_shot_without_end_of_its_own():
+def test_a_shot_that_ends_at_its_time_limit():
     ideal = simulate(Scene.named("ideal"), [[0.0, 0.0], [0.5, 0.1]], [1.0, 0.0], max_time=2.0, record=True)
     assert "Infinity" not in re.findall(r"application/json.>(.*?)</script>", make_page(ideal.recording()))[0]
 
 
-def test_notebooks_are_spared_what_was_not_recorded_or_is_too_long(shot, unrecorded, monkeypatch):
+def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
     assert shot._repr_html_().startswith("<iframe ")
     assert unrecorded._repr_html_() is None
-    monkeypatch.setattr("billiards_env.engine.shot.LONGEST_SHOWN", 3)
+    monkeypatch.setattr("billiards_env.shot.LONGEST_SHOWN", 3)
     assert shot._repr_html_() is None
 
 
-def test_bad_paths_are_refused(shot, elsewhere, tmp_path):
+def test_bad_paths_are_rejected(shot, elsewhere, tmp_path):
     with pytest.raises(ValueError, match=r"expected a name that ends in '\.html'"):
         shot.to_html(tmp_path / "a.htm")
     with pytest.raises(FileNotFoundError, match="does not exist"):
         shot.to_html(tmp_path / "none" / "a.html")
-    with pytest.raises(ValueError, match="compare: expected a shot of the same balls"):
+    with pytest.raises(ValueError, match="compare: expected a shot with the same balls"):
         shot.to_html(tmp_path / "a.html", compare=elsewhere)
     assert os.listdir(tmp_path) == []

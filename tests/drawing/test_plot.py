@@ -20,7 +20,7 @@ def closed():
 
 
 def circles(axes, colour, filled):
-    """(x, y, radius) of the circles in a colour."""
+    """Returns (x, y, radius) of the circles of a colour."""
     found = [patch for patch in axes.patches if isinstance(patch, Circle)]
     wanted = colors.to_rgb(colour)
     shown = [p for p in found if colors.to_rgb(p.get_facecolor() if filled else p.get_edgecolor()) == wanted]
@@ -31,7 +31,7 @@ def paths(axes, style):
     return [line for line in axes.lines if line.get_linestyle() == style and len(line.get_xdata()) > 2]
 
 
-def test_it_draws_into_a_new_figure_or_into_axes_of_one_s_own(shot):
+def test_a_plot_uses_a_new_figure_or_given_axes(shot):
     axes = shot.plot()
     assert isinstance(axes, Axes)
     _, own = pyplot.subplots()
@@ -39,7 +39,7 @@ def test_it_draws_into_a_new_figure_or_into_axes_of_one_s_own(shot):
     assert shot.plot(ax=own).figure is own.figure
 
 
-def test_balls_are_drawn_where_they_begin_and_end(shot):
+def test_balls_are_drawn_at_their_initial_and_final_positions(shot):
     axes = shot.plot()
     radius = shot.scene.balls.radius[0]
     for ball, look in enumerate(looks(shot.scene)):
@@ -49,7 +49,7 @@ def test_balls_are_drawn_where_they_begin_and_end(shot):
         assert sorted(found) == sorted(starts + ends)
 
 
-def test_paths_are_those_of_the_balls(shot):
+def test_paths_agree_with_the_shot(shot):
     drawn = {line.get_color(): np.column_stack(line.get_data()) for line in paths(shot.plot(), "-")}
     look = looks(shot.scene)
     assert set(drawn) == {look[i].path for i in (0, 2, 3)}
@@ -60,32 +60,32 @@ def test_paths_are_those_of_the_balls(shot):
         assert np.abs(drawn[look[0].path] - corner).max(1).min() < 1e-12
 
 
-def test_moving_balls_that_touch_are_ringed(shot):
+def test_moving_balls_have_a_ring_at_a_contact(shot):
     hits = shot.events[shot.events["kind"] == "ball_ball"]
     rings = circles(shot.plot(), looks(shot.scene)[0].path, False)
     assert len(hits) == 2
     assert rings[0, :2] == pytest.approx(shot.at(hits["time"][0])[0], abs=1e-12)
 
 
-def test_events_bear_their_times(shot):
+def test_events_are_labelled_with_their_times(shot):
     texts = {text.get_text() for text in shot.plot().texts}
     assert {"0.04 s", "0.28 s", "0.57 s", "0.85 s"} <= texts
     assert {"1", "2", "3", "4"} <= texts  # the balls' numbers
 
 
-def test_another_run_is_dashed_and_ringed(shot, pit):
+def test_another_run_has_dashed_paths_and_rings(shot, pit):
     axes = shot.plot(compare=pit)
     assert len(paths(axes, "--")) == 3
     rings = circles(axes, looks(shot.scene)[2].path, False)
     assert np.abs(rings[:, :2] - pit.positions[2]).max(1).min() < 1e-12
 
 
-def test_shots_of_other_tables_are_not_compared(shot, elsewhere):
-    with pytest.raises(ValueError, match="compare: expected a shot of the same balls on the same table"):
+def test_shots_on_another_table_are_not_compared(shot, elsewhere):
+    with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
         shot.plot(compare=elsewhere)
 
 
-def test_weak_contacts_bear_no_mark():
+def test_weak_contacts_have_no_mark():
     scene = Scene.named("pool", 1)
     gap = 2 * scene.balls.radius[0] + 1e-4
     for speed, marks in ((0.5, 1), (0.01, 0)):
@@ -93,7 +93,7 @@ def test_weak_contacts_bear_no_mark():
         assert len([line for line in axes.lines if line.get_marker() == "*"]) == marks
 
 
-def test_every_kind_of_table(elsewhere):
+def test_carom_tables_and_striped_balls_can_be_drawn(elsewhere):
     assert len(elsewhere.plot().lines) > 0
     stripes = simulate(Scene.named("pool", 9), [[0.1 * k, 0.0] for k in range(10)], [0.0, 1.0], record=True)
     assert [text.get_text() for text in stripes.plot().texts if text.get_text() == "9"] == ["9"]

@@ -16,14 +16,14 @@ def places(recording, t):
 
 
 @pytest.mark.parametrize("name", ["shot", "pit", "elsewhere"])
-def test_paths_are_those_of_the_shot(name, request):
+def test_paths_agree_with_the_shot(name, request):
     shot = request.getfixturevalue(name)
     recording = shot.recording()
     for t in [0.0, *np.linspace(0.01, shot.time, 57), *shot.events["time"], shot.time]:
         assert np.abs(places(recording, t) - shot.at(t)).max() < 1e-14
 
 
-def test_a_recording_says_when_balls_are_potted(shot):
+def test_a_recording_has_the_times_of_potting(shot):
     gone = shot.recording().gone
     drops = shot.events[shot.events["kind"] == "pocket"]
     assert drops["ball"].tolist() == [3, 2]
@@ -31,7 +31,7 @@ def test_a_recording_says_when_balls_are_potted(shot):
     assert np.isinf(gone[[0, 1, 4]]).all()
 
 
-def test_balls_that_are_not_in_play_are_gone_from_the_start():
+def test_balls_not_in_play_are_gone_from_the_start():
     given = {"in_play": [True, False], "record": True}
     recording = simulate(Scene.named("pool"), [[0.0, 0.0], [9.0, 9.0]], [1.0, 0.2], **given).recording()
     assert recording.gone.tolist() == [np.inf, 0.0]
@@ -39,12 +39,12 @@ def test_balls_that_are_not_in_play_are_gone_from_the_start():
     assert not recording.moves(1)
 
 
-def test_which_balls_move(shot):
+def test_moves_is_true_only_for_moving_balls(shot):
     recording = shot.recording()
     assert [i for i in range(5) if recording.moves(i)] == [0, 2, 3]
 
 
-def test_labels_say_how_a_shot_was_run(shot, pit, unrecorded):
+def test_the_label_names_the_engine(shot, pit, unrecorded):
     assert (shot.engine, pit.engine) == ("PIC", "PIT, dt = 16.67 ms")
     assert shot.scene is not None
     assert shot.scene.n_balls == 5
@@ -60,9 +60,9 @@ def test_recording_does_not_change_a_shot(shot, unrecorded):
     assert shot.time == unrecorded.time
 
 
-def test_only_shots_of_the_same_balls_on_the_same_table_are_compared(shot, pit, elsewhere):
+def test_only_shots_with_the_same_balls_and_table_are_compared(shot, pit, elsewhere):
     check_pair(shot.recording(), pit.recording())
-    with pytest.raises(ValueError, match="compare: expected a shot of the same balls on the same table"):
+    with pytest.raises(ValueError, match="compare: expected a shot with the same balls on the same table"):
         check_pair(shot.recording(), elsewhere.recording())
 
 
@@ -73,7 +73,7 @@ def test_a_film_ends_when_the_shot_does():
     assert frame_times(0.0, 30).tolist() == [0.0]
 
 
-def test_every_way_to_draw_refuses_a_shot_that_was_not_recorded(unrecorded, tmp_path):
+def test_unrecorded_shots_cannot_be_drawn(unrecorded, tmp_path):
     calls = {
         "plot": unrecorded.plot,
         "to_gif": lambda: unrecorded.to_gif(tmp_path / "a.gif"),
@@ -88,13 +88,13 @@ def test_every_way_to_draw_refuses_a_shot_that_was_not_recorded(unrecorded, tmp_
     assert not list(tmp_path.iterdir())
 
 
-def test_looks():
+def test_the_looks_of_balls():
     pool = looks(Scene.named("pool", 15))
     assert [look.number for look in pool] == ["", *map(str, range(1, 16))]
     assert [look.striped for look in pool] == [False] * 9 + [True] * 7
     assert [look.fill for look in pool[1:8]] == [look.fill for look in pool[9:]]
     assert len({look.fill for look in pool[:9]}) == 9
     assert len({look.fill for look in looks(Scene.named("carom"))}) == 3
-    assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#d55e00", "#f0e442"]  # ball 1 is the red one
+    assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#d55e00", "#f0e442"]  # ball 1 is red
     fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
     assert looks(fixed)[1].fill == "#6b6b6b"

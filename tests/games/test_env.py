@@ -16,7 +16,7 @@ from billiards_env.games import RULES, billiards_v0, replay
 from billiards_env.layouts import MARGIN
 
 with warnings.catch_warnings():
-    # It imports an example by its old name, where that example's own dependencies are installed.
+    # It imports an example by its old name if the dependencies of the example are installed.
     warnings.simplefilter("ignore")
     from pettingzoo.test import api_test, render_test, seed_test
 
@@ -36,7 +36,7 @@ def make(**kwargs) -> Any:
 
 
 def play_game(env, seed):
-    """Plays a random game; all that the environment said, arrays as bytes."""
+    """Plays a random game and returns all outputs of the environment, arrays as bytes."""
     env.reset(seed=seed)
     rng = np.random.default_rng(seed)
     log = []
@@ -64,7 +64,7 @@ def test_pettingzoos_seed_test(kwargs):
 def test_pettingzoos_render_test(rules, monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    # Slow shots are short films, which a window shows at their own pace.
+    # Slow shots are short, and a window shows films in real time.
     render_test(
         lambda render_mode="human": make(rules=rules, render_mode=render_mode, max_speed=0.02),
         {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
@@ -80,7 +80,7 @@ def test_the_same_seed_gives_the_same_game_bit_for_bit(kwargs):
 
 
 @variants
-def test_rewards_are_what_others_lose_and_the_game_ends_for_all(kwargs):
+def test_rewards_sum_to_zero_and_the_game_ends_for_all(kwargs):
     env = make(**kwargs)
     for seed in range(2):
         env.reset(seed=seed)
@@ -110,7 +110,7 @@ def test_rewards_are_what_others_lose_and_the_game_ends_for_all(kwargs):
             assert list(total.values()) == pytest.approx((points - others).tolist())
 
 
-def test_a_loser_is_paid_for_his_own_shot():
+def test_a_player_who_loses_by_a_foul_has_reward_minus_one():
     env = billiards_v0.raw_env("eight_ball", max_shots=1)
     positions = np.array([[0.9, 0.265], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
     positions[8] = 1.1, 0.465
@@ -123,7 +123,7 @@ def test_a_loser_is_paid_for_his_own_shot():
     assert env.infos["player_1"]["winner"] == "player_1"
 
 
-def test_a_player_who_pots_goes_on():
+def test_a_player_who_pots_continues():
     env = billiards_v0.raw_env("straight", n_object_balls=2)
     env.reset(options={"positions": [[-0.635, 0.0], [0.635, 0.3], [0.0, -0.5]]})
     env.step(np.array([0.25, 0.05625, 0.0, 0.0], np.float32))
@@ -134,7 +134,7 @@ def test_a_player_who_pots_goes_on():
     assert env.agent_selection == "player_1"
 
 
-def test_the_limit_on_shots_truncates():
+def test_max_shots_truncates():
     env = billiards_v0.raw_env("nine_ball", max_shots=3)
     env.reset(seed=0)
     for k in range(3):
@@ -161,14 +161,14 @@ def test_observations():
         assert seen[64:].tolist() == [agent == "player_1", 0, 0, 1]
 
 
-def test_observed_scores_begin_with_the_observers_own():
+def test_observed_scores_begin_with_the_observer():
     env = billiards_v0.raw_env("straight", n_players=3, n_object_balls=4)
     env.reset(options={"positions": np.array([[0.2 * i, 0.0] for i in range(5)]), "state": {"scores": [1, -9, 2]}})
     for agent, scores in (("player_0", [0.25, -1, 0.5]), ("player_1", [-1, 0.5, 0.25]), ("player_2", [0.5, 0.25, -1])):
         assert env.observe(agent)[-3:].tolist() == scores
 
 
-def test_the_ball_to_strike_is_observed_first():
+def test_the_cue_ball_is_observed_first():
     env = billiards_v0.raw_env("carom")
     env.reset()
     red, own = [0.5, 0.0], [-0.5, 0.0]
@@ -179,7 +179,7 @@ def test_the_ball_to_strike_is_observed_first():
     assert seen[[8, 9]].tolist() == red
 
 
-def test_actions_place_a_cue_ball_in_hand_over_all_of_its_room():
+def test_actions_cover_the_whole_placement_area():
     env = billiards_v0.raw_env("nine_ball")
     r = env.setup.scene.balls.radius[0]
     x_end, y_end = 1.27 - r - MARGIN, 0.635 - r - MARGIN
@@ -198,7 +198,7 @@ def test_actions_place_a_cue_ball_in_hand_over_all_of_its_room():
 
 
 @pytest.mark.parametrize("action", [None, np.zeros(3), np.full(4, np.nan), np.array([0, 0, 0, np.inf])])
-def test_wrong_actions_are_refused(action):
+def test_wrong_actions_are_rejected(action):
     env = billiards_v0.raw_env("nine_ball")
     env.reset(seed=0)
     with pytest.raises(ValueError, match="expected 4 finite numbers"):
@@ -212,7 +212,7 @@ def test_actions_out_of_bounds_are_clipped_with_a_warning_by_pettingzoo(capsys):
     assert env.unwrapped.history().strokes[0].velocity == (0.0, 8.0)
 
 
-def test_calls_out_of_order_are_refused():
+def test_calls_out_of_order_are_rejected():
     env = make(rules="carom")
     with pytest.raises(AttributeError, match="before reset"):
         _ = env.agents
@@ -235,12 +235,12 @@ def test_calls_out_of_order_are_refused():
         ({"render_mode": "ansi"}, "render_mode = 'ansi'"),
     ],
 )
-def test_wrong_arguments_are_refused(kwargs, message):
+def test_wrong_arguments_are_rejected(kwargs, message):
     with pytest.raises(ValueError, match=message):
         make(**kwargs)
 
 
-def test_a_shot_cut_off_is_loud(monkeypatch):
+def test_a_shot_that_reaches_the_engine_limit_warns(monkeypatch):
     real = billiards_v0.play
 
     def cut(*args):
@@ -255,7 +255,7 @@ def test_a_shot_cut_off_is_loud(monkeypatch):
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_copies_play_on_alike(duplicate):
+def test_copies_continue_identically(duplicate):
     env = billiards_v0.raw_env("nine_ball")
     env.reset(seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
@@ -271,7 +271,7 @@ def test_copies_play_on_alike(duplicate):
     assert env.game.positions.tobytes() == other.game.positions.tobytes()
 
 
-def test_a_history_plays_again():
+def test_a_history_can_be_replayed():
     env = billiards_v0.raw_env("eight_ball")
     env.reset(seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 4)).astype(np.float32)
@@ -310,7 +310,7 @@ def test_all_frames_of_a_shot():
     assert env.render() == []
 
 
-def test_drawing_changes_no_bit():
+def test_rendering_does_not_change_the_game():
     pytest.importorskip("pygame")
     seen, blind = make(rules="carom", render_mode="rgb_array"), make(rules="carom")
     for env in (seen, blind):
@@ -321,7 +321,7 @@ def test_drawing_changes_no_bit():
     assert seen.unwrapped.game.positions.tobytes() == blind.unwrapped.game.positions.tobytes()
 
 
-def test_without_a_render_mode_nothing_is_drawn():
+def test_render_without_a_render_mode_warns():
     env = make()
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
@@ -340,13 +340,13 @@ def test_without_a_render_mode_nothing_is_drawn():
     assert done.stdout.split() == ["False", "set()"]
 
 
-def test_pettingzoo_makes_it_by_name():
+def test_pettingzoo_makes_the_environment_by_name():
     env = pettingzoo.make("aec", "billiards_env/billiards-v0", rules="carom", n_players=3)
     assert env.possible_agents == ["player_0", "player_1", "player_2"]
     assert str(env) == "billiards_v0"
 
 
-def test_without_pettingzoo_the_error_says_what_to_install():
+def test_without_pettingzoo_the_error_names_the_package_to_install():
     code = (
         "import sys\n"
         "sys.modules['pettingzoo'] = None\n"

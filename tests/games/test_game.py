@@ -64,7 +64,7 @@ def test_eight_ball_rack(seed):
     assert sorted(rack_order("eight_ball", 15, np.random.default_rng(seed))) == list(range(1, 16))
 
 
-def test_every_ball_comes_to_every_other_place_of_the_rack():
+def test_every_other_ball_can_be_at_every_other_position_of_the_rack():
     seen = {place: set() for place in range(15)}
     for seed in range(400):
         for place, ball in enumerate(rack_order("eight_ball", 15, np.random.default_rng(seed))):
@@ -89,7 +89,7 @@ def test_openings(rules):
     )
 
 
-# What is refused.
+# Invalid arguments.
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_openings(rules):
         ),
     ],
 )
-def test_setups_that_cannot_be(kwargs, message):
+def test_impossible_setups_are_rejected(kwargs, message):
     usual = {"eight_ball": 15, "nine_ball": 9}
     with pytest.raises(ValueError, match=message):
         Setup(**{"scene": Scene.named("pool", usual.get(kwargs["rules"], 1)), **kwargs})
@@ -134,7 +134,7 @@ def test_targets():
     assert opening(make_setup("carom", target=7), np.random.default_rng(0)).state.target == 7
 
 
-def test_unknown_layouts():
+def test_unsuitable_layouts_are_rejected():
     with pytest.raises(ValueError, match=r"layout = 'carom_opening'.*expected one of 'rack'"):
         opening(make_setup("nine_ball"), np.random.default_rng(0), "carom_opening")
     with pytest.raises(ValueError, match="layout = 'rack'"):
@@ -166,22 +166,22 @@ PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
         ([], "state = "),
     ],
 )
-def test_states_that_cannot_be(state, message):
+def test_impossible_states_are_rejected(state, message):
     with pytest.raises(ValueError, match=message):
         custom_opening(make_setup("nine_ball"), PLACES, state)
 
 
-def test_a_target_reached_cannot_be_played_on():
+def test_a_state_with_the_target_reached_is_rejected():
     with pytest.raises(ValueError, match="below the target, 10"):
         custom_opening(make_setup("carom"), [[0, 0], [1, 0], [-1, 0]], {"scores": [0, 10]})
 
 
-def test_tables_set_by_hand():
+def test_custom_openings():
     setup = make_setup("nine_ball")
     game = custom_opening(setup, PLACES)
     assert (game.state.break_shot, game.state.in_hand, game.state.player) == (False, "no", 0)
     both = PLACES.copy()
-    both[2] = both[1]  # not in play, so in nobody's way
+    both[2] = both[1]  # ball 2 is not in play, so the overlap is allowed
     assert custom_opening(setup, both, {"on_table": [0, 1, 9]}).state.on_table == {0, 1, 9}
     with pytest.raises(ValueError, match="balls 1 and 2"):
         custom_opening(setup, both)
@@ -197,12 +197,12 @@ def test_tables_set_by_hand():
         (Stroke((1.0, math.inf)), "stroke.velocity"),
     ],
 )
-def test_strokes_that_cannot_be(stroke, message):
+def test_impossible_strokes_are_rejected(stroke, message):
     with pytest.raises(ValueError, match=message):
         play(make_setup("nine_ball"), custom_opening(make_setup("nine_ball"), PLACES), stroke)
 
 
-def test_a_cue_ball_in_hand_has_to_be_placed():
+def test_a_cue_ball_in_hand_must_be_placed():
     setup = make_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     with pytest.raises(ValueError, match="in hand"):
@@ -211,7 +211,7 @@ def test_a_cue_ball_in_hand_has_to_be_placed():
         play(setup, game, Stroke((1.0, 0.0), (math.nan, 0.0)))
 
 
-def test_no_shot_after_the_end():
+def test_no_shot_is_allowed_after_the_end():
     setup = make_setup("nine_ball")
     history, log = random_game(setup, 1)
     assert log[-1].game.state.over
@@ -244,7 +244,7 @@ def test_the_eight_ball_potted_on_the_break_is_spotted():
     assert 8 in played.game.state.on_table
 
 
-def test_a_cue_ball_in_hand_is_not_in_the_way_of_a_spotted_ball():
+def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
     setup = make_setup("nine_ball")
     positions = np.array([[0.625, -0.01], *([-0.8 + 0.16 * i, -0.3] for i in range(9))])
     positions[9] = 0.685, 0.05
@@ -265,7 +265,7 @@ def test_balls_are_spotted_one_behind_the_other(monkeypatch):
     assert played.game.state.on_table == frozenset(range(5))
 
 
-def test_a_scratch_brings_the_cue_ball_back_in_hand():
+def test_after_a_scratch_the_cue_ball_is_in_hand():
     setup = make_setup("straight", scene=Scene.named("pool", 2))
     game = custom_opening(setup, [[0.97, 0.335], [0.0, 0.0], [0.3, 0.0]])
     played = play(setup, game, Stroke((1.0, 1.0)))
@@ -276,7 +276,7 @@ def test_a_scratch_brings_the_cue_ball_back_in_hand():
     assert after.shot.at(0.0)[0].tolist() == [-0.7, 0.2]
 
 
-def test_a_place_that_is_taken_gives_the_nearest_that_is_free():
+def test_a_blocked_point_is_replaced_by_the_nearest_free_point():
     setup = make_setup("nine_ball")
     game = custom_opening(setup, PLACES, {"in_hand": "anywhere"})
     wish = tuple((PLACES[5] + [0.0, 0.01]).tolist())
@@ -284,7 +284,7 @@ def test_a_place_that_is_taken_gives_the_nearest_that_is_free():
     assert start[0] == pytest.approx(PLACES[5] + [0.0, 2 * setup.scene.balls.radius[0] + MARGIN])
 
 
-def test_carom_players_have_a_cue_ball_each():
+def test_carom_players_alternate_cue_balls():
     setup = make_setup("carom")
     game = opening(setup, np.random.default_rng(0))
     for player, cue in [(0, 0), (1, 2), (0, 0)]:
@@ -300,7 +300,7 @@ def test_carom_players_have_a_cue_ball_each():
 
 @pytest.mark.parametrize("rules", RULES)
 @pytest.mark.parametrize("engine", [{}, PIT], ids=["pic", "pit"])
-def test_random_games_end_and_nothing_gets_lost(rules, engine):
+def test_random_games_end_and_keep_all_balls(rules, engine):
     ended = 0
     for seed in range(3):
         setup = make_setup(rules, **engine, **({"target": 2} if rules == "carom" else {}))
@@ -330,7 +330,7 @@ def test_random_games_end_and_nothing_gets_lost(rules, engine):
 
 @pytest.mark.parametrize("rules", RULES)
 @pytest.mark.parametrize("engine", [{}, PIT], ids=["pic", "pit"])
-def test_a_game_plays_again_bit_for_bit(rules, engine):
+def test_a_game_replays_bit_for_bit(rules, engine):
     history, log = random_game(make_setup(rules, **engine), 5, shots=60)
     again = list(replay(history))
     assert len(again) == len(log)
@@ -340,7 +340,7 @@ def test_a_game_plays_again_bit_for_bit(rules, engine):
         assert (one.facts, one.verdict) == (other.facts, other.verdict)
 
 
-def test_a_game_leaves_its_tables_alone():
+def test_play_does_not_change_earlier_states():
     setup = make_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     before = game.positions.copy()

@@ -15,24 +15,24 @@ AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 
 
 def on_axis(*xs):
-    """Balls 1, 2, ... at these x on the long string; the others are not on the table."""
+    """Returns positions with balls 1, 2, ... at these x on the long string, and their numbers."""
     positions = AWAY.copy()
     for ball, x in enumerate(xs, start=1):
         positions[ball] = x, 0.0
     return positions, range(1, len(xs) + 1)
 
 
-def test_a_free_foot_spot_is_taken():
+def test_a_ball_is_spotted_on_a_free_foot_spot():
     assert spotted_point(SCENE, *on_axis(), 9) == (FOOT, 0.0)
 
 
-def test_a_blocked_foot_spot_moves_the_ball_behind_it():
+def test_with_a_blocked_foot_spot_the_ball_is_placed_behind_it():
     x, y = spotted_point(SCENE, *on_axis(FOOT), 9)
     assert y == 0.0
     assert x == pytest.approx(FOOT + REACH, abs=1e-12)
 
 
-def test_a_ball_beside_the_long_string_blocks_a_part_of_it():
+def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
     positions[1] = FOOT, R
     x, _ = spotted_point(SCENE, positions, balls, 9)
@@ -41,14 +41,14 @@ def test_a_ball_beside_the_long_string_blocks_a_part_of_it():
     assert spotted_point(SCENE, positions, balls, 9) == (FOOT, 0.0)
 
 
-def test_a_gap_too_small_is_passed_over():
+def test_a_gap_that_is_too_small_is_skipped():
     x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 1.9 * REACH), 9)
     assert x == pytest.approx(FOOT + 2.9 * REACH, abs=1e-12)
     x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 2 * REACH), 9)
     assert x == pytest.approx(FOOT + REACH, abs=1e-12)
 
 
-def test_where_there_is_no_room_behind_it_goes_in_front():
+def test_without_room_behind_the_foot_spot_the_ball_is_placed_in_front():
     balls = [FOOT + k * REACH for k in range(11)]
     assert balls[-1] < SCENE.table.length / 2 - R < balls[-1] + REACH
     x, y = spotted_point(SCENE, *on_axis(*balls), 15)
@@ -56,7 +56,7 @@ def test_where_there_is_no_room_behind_it_goes_in_front():
     assert x == pytest.approx(FOOT - REACH, abs=1e-12)
 
 
-def test_a_blocked_long_string_puts_it_beside():
+def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
     positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
     x, y = spotted_point(small, positions, (0, 1, 2), 3)
@@ -65,17 +65,17 @@ def test_a_blocked_long_string_puts_it_beside():
     check_positions(small, positions)
 
 
-def test_no_room_at_all_is_an_error():
+def test_a_full_table_is_an_error():
     with pytest.raises(ValueError, match="no room"):
         nearest_free_point((0.0, 0.0), (-1.0, 1.0, -1.0, 1.0), [(0.0, 0.0, 2.0)])
 
 
-def test_a_free_wish_is_granted_to_the_bit():
-    wish = (0.1 + 0.2, -1 / 3)
-    assert cue_ball_point(SCENE, AWAY, range(1, 16), 0, wish, False) == wish
+def test_a_free_point_is_returned_unchanged():
+    point = (0.1 + 0.2, -1 / 3)
+    assert cue_ball_point(SCENE, AWAY, range(1, 16), 0, point, False) == point
 
 
-def test_a_wish_is_moved_into_the_room():
+def test_a_point_outside_the_area_is_clipped():
     x_low, x_high, y_low, y_high = placement_area(SCENE, 0)
     assert cue_ball_point(SCENE, AWAY, (), 0, (9.0, 0.3), False) == (x_high, 0.3)
     assert cue_ball_point(SCENE, AWAY, (), 0, (0.3, -9.0), False) == (0.3, y_low)
@@ -84,59 +84,59 @@ def test_a_wish_is_moved_into_the_room():
     assert x_high == SCENE.table.length / 2 - R - MARGIN
 
 
-def test_a_taken_wish_goes_straight_out():
+def test_a_blocked_point_moves_radially_out():
     positions, balls = on_axis(0.0)
     x, y = cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.01), False)
     assert (x, y) == pytest.approx((0.0, REACH), abs=1e-12)
     assert cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.0), False) == pytest.approx((REACH, 0.0), abs=1e-12)
 
 
-def test_a_pocket_is_kept_clear_of():
+def test_pockets_are_avoided():
     side = SCENE.table.pockets[5]
     x, y = cue_ball_point(SCENE, AWAY, (), 0, (side.x, side.y), False)
     assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + MARGIN, abs=1e-9)
 
 
-def brute(wish, area, circles, steps=401):
-    """The squared distance of the nearest free place on a fine grid."""
+def brute(point, area, circles, steps=401):
+    """Returns the squared distance to the nearest free point of a fine grid."""
     x = np.linspace(area[0], area[1], steps)[:, None]
     y = np.linspace(area[2], area[3], steps)[None, :]
     free = np.ones((steps, steps), bool)
     for cx, cy, reach in circles:
         free &= (x - cx) ** 2 + (y - cy) ** 2 >= reach**2
-    return np.min(np.where(free, (x - wish[0]) ** 2 + (y - wish[1]) ** 2, np.inf))
+    return np.min(np.where(free, (x - point[0]) ** 2 + (y - point[1]) ** 2, np.inf))
 
 
-def test_the_place_is_free_and_no_other_is_nearer():
+def test_the_result_is_free_and_nearest():
     rng = np.random.default_rng(0)
     area = (-1.0, 1.0, -0.5, 0.5)
     for _ in range(200):
         circles = [(*(2 * rng.random(2) - 1).tolist(), 0.1 + 0.3 * rng.random()) for _ in range(12)]
-        wish = tuple((2.4 * rng.random(2) - 1.2).tolist())
-        nearest = brute(wish, area, circles)
+        point = tuple((2.4 * rng.random(2) - 1.2).tolist())
+        nearest = brute(point, area, circles)
         if not np.isfinite(nearest):
             continue
-        x, y = nearest_free_point(wish, area, circles)
+        x, y = nearest_free_point(point, area, circles)
         assert area[0] <= x <= area[1]
         assert area[2] <= y <= area[3]
         assert all(math.hypot(x - cx, y - cy) >= reach - 1e-8 for cx, cy, reach in circles)
-        inside = min(max(wish[0], area[0]), area[1]), min(max(wish[1], area[2]), area[3])
+        inside = min(max(point[0], area[0]), area[1]), min(max(point[1], area[2]), area[3])
         best = brute(inside, area, circles)
         assert math.hypot(x - inside[0], y - inside[1]) <= math.sqrt(best) + 1e-9
 
 
-def test_placed_balls_are_accepted_by_the_engine():
+def test_placed_balls_are_valid_for_the_engine():
     rng = np.random.default_rng(1)
     scene = Scene.named("pool", 9)
     for _ in range(100):
         positions = np.full((10, 2), 0.0)
         lying: list[int] = []
         for ball in range(10):
-            wish = tuple((2.6 * rng.random(2) - 1.3).tolist())
+            point = tuple((2.6 * rng.random(2) - 1.3).tolist())
             place = (
                 spotted_point(scene, positions, lying, ball)
                 if ball % 3
-                else nearest_free_point(wish, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
+                else nearest_free_point(point, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
             )
             positions[ball] = place
             lying.append(ball)

@@ -1,4 +1,4 @@
-"""Each rule, case by case, on hand-made events."""
+"""The rules, case by case, on constructed events."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ from billiards_env.shot import EVENT_DTYPE
 
 
 def events(*rows, times=None):
-    """An event log: ("hit", a, b), ("cushion", ball), ("pocket", ball) or ("sliding_rolling", ball), a second apart."""
+    """Returns events one second apart from rows such as ("hit", a, b), ("cushion", ball) or ("pocket", ball)."""
     log = np.zeros(len(rows), EVENT_DTYPE)
     for k, (kind, ball, *other) in enumerate(rows):
         log[k]["time"] = k if times is None else times[k]
@@ -44,32 +44,32 @@ def state(rules, *, on_table=None, players=2, **fields):
     return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
 
 
-# What facts_of reads.
+# facts_of
 
 
-def test_nothing_happens():
+def test_no_events_give_empty_facts():
     assert facts() == Facts()
 
 
-def test_the_first_ball_is_the_first_that_the_cue_ball_touches_in_whatever_order_they_are_named():
+def test_the_first_ball_does_not_depend_on_the_order_within_an_event():
     assert facts(("cushion", 0), ("hit", 3, 0), ("hit", 3, 5), ("hit", 0, 5)).first == (3,)
 
 
-def test_balls_touched_at_one_instant_are_all_first():
+def test_balls_touched_at_the_same_instant_are_all_first():
     log = events(("hit", 0, 4), ("hit", 0, 2), ("hit", 0, 7), times=[1.0, 1.0, 1.5])
     assert facts_of(log).first == (4, 2)
 
 
-def test_contacts_between_other_balls_are_no_first_contact():
+def test_contacts_between_other_balls_are_not_first_contacts():
     assert facts(("hit", 2, 3), ("cushion", 3)) == Facts(driven=frozenset({3}))
 
 
-def test_touched_balls_come_with_the_cushions_before():
+def test_touched_balls_have_the_number_of_cushions_before():
     log = (("cushion", 0), ("hit", 0, 2), ("cushion", 2), ("cushion", 0), ("hit", 2, 0), ("cushion", 0), ("hit", 1, 0))
     assert facts(*log).touched == ((2, 1), (1, 3))
 
 
-def test_a_cushion_counts_after_the_first_contact_only():
+def test_a_cushion_counts_only_after_the_first_contact():
     assert not facts(("cushion", 0), ("hit", 0, 1)).cushion_after
     assert facts(("hit", 0, 1), ("cushion", 0)).cushion_after
     assert facts(("hit", 0, 1), ("cushion", 1)).cushion_after
@@ -78,18 +78,18 @@ def test_a_cushion_counts_after_the_first_contact_only():
     assert not facts(("cushion", 0), ("cushion", 0)).cushion_after
 
 
-def test_balls_drop_in_order_and_count_as_driven_to_a_cushion():
+def test_potted_balls_are_in_order_and_count_as_driven():
     found = facts(("hit", 0, 1), ("pocket", 7), ("cushion", 4), ("cushion", 4), ("pocket", 0), ("pocket", 2))
     assert found.potted == (7, 0, 2)
     assert found.driven == {7, 4, 2}
 
 
-def test_the_ball_that_is_struck_need_not_be_ball_0():
+def test_the_cue_ball_may_have_another_number():
     found = facts(("cushion", 2), ("hit", 0, 2), ("cushion", 0), ("hit", 1, 2), cue=2)
     assert found == Facts((0,), ((0, 1), (1, 1)), (), True, frozenset({0}))
 
 
-def test_other_events_change_nothing():
+def test_other_events_have_no_effect():
     assert facts(("sliding_rolling", 0), ("rolling_rest", 0), ("spinning_rest", 0)) == Facts()
 
 
@@ -103,15 +103,15 @@ def test_facts_of_a_real_shot():
     assert found.cushion_after
 
 
-# The balls that may be touched first.
+# Legal balls
 
 
-def test_nine_ball_wants_the_lowest():
+def test_nine_ball_requires_the_lowest_ball():
     assert lowest_ball(state("nine_ball"), 0) == {1}
     assert lowest_ball(state("nine_ball", on_table=(9, 4, 7)), 1) == {4}
 
 
-def test_eight_ball_wants_the_own_group_then_the_eight():
+def test_eight_ball_requires_the_group_and_then_the_eight_ball():
     assert group_or_eight(state("eight_ball"), 0) == {*range(1, 8), *range(9, 16)}
     assert group_or_eight(state("eight_ball", solids=0), 0) == set(range(1, 8))
     assert group_or_eight(state("eight_ball", solids=0), 1) == set(range(9, 16))
@@ -172,7 +172,7 @@ def test_a_split_hit_counts_as_the_legal_ball_first():
 # Nine ball.
 
 
-def test_nine_ball_any_legal_pot_goes_on():
+def test_nine_ball_any_legal_pot_continues():
     verdict = nine_ball(state("nine_ball"), facts(("hit", 0, 1), ("hit", 1, 6), ("pocket", 6)))
     assert verdict == Verdict(continues=True)
 
@@ -199,7 +199,7 @@ def test_nine_ball_is_won_by_the_last_ball():
         [("hit", 0, 2), ("pocket", 9), ("pocket", 2)],
     ],
 )
-def test_nine_ball_potted_with_a_foul_comes_back_alone(log):
+def test_nine_ball_only_the_nine_is_spotted_after_a_foul(log):
     before = state("nine_ball")
     verdict = nine_ball(before, facts(*log))
     assert verdict.foul
@@ -220,7 +220,7 @@ def test_nine_ball_break_needs_a_pot_or_four_balls_at_cushions():
     assert nine_ball(before._replace(break_shot=False), facts(*three)) == Verdict()
 
 
-def test_nine_ball_break_has_to_meet_the_one_first():
+def test_nine_ball_break_must_touch_the_one_first():
     before = state("nine_ball", break_shot=True)
     assert nine_ball(before, facts(("hit", 0, 3), ("pocket", 3))).foul == "wrong_ball"
 
@@ -228,20 +228,20 @@ def test_nine_ball_break_has_to_meet_the_one_first():
 # Eight ball.
 
 
-def test_eight_ball_the_table_stays_open_after_the_break():
+def test_eight_ball_the_table_is_open_after_the_break():
     before = state("eight_ball", break_shot=True, in_hand="behind")
     verdict = eight_ball(before, facts(("hit", 0, 1), ("pocket", 3)))
     assert verdict == Verdict(continues=True)
     assert next_state(before, facts(("hit", 0, 1), ("pocket", 3)), verdict).solids == -1
 
 
-def test_eight_ball_break_without_a_pot_passes_the_turn_whatever_it_drives():
+def test_eight_ball_break_without_a_pot_passes_the_turn():
     before = state("eight_ball", break_shot=True)
     assert eight_ball(before, facts(("hit", 0, 1))) == Verdict()
     assert eight_ball(before, facts(("hit", 0, 1), *(("cushion", b) for b in range(1, 5)))) == Verdict()
 
 
-def test_eight_ball_break_may_meet_the_eight_first():
+def test_eight_ball_break_may_touch_the_eight_first():
     assert eight_ball(state("eight_ball", break_shot=True), facts(("hit", 0, 8), ("pocket", 2))).continues
 
 
@@ -269,7 +269,7 @@ def test_eight_ball_the_first_legal_pot_chooses_the_groups(player, ball, solid):
     assert verdict == Verdict(continues=True, solids=player if solid else 1 - player)
 
 
-def test_eight_ball_of_two_groups_the_first_to_drop_is_chosen():
+def test_eight_ball_the_first_potted_ball_chooses_the_group():
     verdict = eight_ball(state("eight_ball"), facts(("hit", 0, 12), ("pocket", 12), ("pocket", 3)))
     assert verdict == Verdict(continues=True, solids=1)
 
@@ -282,7 +282,7 @@ def test_eight_ball_a_foul_chooses_no_group():
     assert 3 not in next_state(before, log, verdict).on_table
 
 
-def test_eight_ball_goes_on_after_an_own_ball_only():
+def test_eight_ball_continues_only_after_a_ball_of_the_group():
     before = state("eight_ball", solids=1)  # player 0 has the stripes
     assert not eight_ball(before, facts(("hit", 0, 9), ("pocket", 3))).continues
     assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 9))).continues
@@ -290,13 +290,13 @@ def test_eight_ball_goes_on_after_an_own_ball_only():
     assert eight_ball(before, facts(("hit", 0, 9), ("pocket", 3))).solids == 1
 
 
-def test_eight_ball_is_won_by_the_eight_after_the_own_group():
+def test_eight_ball_is_won_by_the_eight_after_the_group():
     before = state("eight_ball", solids=1, on_table=(2, 8))
     verdict = eight_ball(before, facts(("hit", 0, 8), ("pocket", 8)))
     assert (verdict.foul, verdict.over, verdict.winner) == ("", True, 0)
 
 
-def test_eight_ball_is_won_with_another_ball_on_the_way_down():
+def test_eight_ball_is_won_even_if_another_ball_is_potted():
     before = state("eight_ball", solids=1, on_table=(2, 8))
     assert eight_ball(before, facts(("hit", 0, 8), ("pocket", 2), ("pocket", 8))).winner == 0
 
@@ -304,11 +304,11 @@ def test_eight_ball_is_won_with_another_ball_on_the_way_down():
 @pytest.mark.parametrize(
     ("fields", "log", "foul"),
     [
-        # early, even legally hit
+        # before the group is potted
         ({"solids": 0}, [("hit", 0, 1), ("hit", 1, 8), ("pocket", 8)], ""),
         # with the table open
         ({}, [("hit", 0, 1), ("hit", 1, 8), ("pocket", 8)], ""),
-        # together with the last ball of the group, in either order
+        # in the same shot as the last ball of the group, in either order
         ({"solids": 0, "on_table": (1, 8, 9)}, [("hit", 0, 1), ("pocket", 1), ("pocket", 8)], ""),
         ({"solids": 0, "on_table": (1, 8, 9)}, [("hit", 0, 1), ("pocket", 8), ("pocket", 1)], ""),
         # with a scratch
@@ -322,7 +322,7 @@ def test_eight_ball_is_lost_by_the_eight(fields, log, foul):
     assert (verdict.foul, verdict.over, verdict.winner) == (foul, True, 1)
 
 
-def test_eight_ball_goes_on_after_a_foul_on_the_eight_that_does_not_drop():
+def test_eight_ball_a_foul_on_the_eight_without_a_pot_does_not_lose():
     verdict = eight_ball(state("eight_ball", solids=0, on_table=(8, 9)), facts(("hit", 0, 8), ("pocket", 0)))
     assert verdict == Verdict("scratch", in_hand="anywhere", solids=0)
 
@@ -330,7 +330,7 @@ def test_eight_ball_goes_on_after_a_foul_on_the_eight_that_does_not_drop():
 # Straight pool.
 
 
-def test_straight_each_ball_is_a_point_and_another_shot():
+def test_straight_each_ball_scores_and_continues():
     before = state("straight", scores=(3, 5))
     log = facts(("hit", 0, 4), ("pocket", 4), ("pocket", 11))
     verdict = straight(before, log)
@@ -345,12 +345,12 @@ def test_straight_a_miss_passes_the_turn():
     assert next_state(before, Facts(), Verdict()).player == 0
 
 
-def test_straight_knows_no_foul_but_a_scratch():
+def test_straight_has_no_foul_except_a_scratch():
     assert straight(state("straight"), facts()) == Verdict()
     assert straight(state("straight"), facts(("hit", 0, 8))) == Verdict()
 
 
-def test_straight_a_scratch_costs_a_point_and_the_balls_come_back():
+def test_straight_a_scratch_costs_a_point_and_balls_are_spotted():
     before = state("straight", scores=(0, 2), player=1)
     log = facts(("hit", 0, 9), ("pocket", 9), ("pocket", 0), ("pocket", 2))
     verdict = straight(before, log)
@@ -386,20 +386,20 @@ def test_straight_ends_at_the_target():
 # Carom.
 
 
-def test_carom_both_balls_are_a_point_and_another_shot():
+def test_carom_touching_both_balls_scores_and_continues():
     verdict = carom(state("carom"), facts(("hit", 0, 2), ("hit", 0, 1)))
     assert verdict == Verdict(points=1, continues=True)
 
 
 @pytest.mark.parametrize("log", [[], [("hit", 0, 1)], [("hit", 0, 1), ("hit", 1, 2)], [("hit", 0, 1), ("hit", 0, 1)]])
-def test_carom_less_is_nothing_and_passes_the_turn_and_the_cue_ball(log):
+def test_carom_a_miss_passes_the_turn_and_swaps_the_cue_balls(log):
     before = state("carom")
     assert carom(before, facts(*log)) == Verdict()
     now = next_state(before, facts(*log), Verdict())
     assert (now.player, now.cue_balls, now.object_balls) == (1, (2, 0), {0, 1})
 
 
-def test_carom_the_second_player_has_the_other_cue_ball():
+def test_carom_the_second_player_uses_the_other_cue_ball():
     before = state("carom", player=1, cue_balls=(2, 0))
     log = facts(("hit", 0, 2), ("hit", 1, 2), cue=2)
     verdict = carom(before, log)
@@ -408,7 +408,7 @@ def test_carom_the_second_player_has_the_other_cue_ball():
     assert next_state(before, log, verdict).scores == (0, 1)
 
 
-def test_carom_opens_on_the_red_ball():
+def test_carom_opening_must_touch_the_red_ball_first():
     before = state("carom", break_shot=True)
     assert carom(before, facts(("hit", 0, 1), ("hit", 0, 2))).points == 1
     assert carom(before, facts(("hit", 0, 2), ("hit", 0, 1))).points == 0
@@ -422,7 +422,7 @@ def test_carom_ends_at_the_target():
     assert not carom(state("carom", scores=(9, 9), target=0), log).over
 
 
-def test_three_cushion_counts_the_cue_balls_cushions_before_the_second_ball():
+def test_three_cushion_counts_cushions_before_the_second_ball():
     cushion = ("cushion", 0)
     before = state("three_cushion")
     for log, points in [
@@ -436,11 +436,11 @@ def test_three_cushion_counts_the_cue_balls_cushions_before_the_second_ball():
         assert three_cushion(before, facts(*log)) == Verdict(points=points, continues=points == 1)
 
 
-# From shot to shot.
+# next_state
 
 
 @pytest.mark.parametrize("players", [2, 3, 4])
-def test_turns_go_round(players):
+def test_turns_rotate(players):
     now = state("nine_ball", players=players)
     order = []
     for _ in range(2 * players):
@@ -449,11 +449,11 @@ def test_turns_go_round(players):
     assert order == [*range(players)] * 2
 
 
-def test_after_a_break_there_is_no_break():
+def test_the_second_shot_is_not_a_break():
     assert not next_state(state("nine_ball", break_shot=True), Facts(), Verdict()).break_shot
 
 
-def test_after_takes_the_verdicts_word():
+def test_next_state_follows_the_verdict():
     now = next_state(
         state("eight_ball"),
         facts(("pocket", 0), ("pocket", 8)),
@@ -462,7 +462,7 @@ def test_after_takes_the_verdicts_word():
     assert (now.in_hand, now.over, now.winner, now.on_table) == ("anywhere", True, 1, frozenset(range(16)) - {8})
 
 
-def test_every_verdict_of_random_facts_is_of_known_words():
+def test_verdicts_of_random_facts_are_valid():
     rng = np.random.default_rng(0)
     for name, rules in RULES.items():
         n = 1 + rules.n_object_balls[1]

@@ -1,4 +1,4 @@
-"""A headless Chromium, driven through its DevTools protocol over a pair of pipes."""
+"""A headless Chromium, controlled through the DevTools protocol over two pipes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-PATIENCE = 60  # s, for one answer
+PATIENCE = 60  # s, timeout of an answer
 
 
 def find_browser() -> str | None:
@@ -23,7 +23,7 @@ def find_browser() -> str | None:
 
 
 class Page:
-    """One tab."""
+    """A tab of the browser."""
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive = send, receive
@@ -74,7 +74,7 @@ class Page:
             pass
 
     def run(self, code: str) -> Any:
-        """The value of a JavaScript expression; a promise is waited for."""
+        """Returns the value of a JavaScript expression; waits for a promise."""
         answer = self.call("Runtime.evaluate", expression=code, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
@@ -85,7 +85,7 @@ class Page:
             self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **text)
 
     def click(self, selector: str) -> None:
-        """A click of the mouse in the middle of an element."""
+        """Clicks at the centre of an element."""
         where = f"document.querySelector({json.dumps(selector)})"
         self.run(f"{where}.scrollIntoView({{block: 'center'}})")
         box = self.run(
@@ -96,7 +96,7 @@ class Page:
 
     @contextlib.contextmanager
     def frame(self) -> Iterator[None]:
-        """Within the block the page is the sandboxed frame in it, which has a process of its own."""
+        """Selects, within the block, the sandboxed iframe of the page, which has a separate process."""
         outer, self._session = self._session, None
         targets = self.call("Target.getTargets")["targetInfos"]
         (inner,) = [target["targetId"] for target in targets if target["type"] == "iframe"]
@@ -113,12 +113,12 @@ class Page:
 
 @contextlib.contextmanager
 def browser(executable: str, profile: Path, size: tuple[int, int] = (1200, 800)) -> Iterator[Page]:
-    """A tab of a new browser, whose settings lie in the folder `profile`."""
+    """Opens a tab in a new browser whose settings are in the folder `profile`."""
     to_browser, send = os.pipe()
     receive, from_browser = os.pipe()
     options = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run"]
     options += ["--remote-debugging-pipe", f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"]
-    # The browser reads from descriptor 3 and writes to 4. The copies lie well above both.
+    # The browser reads from descriptor 3 and writes to descriptor 4. The copies have much larger numbers.
     launch = (
         "import fcntl, os, sys\n"
         "ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]\n"

@@ -12,7 +12,7 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 @pytest.fixture(scope="session")
 def make_model():
-    """A function that begins a game of two: by its rules, from the usual opening or from balls placed by hand."""
+    """A function that returns the model of a game for two players, from the opening or from given positions."""
 
     def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), **kwargs):
         pockets = RULES[rules].pockets

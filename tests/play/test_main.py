@@ -9,8 +9,8 @@ pytest.importorskip("pygame")
 from billiards_env import Scene, records
 from billiards_env.games import Stroke
 from billiards_env.play import window as windows
-from billiards_env.play.__main__ import main, parser, start
-from billiards_env.play.model import Do, shoot, update
+from billiards_env.play.__main__ import main, make_history, make_parser
+from billiards_env.play.model import Command, shoot, update
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 
@@ -40,19 +40,19 @@ def saved(make_model, tmp_path):
     """A saved game."""
     model = shoot(make_model(positions=BALLS), Stroke((1.0, 0.3)))
     records.save(tmp_path / "saved.json", records.record_game(model.history))
-    return tmp_path / "saved.json", update(model, Do("go"))
+    return tmp_path / "saved.json", update(model, Command("go"))
 
 
 def history(*arguments, seed=0):
-    return start(parser().parse_args(arguments), np.random.default_rng(seed))
+    return make_history(make_parser().parse_args(arguments), np.random.default_rng(seed))
 
 
-def test_what_is_played_by_default():
+def test_the_default_game():
     setup = history().setup
     assert (setup.rules, setup.n_players, setup.mode, setup.scene.n_balls) == ("eight_ball", 2, "pic", 16)
 
 
-def test_the_arguments_of_a_game():
+def test_arguments_describe_the_game():
     given = history("--rules", "straight", "--balls", "3", "--target", "2", "--players", "human,random,random")
     assert (given.setup.scene.n_balls, given.setup.target, given.setup.n_players) == (4, 2, 3)
     pit = history("--rules", "carom", "--mode", "pit", "--dt", "1/240").setup
@@ -60,7 +60,7 @@ def test_the_arguments_of_a_game():
     assert history("--layout", "random").opening.state.in_hand == "no"
 
 
-def test_the_seed_racks_the_balls():
+def test_the_seed_determines_the_rack():
     one, two, other = (history(seed=seed).opening.positions for seed in (1, 1, 2))
     assert (one == two).all()
     assert (one != other).any()
@@ -74,7 +74,7 @@ def test_a_window_is_opened(frames, capsys):
     assert "saved" not in capsys.readouterr().out
 
 
-def test_a_saved_game_is_gone_on_with_and_saved_again(frames, saved, tmp_path, capsys):
+def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, capsys):
     path, model = saved
     main(["--load", str(path), "--players", "human,human", "--save", str(tmp_path / "again.json")])
     (shown,) = frames
@@ -87,13 +87,13 @@ def test_a_saved_game_is_gone_on_with_and_saved_again(frames, saved, tmp_path, c
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--players", "human"], "1 players: expected 2"),
+        (["--players", "human"], "players = human: expected 2"),
         (["--players", "human,nobody"], "player 'nobody'"),
         (["--rules", "nine_ball", "--balls", "3"], "with a scene of 3 object balls: expected 9"),
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
         (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
-        (["--load", "SAVED", "--players", "human,human,human"], "3 players: expected 2"),
+        (["--load", "SAVED", "--players", "human,human,human"], "players = human, human, human: expected 2"),
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--width", "3"], "width = 3"),
     ],
@@ -109,13 +109,13 @@ def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "inf", "nan", "1/0", "fast"])
-def test_impossible_numbers_are_refused(text, capsys):
+def test_impossible_numbers_are_rejected(text, capsys):
     with pytest.raises(SystemExit):
-        parser().parse_args([f"--dt={text}"])
+        make_parser().parse_args([f"--dt={text}"])
     assert "argument --dt: invalid" in capsys.readouterr().err
 
 
-def test_without_pygame_it_says_what_to_install():
+def test_without_pygame_the_error_names_the_package_to_install():
     code = (
         "import sys; sys.modules['pygame'] = None\n"
         "from billiards_env.play.__main__ import main\n"

@@ -13,13 +13,13 @@ from billiards_env.play.model import (
     LEAST_SPEED,
     PACES,
     AimAt,
-    Do,
+    ChangeSpeed,
+    Command,
     MoveBy,
     MoveTo,
-    Strengthen,
-    Turn,
+    TurnAim,
     begin,
-    foresee,
+    make_preview,
     shoot,
     tick,
     update,
@@ -30,13 +30,13 @@ INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
 
 
 def after(model, *inputs) -> Any:
-    for given in inputs:
-        model = update(model, given)
+    for user_input in inputs:
+        model = update(model, user_input)
     return model
 
 
 def same(one, other):
-    """Whether two games have come to the same, bit for bit."""
+    """Returns whether two games are in the same state, bit for bit."""
     return (
         one.strokes == other.strokes
         and one.game.state == other.game.state
@@ -44,19 +44,19 @@ def same(one, other):
     )
 
 
-def test_it_needs_no_pygame():
-    code = "import sys, billiards_env.play.model, billiards_env.play.words; print('pygame' in sys.modules)"
+def test_model_and_labels_do_not_import_pygame():
+    code = "import sys, billiards_env.play.model, billiards_env.play.labels; print('pygame' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
 def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
     model = make_model("nine_ball")
     assert model.phase == "placing"
-    model = after(model, Do("go"))
+    model = after(model, Command("go"))
     assert model.phase == "aiming"
-    model = after(model, Turn(1.0), Do("go"))
+    model = after(model, TurnAim(1.0), Command("go"))
     assert model.phase == "rolling"
-    shot = model.shown[0]
+    shot = model.shown_shots[0]
     for _ in range(math.ceil(60 * shot.time)):
         assert model.phase == "rolling"
         model = tick(model, 1 / 60)
@@ -66,7 +66,7 @@ def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
     assert (model.game.positions == play(model.setup, model.games[0], stroke).game.positions).all()
 
 
-def test_the_first_aim_is_full_at_the_nearest_ball_that_may_be_hit(make_model):
+def test_the_first_aim_is_full_on_the_nearest_legal_ball(make_model):
     balls = [[0.0, 0.0], *([-1.0 + 0.1 * i, 0.5] for i in range(9))]
     model = make_model("nine_ball", balls)
     assert model.angle == math.atan2(0.5, -1.0)
@@ -74,16 +74,16 @@ def test_the_first_aim_is_full_at_the_nearest_ball_that_may_be_hit(make_model):
     assert model.angle == math.atan2(-0.3, 0.4)
 
 
-def test_arrow_keys_turn_and_strengthen(make_model):
-    model = after(make_model(positions=STRAIGHT), Turn(10.0), Strengthen(0.5))
+def test_arrow_keys_change_direction_and_speed(make_model):
+    model = after(make_model(positions=STRAIGHT), TurnAim(10.0), ChangeSpeed(0.5))
     assert math.degrees(model.angle) == pytest.approx(10.0)
     assert model.speed == pytest.approx(2.5)
     assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.angle), 2.5 * math.sin(model.angle)))
-    assert after(model, Strengthen(100.0)).speed == model.max_speed
-    assert after(model, Strengthen(-100.0)).speed == LEAST_SPEED
+    assert after(model, ChangeSpeed(100.0)).speed == model.max_speed
+    assert after(model, ChangeSpeed(-100.0)).speed == LEAST_SPEED
 
 
-def test_the_arrow_is_drawn_to_the_mouse(make_model):
+def test_the_arrow_follows_the_mouse(make_model):
     model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
     model = after(model, AimAt((-0.4, 0.09 * 3.0 + 1.4 * r)))
@@ -92,37 +92,37 @@ def test_the_arrow_is_drawn_to_the_mouse(make_model):
     assert after(model, AimAt((-0.4, 0.0))).speed == LEAST_SPEED
 
 
-def test_inputs_that_make_no_sense_do_nothing(make_model):
+def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for given in (MoveTo((0.0, 0.0)), MoveBy((0.1, 0.0)), Do("place"), Do("undo"), Do("replay")):
+    for given in (MoveTo((0.0, 0.0)), MoveBy((0.1, 0.0)), Command("place"), Command("undo"), Command("replay")):
         assert update(aiming, given) is aiming
     placing = make_model("nine_ball")
-    for given in (Turn(1.0), Strengthen(1.0), AimAt((0.0, 0.0))):
+    for given in (TurnAim(1.0), ChangeSpeed(1.0), AimAt((0.0, 0.0))):
         assert update(placing, given) is placing
     assert tick(aiming, 1.0) is aiming
-    rolling = after(aiming, Do("go"))
-    assert update(rolling, Turn(1.0)) is rolling
+    rolling = after(aiming, Command("go"))
+    assert update(rolling, TurnAim(1.0)) is rolling
 
 
-def test_a_cue_ball_in_hand_is_moved_where_it_may_lie(make_model):
+def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
     model = after(make_model("nine_ball"), MoveTo((-0.9, 0.2)))
-    assert model.cue_at == (-0.9, 0.2)
+    assert model.cue_position == (-0.9, 0.2)
     model = after(model, MoveBy((0.01, -0.02)))
-    assert model.cue_at == pytest.approx((-0.89, 0.18))
-    model = after(model, MoveTo((0.5, 9.0)))  # neither before the head string nor beyond the cushion
+    assert model.cue_position == pytest.approx((-0.89, 0.18))
+    model = after(model, MoveTo((0.5, 9.0)))  # limited by the head string and the cushion
     _, x, _, y = placement_area(model.setup.scene, 0, behind=True)
-    assert model.cue_at == (x, y)
-    model = after(model, Do("go"))
-    assert after(model, Do("place")).phase == "placing"
+    assert model.cue_position == (x, y)
+    model = after(model, Command("go"))
+    assert after(model, Command("place")).phase == "placing"
     assert model.stroke.place == (x, y)
     anywhere = make_model(positions=STRAIGHT, state={"in_hand": "anywhere"})
-    near = np.array(after(anywhere, MoveTo((0.4, 0.01))).cue_at)
-    assert np.hypot(*(near - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
+    placed = np.array(after(anywhere, MoveTo((0.4, 0.01))).cue_position)
+    assert np.hypot(*(placed - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
 
 
 @pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
-def test_the_preview_ends_where_the_engine_sees_the_first_contact(make_model, mode):
-    model = after(make_model(positions=STRAIGHT, **mode), Turn(1.5))
+def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
+    model = after(make_model(positions=STRAIGHT, **mode), TurnAim(1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
@@ -132,24 +132,24 @@ def test_the_preview_ends_where_the_engine_sees_the_first_contact(make_model, mo
     assert preview.path[-1] == pytest.approx([hit["x"], hit["y"]], abs=1e-3)
     line = STRAIGHT[1] - preview.path[-1]
     assert np.hypot(*line) == pytest.approx(2 * model.setup.scene.balls.radius[0], abs=1e-3)
-    # The struck ball leaves along the line of centres, and momentum is kept.
+    # The struck ball leaves along the line of centres, and no momentum is gained.
     x, y = preview.struck
     assert math.atan2(y, x) == pytest.approx(math.atan2(line[1], line[0]), abs=0.05)
     assert np.hypot(*(preview.struck + preview.cue)) < model.speed
     assert np.hypot(*preview.struck) > np.hypot(*preview.cue)
 
 
-def test_a_preview_without_contact_shows_the_whole_way(make_model):
-    model = after(make_model(positions=STRAIGHT), Turn(180.0), Strengthen(-1.9))
+def test_a_preview_without_contact_shows_the_whole_path(make_model):
+    model = after(make_model(positions=STRAIGHT), TurnAim(180.0), ChangeSpeed(-1.9))
     assert model.preview.ball == -1
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity)
     assert model.preview.path[-1] == pytest.approx(shot.positions[0], abs=1e-12)
     state = make_model(positions=INTO_THE_CORNER).game
-    potted = foresee(model.setup, state, Stroke((0.0, -5.0)))
+    potted = make_preview(model.setup, state, Stroke((0.0, -5.0)))
     assert np.isfinite(potted.path).all()
 
 
-def test_a_preview_is_that_of_the_cue_ball_in_turn(make_model):
+def test_the_preview_uses_the_cue_ball_of_the_player(make_model):
     balls = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
     model = make_model("carom", balls, {"player": 1, "cue_balls": [2, 0]})
     assert model.cue == 2
@@ -158,91 +158,91 @@ def test_a_preview_is_that_of_the_cue_ball_in_turn(make_model):
 
 
 def test_go_skips_to_the_end_of_a_shot(make_model):
-    one = after(make_model(positions=STRAIGHT), Do("go"))
-    two = after(one, Do("go"))
+    one = after(make_model(positions=STRAIGHT), Command("go"))
+    two = after(one, Command("go"))
     assert two.phase in ("aiming", "placing")
     assert same(one, two)
 
 
-def test_undo_and_the_shot_again_give_the_same_bits(make_model):
-    model = after(make_model("nine_ball"), Do("go"), Turn(0.3))
-    done = after(model, Do("go"), Do("go"))
-    undone = after(done, Do("undo"))
+def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
+    model = after(make_model("nine_ball"), Command("go"), TurnAim(0.3))
+    done = after(model, Command("go"), Command("go"))
+    undone = after(done, Command("undo"))
     assert undone.phase == "placing"
     assert undone.strokes == ()
-    assert undone.last is None
+    assert undone.last_shot is None
     again = shoot(undone, done.strokes[0])
     assert same(again, done)
-    two = after(done, Do("go"), Do("go"))
-    back = after(two, Do("undo"))
+    two = after(done, Command("go"), Command("go"))
+    back = after(two, Command("undo"))
     assert same(back, done)
-    assert (back.last.shot.positions == done.last.shot.positions).all()
+    assert (back.last_shot.shot.positions == done.last_shot.shot.positions).all()
 
 
-def test_undo_goes_back_to_a_shot_of_a_person(make_model):
+def test_undo_returns_to_the_last_shot_of_a_person(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, Turn(90.0), Do("go"), Do("go"))
+    model = after(model, TurnAim(90.0), Command("go"), Command("go"))
     assert model.phase == "thinking"
-    model = after(shoot(model, Stroke((0.1, 0.1))), Do("go"))
+    model = after(shoot(model, Stroke((0.1, 0.1))), Command("go"))
     assert len(model.strokes) == 2
-    assert len(after(model, Do("undo")).strokes) == 0
+    assert len(after(model, Command("undo")).strokes) == 0
     programs = make_model(positions=STRAIGHT, players=("random", "random"))
-    programs = after(shoot(programs, Stroke((0.1, 0.0))), Do("go"))
-    assert update(programs, Do("undo")) is programs
+    programs = after(shoot(programs, Stroke((0.1, 0.0))), Command("go"))
+    assert update(programs, Command("undo")) is programs
 
 
 @pytest.mark.parametrize(
     ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
 )
 def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
-    model = after(make_model(positions=STRAIGHT, **mode), Turn(1.0), Do("go"), Do("go"))
-    turn = model.angle, model.phase
-    model = after(model, Do("replay"))
-    shot, rival = model.shown
+    model = after(make_model(positions=STRAIGHT, **mode), TurnAim(1.0), Command("go"), Command("go"))
+    before = model.angle, model.phase
+    model = after(model, Command("replay"))
+    shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
     expected = simulate(model.setup.scene, STRAIGHT, velocity, mode=ghost[0], dt=ghost[1])
-    assert (rival.positions == expected.positions).all()
+    assert (comparison.positions == expected.positions).all()
     assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, **mode).positions).all()
-    assert (shot.positions != rival.positions).any()
-    assert after(model, Do("ghost")).shown[1] is None
-    assert tick(model, 1e9).phase == "replaying"  # the end stays, to be looked at
-    assert tick(model, 1e9).clock == max(shot.time, rival.time)
-    back = after(tick(model, 1e9), Do("go"))
-    assert (back.angle, back.phase) == turn
-    assert after(tick(model, 1.0), Do("replay")).clock == 0.0
+    assert (shot.positions != comparison.positions).any()
+    assert after(model, Command("ghost")).shown_shots[1] is None
+    assert tick(model, 1e9).phase == "replaying"  # the end remains visible
+    assert tick(model, 1e9).clock == max(shot.time, comparison.time)
+    back = after(tick(model, 1e9), Command("go"))
+    assert (back.angle, back.phase) == before
+    assert after(tick(model, 1.0), Command("replay")).clock == 0.0
 
 
-def test_pace(make_model):
-    model = after(make_model(positions=STRAIGHT), Do("slower"), Do("go"))
+def test_slower_and_faster_change_the_pace(make_model):
+    model = after(make_model(positions=STRAIGHT), Command("slower"), Command("go"))
     assert tick(model, 1.0).clock == 0.5
-    assert after(model, *[Do("slower")] * 20).pace == PACES[0]
-    assert after(model, *[Do("faster")] * 20).pace == PACES[-1]
+    assert after(model, *[Command("slower")] * 20).pace == PACES[0]
+    assert after(model, *[Command("faster")] * 20).pace == PACES[-1]
 
 
-def test_a_game_that_is_over(make_model):
+def test_a_game_that_is_over_has_no_further_shot(make_model):
     model = make_model(positions=INTO_THE_CORNER, target=1)
-    model = after(model, Do("go"), Do("go"))
+    model = after(model, Command("go"), Command("go"))
     assert model.phase == "over"
     assert model.game.state.winner == 0
-    assert update(model, Do("go")) is model
-    assert after(model, Do("replay")).phase == "replaying"
-    assert after(model, Do("replay"), Do("go")).phase == "over"
-    assert after(model, Do("undo")).phase == "aiming"
+    assert update(model, Command("go")) is model
+    assert after(model, Command("replay")).phase == "replaying"
+    assert after(model, Command("replay"), Command("go")).phase == "over"
+    assert after(model, Command("undo")).phase == "aiming"
 
 
-def test_a_game_is_gone_on_with(make_model):
-    model = after(make_model("nine_ball"), *[Do("go")] * 5)
+def test_a_game_is_continued_from_its_history(make_model):
+    model = after(make_model("nine_ball"), *[Command("go")] * 5)
     again = begin(model.history, model.players, 8.0, 1 / 60)
     assert len(model.strokes) == 2
     assert same(model, again)
     assert again.phase == model.phase
-    assert same(after(model, Do("undo")), after(again, Do("undo")))
-    with pytest.raises(ValueError, match="3 players: expected 2"):
+    assert same(after(model, Command("undo")), after(again, Command("undo")))
+    with pytest.raises(ValueError, match="players = human, human, human: expected 2"):
         begin(model.history, ("human",) * 3, 8.0, 1 / 60)
 
 
-def test_help_is_closed_by_go(make_model):
-    model = after(make_model(positions=STRAIGHT), Do("help"))
+def test_go_closes_the_help(make_model):
+    model = after(make_model(positions=STRAIGHT), Command("help"))
     assert model.help
-    closed = after(model, Do("go"))
+    closed = after(model, Command("go"))
     assert (closed.help, closed.phase) == (False, "aiming")

@@ -1,4 +1,4 @@
-"""The window, driven by events of mouse and keyboard on a display that is shown nowhere."""
+"""The window, driven by mouse and keyboard events on a dummy display."""
 
 import math
 
@@ -10,8 +10,8 @@ pygame = pytest.importorskip("pygame")
 from billiards_env import records, simulate  # noqa: E402
 from billiards_env.drawing.canvas import pixels  # noqa: E402
 from billiards_env.games import Stroke  # noqa: E402
-from billiards_env.play.model import Do, Turn, tick, update  # noqa: E402
-from billiards_env.play.screen import Screen  # noqa: E402
+from billiards_env.play.model import Command, TurnAim, tick, update  # noqa: E402
+from billiards_env.play.view import View  # noqa: E402
 from billiards_env.play.window import GameWindow  # noqa: E402
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
@@ -20,7 +20,7 @@ SHIFT = pygame.KMOD_LSHIFT
 
 @pytest.fixture
 def window(tmp_path):
-    """A function that opens a window on a model."""
+    """A function that opens a window for a model."""
     windows = []
 
     def make(model, players=(None, None)):
@@ -39,21 +39,21 @@ def press(shown, *keys, mod=0):
     return pixels(shown.frame())
 
 
-def at(shown, place):
-    return tuple(np.round(shown.pixels_of(place)).astype(int).tolist())
+def at(shown, point):
+    return tuple(np.round(shown.pixels_of(point)).astype(int).tolist())
 
 
-def click(shown, place):
+def click(shown, point):
     for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-        pygame.event.post(pygame.event.Event(kind, pos=at(shown, place), button=1))
+        pygame.event.post(pygame.event.Event(kind, pos=at(shown, point), button=1))
     shown.frame()
 
 
-def drag(shown, start, *ways):
+def drag(shown, start, *points):
     pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1))
-    for way in ways:
-        pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, way), rel=(0, 0), buttons=(1, 0, 0)))
-    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=at(shown, ways[-1]), button=1))
+    for point in points:
+        pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(1, 0, 0)))
+    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=at(shown, points[-1]), button=1))
     shown.frame()
 
 
@@ -61,7 +61,7 @@ def test_a_game_by_keyboard(make_model, window):
     shown = window(make_model("nine_ball"))
     press(shown, pygame.K_LEFT, pygame.K_UP)
     press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
-    assert shown.model.cue_at == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
+    assert shown.model.cue_position == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
     press(shown, pygame.K_SPACE)
     angle, speed = shown.model.angle, shown.model.speed
     press(shown, pygame.K_LEFT, pygame.K_DOWN)
@@ -94,7 +94,7 @@ def test_a_shot_by_mouse(make_model, window):
     assert model.phase == "aiming"
     assert model.angle == pytest.approx(math.pi / 4, abs=0.03)
     assert 0.09 * model.speed + 1.4 * 0.028575 == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
-    drag(shown, (-0.1, 0.3), (0.0, 0.0))  # by the arrow's tip
+    drag(shown, (-0.1, 0.3), (0.0, 0.0))  # at the tip of the arrow
     assert shown.model.angle == pytest.approx(0.0, abs=0.03)
     expected = shown.model.stroke
     click(shown, (0.8, -0.4))
@@ -104,11 +104,11 @@ def test_a_shot_by_mouse(make_model, window):
     assert shown.model.phase == "aiming"
 
 
-def test_the_mouse_puts_the_cue_ball_down(make_model, window):
+def test_the_mouse_places_the_cue_ball_in_hand(make_model, window):
     shown = window(make_model(positions=BALLS, state={"in_hand": "anywhere"}))
     pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, (0.6, -0.3)), rel=(0, 0), buttons=(0, 0, 0)))
     shown.frame()
-    assert shown.model.cue_at == pytest.approx((0.6, -0.3), abs=0.01)
+    assert shown.model.cue_position == pytest.approx((0.6, -0.3), abs=0.01)
     click(shown, (0.6, -0.3))
     assert shown.model.phase == "aiming"
     pygame.event.post(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=3))
@@ -123,10 +123,10 @@ def test_the_window_can_be_closed(make_model, window):
     assert not shown.open
 
 
-def test_a_saved_game_is_that_which_was_played(make_model, window, tmp_path):
+def test_a_saved_game_contains_the_strokes_played(make_model, window, tmp_path):
     shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
-    assert shown.note == f"saved to {tmp_path / 'game.json'}"
+    assert shown.message == f"saved to {tmp_path / 'game.json'}"
     record = records.load(tmp_path / "game.json")
     assert isinstance(record, records.GameRecord)
     assert record.strokes == shown.model.strokes
@@ -134,17 +134,17 @@ def test_a_saved_game_is_that_which_was_played(make_model, window, tmp_path):
     assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
-def test_a_game_that_cannot_be_saved_goes_on(make_model, window, tmp_path):
+def test_a_game_that_cannot_be_saved_continues(make_model, window, tmp_path):
     (tmp_path / "game.json").mkdir()
     shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_s)
-    assert shown.note.startswith("not saved: ")
+    assert shown.message.startswith("not saved: ")
     assert shown.open
     press(shown, pygame.K_LEFT)
-    assert shown.note == ""
+    assert shown.message == ""
 
 
-def test_a_program_plays_once_its_turn_has_been_shown(make_model, window):
+def test_a_program_plays_after_its_turn_is_shown(make_model, window):
     calls = []
 
     def player(setup, table, max_speed, rng):
@@ -163,17 +163,17 @@ def test_a_program_plays_once_its_turn_has_been_shown(make_model, window):
     assert calls[0][1] == 8.0
 
 
-def lit(frame, shown, place, colour):
-    """Whether a place is shown in a colour, up to its edges' smoothing."""
-    x, y = at(shown, place)
-    near = frame[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
-    return bool((np.abs(near - colour).max(axis=1) < 15).any())
+def lit(frame, shown, point, colour):
+    """Returns whether a frame has a colour near a point; edges are smoothed."""
+    x, y = at(shown, point)
+    patch = frame[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
+    return bool((np.abs(patch - colour).max(axis=1) < 15).any())
 
 
 WHITE, YELLOW = (255, 255, 255), (240, 228, 66)
 
 
-def test_balls_are_drawn_where_they_are(make_model, window):
+def test_balls_are_drawn_at_their_positions(make_model, window):
     shown = window(make_model(positions=BALLS))
     frame = press(shown)
     assert lit(frame, shown, BALLS[0], WHITE)
@@ -182,23 +182,24 @@ def test_balls_are_drawn_where_they_are(make_model, window):
     press(shown, pygame.K_SPACE)
     for _ in range(20):
         frame = press(shown)
-    assert lit(frame, shown, shown.model.last.shot.at(shown.model.clock)[0], WHITE)
+    assert lit(frame, shown, shown.model.last_shot.shot.at(shown.model.clock)[0], WHITE)
     assert not lit(frame, shown, BALLS[0], WHITE)
 
 
-def test_the_ghost_is_seen_in_a_replay(make_model):
+def test_the_ghost_is_visible_in_a_replay(make_model):
     model = make_model(positions=BALLS)
-    for given in (Turn(1.0), Do("go"), Do("go"), Do("replay")):
+    for given in (TurnAim(1.0), Command("go"), Command("go"), Command("replay")):
         model = update(model, given)
     model = tick(model, 3.0)
-    screen = Screen(model.setup.scene, 640)
-    with_ghost = pixels(screen.draw(model))
-    without = pixels(screen.draw(update(model, Do("ghost"))))
-    rival = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, mode="pit", dt=1 / 60, record=True).at(3.0)
+    view = View(model.setup.scene, 640)
+    with_ghost = pixels(view.draw(model))
+    without = pixels(view.draw(update(model, Command("ghost"))))
+    pit = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, mode="pit", dt=1 / 60, record=True)
+    comparison = pit.at(3.0)
     differ = (with_ghost != without).any(axis=2)
-    x, y = np.round(screen.canvas.pixels_of(rival[1])).astype(int)
+    x, y = np.round(view.canvas.pixels_of(comparison[1])).astype(int)
     assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
-    assert (pixels(screen.draw(model)) == with_ghost).all()  # the film begins anew
+    assert (pixels(view.draw(model)) == with_ghost).all()  # the film starts again
 
 
 def test_help_and_hints_are_shown(make_model, window):
@@ -211,7 +212,7 @@ def test_help_and_hints_are_shown(make_model, window):
 
 
 @pytest.mark.parametrize("rules", ["straight", "eight_ball", "nine_ball", "carom", "three_cushion"])
-def test_every_game_is_played_to_the_next_players_turn(rules, make_model, window):
+def test_every_game_can_be_played_to_the_next_turn(rules, make_model, window):
     shown = window(make_model(rules))
     for _ in range(6):
         press(shown, pygame.K_SPACE)

@@ -1,4 +1,4 @@
-"""What the window says of a game."""
+"""The texts of the game window."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ KEYS = (
     ("drag from the cue ball", "aim; the arrow's length is the speed"),
     ("left, right", "turn the aim by 1 degree; with shift 0.1"),
     ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01"),
-    ("space, click", "shoot; put the cue ball down; go on"),
+    ("space, click", "shoot; place the cue ball; continue"),
     ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm"),
-    ("P", "take the cue ball in hand up again"),
+    ("P", "move the cue ball in hand again"),
     ("R", "replay the last shot"),
     ("G", "ghost in replays: the same shot by the other engine"),
     ("-, +", "show shots slower, faster"),
@@ -21,29 +21,29 @@ KEYS = (
     ("H", "this help"),
     ("Q", "quit"),
 )
-"""What the mouse and the keys do."""
+"""Keys and mouse actions with their effects."""
 
 _HINTS = {
-    "placing": "move: mouse, arrows   put down: click, space   undo: U   save: S   quit: Q   help: H",
+    "placing": "move: mouse, arrows   place: click, space   undo: U   save: S   quit: Q   help: H",
     "aiming": "aim: drag from the cue ball, arrows   shoot: click, space   undo: U   replay: R   save: S   help: H",
     "thinking": "quit: Q   help: H",
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   help: H",
-    "replaying": "go on: space   again: R   ghost: G   slower, faster: - +   help: H",
+    "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   help: H",
     "over": "undo: U   replay: R   save: S   quit: Q   help: H",
 }
 
 
-def hint(model: Model) -> str:
-    """What the keys do in the model's phase, and in a replay how the shots were run."""
+def key_hint(model: Model) -> str:
+    """Returns the keys of the model's phase, and in a replay the engines of the shown shots."""
     if model.phase != "replaying":
         return _HINTS[model.phase]
-    shot, rival = model.shown
-    runs = f"balls: {shot.engine}" + ("" if rival is None else f"   rings: {rival.engine}")
+    shot, comparison = model.shown_shots
+    runs = f"balls: {shot.engine}" + ("" if comparison is None else f"   rings: {comparison.engine}")
     return f"{runs}   {_HINTS[model.phase]}"
 
 
-def name(model: Model, player: int) -> str:
-    """What a player is called."""
+def player_name(model: Model, player: int) -> str:
+    """Returns the label of a player."""
     kind = model.players[player]
     if kind == HUMAN:
         return f"Player {player + 1}"
@@ -51,26 +51,26 @@ def name(model: Model, player: int) -> str:
     return f"Player {player + 1} ({function.partition(':')[0] if '.' in module else module})"
 
 
-def doing(model: Model) -> str:
-    """Whose turn it is, and what they are doing."""
+def status(model: Model) -> str:
+    """Returns the player whose turn it is and the present action."""
     state = model.game.state
     if model.phase in ("rolling", "replaying"):
-        shooter = name(model, model.games[-2].state.player)
+        shooter = player_name(model, model.games[-2].state.player)
         return shooter if model.pace == 1 else f"{shooter}   {model.pace:g} x"
     if state.over:
-        return "Nobody wins" if state.winner < 0 else f"{name(model, state.winner)} wins"
-    who = name(model, state.player)
+        return "Nobody wins" if state.winner < 0 else f"{player_name(model, state.winner)} wins"
+    player = player_name(model, state.player)
     if model.phase == "thinking":
-        return f"{who} thinks"
+        return f"{player} thinks"
     if model.phase == "placing":
-        return f"{who}: cue ball in hand" + (", behind the line" if state.in_hand == "behind" else "")
-    degrees = round(math.degrees(model.angle), 1) + 0.0  # which makes 0 of -0
-    said = [f"{who}: {model.speed:.2f} m/s, {degrees}°", wanted(model)]
-    return "   ".join(filter(None, said))
+        return f"{player}: cue ball in hand" + (", behind the line" if state.in_hand == "behind" else "")
+    degrees = round(math.degrees(model.angle), 1) + 0.0  # converts -0 to 0
+    parts = [f"{player}: {model.speed:.2f} m/s, {degrees}°", first_ball_hint(model)]
+    return "   ".join(filter(None, parts))
 
 
-def wanted(model: Model) -> str:
-    """Which balls the player may touch first."""
+def first_ball_hint(model: Model) -> str:
+    """Returns which balls the player may touch first; empty if all object balls are legal."""
     state = model.game.state
     legal = model.setup.game_rules.legal(state, state.player)
     if legal == state.object_balls:
@@ -83,14 +83,15 @@ def wanted(model: Model) -> str:
 
 
 def result(model: Model) -> str:
-    """The score, and what the last shot was worth."""
-    said = []
-    if model.last is not None:
-        foul, potted = model.last.verdict.foul, [ball for ball in model.last.facts.potted if ball != model.cue]
+    """Returns the result of the last shot and the scores."""
+    parts = []
+    if model.last_shot is not None:
+        foul = model.last_shot.verdict.foul
+        potted = [ball for ball in model.last_shot.facts.potted if ball != model.cue]
         if foul:
-            said.append(f"foul: {foul.replace('_', ' ')}")
+            parts.append(f"foul: {foul.replace('_', ' ')}")
         elif potted:
-            said.append(f"potted {', '.join(map(str, potted))}")
+            parts.append(f"potted {', '.join(map(str, potted))}")
     if model.setup.target is not None:
-        said.append(" : ".join(map(str, model.game.state.scores)))
-    return "   ".join(said)
+        parts.append(" : ".join(map(str, model.game.state.scores)))
+    return "   ".join(parts)
