@@ -43,18 +43,16 @@ def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 
 
-def save(figure: Figure, path: Path, colours: int | None = None) -> None:
-    """Writes a figure as PNG, whole or not at all; no date in it, so the same figure is the same file.
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure as PNG, completely or not at all.
 
-    With a palette of at most 256 `colours` the file is a third as large.
+    The file has no date, so the same figure is the same file, and a palette of 256 colours, which makes it a third as
+    large.
     """
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
-    if colours is not None:
-        picture = Image.open(buffer).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
-        buffer = io.BytesIO()
-        picture.save(buffer, format="png", optimize=True)
-    write_whole(path, buffer.getvalue())
+    buffer, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    Image.open(buffer).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    write_whole(path, small.getvalue())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -254,7 +254,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--folder", type=Path, default=IMAGES, help="where they go (default: docs/images)")
     args = parser.parse_args(arguments)
     matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
-    save(picture(), args.folder / "failures.png", colours=256)
+    save(picture(), args.folder / "failures.png")
     print(f"Written to {args.folder / 'failures.png'}.")
 
 
