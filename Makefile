@@ -28,7 +28,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and write the tables of README and docs
+bench: $(INSTALLED)  ## measure everything and write the tables of README and docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.growth
@@ -41,13 +41,14 @@ bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and writ
 	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m studies.players
+	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
-results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; finished runs are kept)
+results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; recipes with results are not trained again)
 	$(BIN)/python -m studies.recipes
 	$(BIN)/python -m benchmarks.readme
 
-study: $(INSTALLED)  ## train one recipe with several timesteps and compare what is learnt (half an hour; likewise)
+study: $(INSTALLED)  ## train one recipe with several timesteps and compare the policies (half an hour; the same)
 	$(BIN)/python -m studies.timestep configs/study/pot.yaml
 	$(BIN)/python -m studies.timestep configs/study/blocked.yaml
 	$(BIN)/python -m benchmarks.readme
@@ -65,7 +66,7 @@ clean:  ## remove the virtual environment, builds and caches; trained runs stay
 	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Made anew only when what is to be installed changes.
+# Made again when the dependencies change.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev]'

@@ -227,6 +227,13 @@ class Config:
         """The configuration as YAML, every default written out; `from_dict` reads it back."""
         return yaml.safe_dump(self.to_dict(), sort_keys=False)
 
+    def is_saved_as(self, data: Any) -> bool:
+        """Returns whether `from_dict` reads this configuration from plain data."""
+        try:
+            return Config.from_dict(data) == self
+        except (TypeError, ValueError):
+            return False
+
     @classmethod
     def from_dict(cls, data: Any) -> Config:
         """A configuration from plain data, as read from YAML.

@@ -13,8 +13,6 @@ first. Run times are measured on one core; all methods take turns in one process
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import itertools
 import json
 import os
@@ -29,7 +27,7 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, accuracy_report, check_counts, convergence, error_limit, machine, others
 from benchmarks.methods import PIC, Method, run_all, run_other, timer
-from billiards_env.files import write_json, write_whole
+from billiards_env.files import write_json
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate
@@ -282,7 +280,6 @@ def rows_of(
         same = [result["same"][k] for result in followed]
         until = [result["until"][k] for result in followed]
         row: dict[str, Any] = {
-            "scene": name,
             "method": method.name,
             "fix": method.fix,
             "steps_per_second": method.steps,
@@ -346,15 +343,14 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
     }
 
 
-def table_of(scenes: dict[str, Any]) -> bytes:
-    """Returns all rows of all scenes as CSV."""
-    rows = [row for scene in scenes.values() for row in scene["methods"]]
-    names = list(dict.fromkeys(itertools.chain.from_iterable(rows)))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue().encode()
+def packed(result: dict[str, Any]) -> dict[str, Any]:
+    """Returns the result with the rows of each scene as a table: `columns` and `rows`, None where there is no value."""
+    scenes = {}
+    for name, scene in result["scenes"].items():
+        columns = list(dict.fromkeys(itertools.chain.from_iterable(scene["methods"])))
+        rows = [[row.get(column) for column in columns] for row in scene["methods"]]
+        scenes[name] = {**scene, "methods": {"columns": columns, "rows": rows}}
+    return {**result, "scenes": scenes}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -366,7 +362,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
     parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json and accuracy.csv")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png and convergence.png")
     parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
@@ -375,13 +371,13 @@ def main(arguments: list[str] | None = None) -> None:
     if args.again:
         result = json.loads((args.results / "accuracy.json").read_text())
     else:
-        result = measure(args.shots, args.outcomes, args.passes, args.workers)
+        result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
         write_json(args.results / "accuracy.json", result)
-        write_whole(args.results / "accuracy.csv", table_of(result["scenes"]))
-    accuracy_report.draw_pareto(result, args.images / "pareto.png")
-    convergence.draw(result, args.images / "convergence.png")
+    rows = accuracy_report.unpacked(result)
+    accuracy_report.draw_pareto(rows, args.images / "pareto.png")
+    convergence.draw(rows, args.images / "convergence.png")
     accuracy_report.print_report(result)
-    print(f"Written to {args.results / 'accuracy.json'} and accuracy.csv; drawn in {args.images}.")
+    print(f"Written to {args.results / 'accuracy.json'}; drawn in {args.images}.")
 
 
 if __name__ == "__main__":

@@ -20,6 +20,15 @@ OTHERS: dict[str, dict[str, Any]] = {
 FLOOR = 1e-17  # m, zero errors are drawn at this value
 
 
+def unpacked(result: dict[str, Any]) -> dict[str, Any]:
+    """Returns what `accuracy.json` holds, with the rows of each scene as mappings."""
+    scenes = {}
+    for name, scene in result["scenes"].items():
+        columns, rows = scene["methods"]["columns"], scene["methods"]["rows"]
+        scenes[name] = {**scene, "methods": [dict(zip(columns, row, strict=True)) for row in rows]}
+    return {**result, "scenes": scenes}
+
+
 def _pit(scene: dict[str, Any], fix: str) -> list[dict[str, Any]]:
     """Returns the rows of PIT with a fix, from the coarsest timestep to the finest."""
     return sorted((row for row in scene["methods"] if row["fix"] == fix), key=lambda row: row["steps_per_second"])
@@ -174,7 +183,7 @@ def shots_table(result: dict[str, Any]) -> str:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    scenes = result["scenes"]
+    scenes = unpacked(result)["scenes"]
     found = {
         "machine": machine_line(result["machine"]),
         "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items())

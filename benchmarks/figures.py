@@ -43,19 +43,15 @@ def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 
 
-def save(figure: Figure, path: Path, colours: int | None = None) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Writes a figure as PNG, completely or not at all.
 
-    The file has no date, so equal figures give equal files. A palette of at most 256 `colours` reduces the size to a
-    third.
+    The file has no date, so equal figures give equal files. A palette of 256 colours reduces the size to a third.
     """
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
-    if colours is not None:
-        picture = Image.open(buffer).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
-        buffer = io.BytesIO()
-        picture.save(buffer, format="png", optimize=True)
-    write_whole(path, buffer.getvalue())
+    buffer, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    Image.open(buffer).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
+    write_whole(path, small.getvalue())
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -15,7 +15,6 @@ from PIL import Image
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
-from agents.opponents import geometric
 from benchmarks.figures import IMAGES, SHOT, shot_of
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.style import ARROW, ARROW_START
@@ -23,6 +22,7 @@ from billiards_env.files import write_whole
 from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import HUMAN, begin
 from billiards_env.play.window import GameWindow
+from billiards_env.players.game_player import find_player
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate
 
@@ -39,7 +39,7 @@ def window() -> GameWindow:
     for _ in range(3):  # places the cue ball, shoots and skips to the end of the break
         press(shown, pygame.K_SPACE)
     model = shown.model
-    velocity = np.array(geometric(setup)(setup, model.game, 3.0, rng).velocity)
+    velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
     cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
     return shown

@@ -256,7 +256,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
     matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
-    save(picture(), args.folder / "failures.png", colours=256)
+    save(picture(), args.folder / "failures.png")
     print(f"Written to {args.folder / 'failures.png'}.")
 
 

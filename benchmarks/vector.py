@@ -8,22 +8,15 @@ has the quartiles.
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
-import torch
-from stable_baselines3.common.callbacks import BaseCallback
 
 import billiards_env  # noqa: F401  (registers the environment)
-from agents.config import Config, load
-from agents.ppo import make_model, make_vec_env
-from agents.vec_env import SameStepVecEnv
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import seconds, summary
 from billiards_env import layouts
@@ -33,8 +26,6 @@ from billiards_env.scene import Scene
 SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 MEMORY_COUNTS = (1024, 65_536)
-TRAINING = Path(__file__).resolve().parent.parent / "configs" / "ppo" / "pot.yaml"
-TRAININGS = 7  # the first one is not counted
 LAYOUTS = (("random", 1), ("random", 15), ("rack", 15))  # name and number of object balls
 
 
@@ -85,13 +76,11 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
         "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": SAME_STEP}
     )
     sync.reset(seed=0)
-    adapter = SameStepVecEnv(native(1024))
     return [
         ("single environment", few, single(few)),
         ("SyncVectorEnv of 64", 64 * steps(256), many(sync, steps(256))),
         *((f"native, {n:,}", n * steps(n), many(native(n), steps(n))) for n in ENV_COUNTS),
         ("native, 1,024, one thread", 1024 * steps(1024), many(native(1024, threads=1), steps(1024))),
-        ("SB3 adapter, 1,024", 1024 * steps(1024), many(adapter, steps(1024))),
     ]
 
 
@@ -104,55 +93,6 @@ def drawing(name: str, n_object_balls: int, tables: int) -> Callable[[], object]
     )  # odd increments
     positions = np.empty((tables, n_object_balls + 1, 2))
     return lambda: layouts.draw_tables(plan, 0, tables, mask, table_streams, positions)
-
-
-class _Stepping(BaseCallback):
-    """Sums the time of the environments' steps in training."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seconds = 0.0
-
-    def _on_training_start(self) -> None:
-        envs: Any = self.model.env
-        step_wait = envs.step_wait
-
-        def timed() -> Any:
-            begin = perf_counter()
-            result = step_wait()
-            self.seconds += perf_counter() - begin
-            return result
-
-        envs.step_wait = timed
-
-    def _on_step(self) -> bool:
-        return True
-
-
-def training_config(n_envs: int, n_steps: int, updates: int) -> Config:
-    """Returns the settings of the example agent with `n_envs` environments and minibatches of 4,096 steps."""
-    config = load(TRAINING)
-    rollout = n_envs * n_steps
-    settings = dataclasses.replace(config.ppo, n_steps=n_steps, batch_size=min(4096, rollout))
-    return dataclasses.replace(config, n_envs=n_envs, timesteps=rollout * updates, ppo=settings)
-
-
-def training(n_envs: int = 1024, n_steps: int = 16, updates: int = 3) -> dict[str, float]:
-    """Trains the example agent for a few updates.
-
-    Returns:
-        `steps_per_second` and `environment_share`, the share of the time of the environments' steps, including the
-        adapter.
-    """
-    torch.set_num_threads(1)  # as agents.train does
-    config = training_config(n_envs, n_steps, updates)
-    envs = make_vec_env(config)
-    model, stepping = make_model(config, envs), _Stepping()
-    envs.seed(0)
-    begin = perf_counter()
-    model.learn(config.timesteps, stepping)
-    total = perf_counter() - begin
-    return {"steps_per_second": model.num_timesteps / total, "environment_share": stepping.seconds / total}
 
 
 def memory(count: int) -> dict[str, float]:
@@ -171,14 +111,14 @@ def memory(count: int) -> dict[str, float]:
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs all measurements `repeats` times, training `TRAININGS` times and memory once.
+    """Runs all measurements `repeats` times, and memory once.
 
     Args:
         repeats: Number of passes over the kinds of environments.
         scale: Factor on the number of steps in a pass.
 
     Returns:
-        `steps` and `layouts`: lists with one entry per kind, with rates per second; `training`: summaries; `memory`.
+        `steps` and `layouts`: lists with one entry per kind, with rates per second; `memory`.
     """
     on = machine()
     tables = max(1, round(20_000 * scale))
@@ -191,15 +131,12 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         for found, (_, steps, play) in zip(rates, every, strict=True):
             found.append(steps / seconds(play))
     rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
-    small = scale < 1
-    trained = [training(64, 2, 2) if small else training() for _ in range(2 if small else TRAININGS)][1:]
     return {
         "machine": on,
         "repeats": repeats,
         "steps": rows[: -len(LAYOUTS)],
         "layouts": rows[-len(LAYOUTS) :],
-        "training": {name: summary([run[name] for run in trained]) for name in trained[0]},
-        "memory": [memory(count) for count in ((64,) if small else MEMORY_COUNTS)],
+        "memory": [memory(count) for count in ((64,) if scale < 1 else MEMORY_COUNTS)],
     }
 
 
@@ -212,7 +149,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for row in result["memory"]
     ]
     drawn = [(row["kind"], f"{row['per_second']['median']:,.0f}") for row in result["layouts"]]
-    trained = {name: value["median"] for name, value in result["training"].items()}
     return {
         "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes.",
@@ -222,8 +158,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         ),
         "layouts": table(("layouts, one thread", "drawn/s"), drawn),
         "memory": table(("environments", "bytes each", "most while stepped"), memory_rows),
-        "training": f"PPO on 1,024 environments, minibatches of 4,096: {trained['steps_per_second']:,.0f} steps/s, of "
-        f"which time the environments take {trained['environment_share']:.1%}.",
     }
 
 

@@ -71,5 +71,19 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Writes plain data to `path` as JSON, completely or not at all."""
-    write_whole(path, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())
+    """Writes plain data to `path` as JSON, completely or not at all.
+
+    A list or mapping that holds no other takes one line.
+    """
+    write_whole(path, (_json(data) + "\n").encode())
+
+
+def _json(data: Any, indent: str = "") -> str:
+    values = data.values() if isinstance(data, dict) else data if isinstance(data, (list, tuple)) else ()
+    if not any(isinstance(value, (dict, list, tuple)) for value in values):
+        return json.dumps(data, allow_nan=False)
+    inner = indent + "  "
+    if isinstance(data, dict):
+        lines = [f"{json.dumps(str(key))}: {_json(value, inner)}" for key, value in data.items()]
+        return f"{{\n{inner}" + f",\n{inner}".join(lines) + f"\n{indent}}}"
+    return f"[\n{inner}" + f",\n{inner}".join(_json(value, inner) for value in data) + f"\n{indent}]"

@@ -1,1 +1,15 @@
-"""Experiments with trained agents: results of the recipes, effects of the timestep, players without training."""
+"""Experiments with agents and players: commands that print tables and write JSON to `studies/results`.
+
+Modules:
+    recipes: Trains every recipe with several seeds: `make results`.
+    timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
+    players: Measures players without training.
+    training_speed: Measures the speed of training.
+"""
+
+from pathlib import Path
+
+RESULTS = Path(__file__).resolve().parent / "results"
+
+RUNS = RESULTS.parents[1] / "runs"
+"""The folder of training runs; git ignores it."""

@@ -1,10 +1,13 @@
-"""Trains all recipes with several seeds and reports what they reach: `python -m studies.recipes`.
+"""Trains every recipe with several seeds and reports the results: `python -m studies.recipes`.
 
-`configs/results.yaml` names them.
-A run is trained once: its folder, `benchmarks/results/agents/RECIPE/seedN`, holds its configuration, learning curve,
-policy and evaluation, and what is finished there is not trained again. The whole takes half an hour on two cores; it
-can be interrupted at any time, and the same command goes on. The summary is in `benchmarks/results/agents.json`, the
-learning curves in `docs/images/learning_curves.png`.
+`configs/recipes.yaml` lists the recipes and the seeds. The results are
+
+* `studies/results/recipes.json`: the configuration of each recipe, and the learning curve and evaluation of each run,
+* `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration,
+* `docs/images/learning_curves.png`.
+
+A recipe whose results are there is not trained again. The runs are kept in `runs/recipes/RECIPE/seedN`, so an
+interrupted command continues when it is started again. All of them take half an hour on two cores.
 """
 
 from __future__ import annotations
@@ -17,30 +20,31 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
-from agents.config import load, read
+from agents.config import Config, load, read
 from agents.evaluate import evaluate
 from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
 from agents.train import learning_curve
-from billiards_env.files import replacing, write_json
+from benchmarks import table
+from benchmarks.figures import IMAGES, save
+from billiards_env.files import write_json, write_whole
+from studies import RESULTS, RUNS
 
-ROOT = Path(__file__).resolve().parent.parent
-CONFIG = ROOT / "configs" / "results.yaml"
-RUNS = ROOT / "benchmarks" / "results" / "agents"
-SUMMARY = ROOT / "benchmarks" / "results" / "agents.json"
-FIGURE = ROOT / "docs" / "images" / "learning_curves.png"
+CONFIG = Path(__file__).resolve().parent.parent / "configs" / "recipes.yaml"
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Results:
-    """What is trained.
+class Recipes:
+    """The list of recipes.
 
     Attributes:
-        seeds: The seed of each run of a recipe.
-        recipes: Paths of the recipes, configurations of `agents.train`, from the folder of this file on.
-        figure: The recipes whose learning curves are drawn, by name.
+        seeds: The seeds; each recipe is trained once with each.
+        recipes: Paths of the recipes, which are configurations of `agents.train`, relative to the list.
+        figure: The names of the recipes whose learning curves are drawn; all if empty.
     """
 
     seeds: tuple[int, ...]
@@ -51,64 +55,127 @@ class Results:
         for name in ("seeds", "recipes"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
-                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and none of them twice")
+                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and no duplicates")
         names = [Path(recipe).stem for recipe in self.recipes]
         if len(set(names)) < len(names):
             raise ValueError(f"recipes = {list(self.recipes)!r}: expected files of different names")
         for name in self.figure:
             if name not in names:
-                raise ValueError(f"figure = {list(self.figure)!r}: {name!r} is not one of the recipes")
+                raise ValueError(f"figure = {list(self.figure)!r}: expected names of recipes, not {name!r}")
 
 
-def summary(name: str, folders: Mapping[int, Path]) -> dict[str, Any]:
-    """What the finished runs of a recipe reached.
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Places:
+    """Where the command reads and writes.
+
+    Attributes:
+        runs: The folder of the runs.
+        summary: The JSON file of the results.
+        policies: The folder of the policies.
+        figure: The PNG file of the learning curves.
+    """
+
+    runs: Path = RUNS / "recipes"
+    summary: Path = RESULTS / "recipes.json"
+    policies: Path = RESULTS / "policies"
+    figure: Path = IMAGES / "learning_curves.png"
+
+
+def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dict[str, Any]]:
+    """Trains and evaluates all recipes without results, and writes the results and the policies.
 
     Args:
-        name: The recipe's name.
-        folders: The folder of each seed's run.
+        asked: The list of recipes.
+        folder: The folder of the list.
+        places: Where to write.
+        jobs: The number of runs at a time.
 
     Returns:
-        Plain data: `recipe`, `timesteps`, `env` and, under `runs`, each run's seed, seconds of training, learning
-        curve, and evaluation beside that of random actions.
+        The result of each recipe, see `summarize`.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+        RuntimeError: If a run fails.
+        ValueError: If a configuration is impossible, or a folder holds a run of another one.
     """
-    config = load(next(iter(folders.values())) / "config.yaml")
+    recipes = {Path(recipe).stem: load(folder / recipe) for recipe in asked.recipes}
+    saved = json.loads(places.summary.read_text(encoding="utf-8"))["results"] if places.summary.exists() else []
+    results = {
+        result["recipe"]: result
+        for result in saved
+        if [run["seed"] for run in result["runs"]] == list(asked.seeds)
+        and result["recipe"] in recipes
+        and recipes[result["recipe"]].is_saved_as(result["config"])
+    }
+    runs = {
+        name: {places.runs / name / f"seed{seed}": dataclasses.replace(recipe, seed=seed) for seed in asked.seeds}
+        for name, recipe in recipes.items()
+        if name not in results
+    }
+    if runs:
+        train_all({run: config for configs in runs.values() for run, config in configs.items()}, jobs)
+    for name, configs in runs.items():
+        results[name] = summarize(name, recipes[name], list(configs))
+        for file in ("config.yaml", "policy.pt"):
+            write_whole(places.policies / name / file, (next(iter(configs)) / file).read_bytes())
+    found = [results[name] for name in recipes]
+    write_json(places.summary, {"results": found})
+    return found
+
+
+def summarize(name: str, recipe: Config, folders: Sequence[Path]) -> dict[str, Any]:
+    """Returns the result of a recipe, from the folders of its finished runs.
+
+    Returns:
+        `recipe` (its name), `config`, `versions` and `runs`: the seed of each run, its learning curve (a list of
+        `agents.train.Point`), and the evaluations of its policy and of random actions.
+    """
     runs = []
-    for seed, folder in folders.items():
+    for folder in folders:
         path = folder / "evaluation.json"
         evaluation = json.loads(path.read_text(encoding="utf-8")) if path.exists() else evaluate(folder)
-        curve = learning_curve(folder)
         runs.append(
             {
-                "seed": seed,
-                "seconds": curve[-1].seconds,
-                "curve": [list(point) for point in curve],
+                "seed": load(folder / "config.yaml").seed,
+                "curve": [list(point) for point in learning_curve(folder)],
                 "policy": evaluation["policy"],
                 "random": evaluation["random"],
             }
         )
-    return {"recipe": name, "timesteps": config.timesteps, "env": dict(config.env), "runs": runs}
+    versions = json.loads((folders[0] / "versions.json").read_text(encoding="utf-8"))
+    return {"recipe": name, "config": recipe.to_dict(), "versions": versions, "runs": runs}
 
 
-HEAD = (
-    "recipe",
-    "million shots",
-    "minutes",
-    "success by seed",
-    "mean over seeds",
-    "score by seed",
-    "random: success",
-    "score",
-)
+def blocks(result: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    head = (
+        "recipe",
+        "million shots",
+        "minutes",
+        "success by seed",
+        "mean over seeds",
+        "score by seed",
+        "random: success",
+        "score",
+    )
+    results = result["results"]
+    pot = [r for r in results if r["recipe"].startswith("pot") and r["config"]["env"]["max_shots"] == 1]
+    long = [r for r in pot if r["config"]["timesteps"] >= 1_000_000]
+    million = (f"{r['recipe']} {as_percent(over_seeds(at_steps(r, 1_000_000)))}" for r in long)
+    return {
+        "table": table(head, [row(r) for r in results]),
+        "million": f"Success after a million shots, mean over the seeds and its 95 % interval: {'; '.join(million)}.",
+    }
 
 
 def row(result: Mapping[str, Any]) -> tuple[str, ...]:
-    """The cells of a recipe's row in a table with that head."""
+    """Returns the cells of a recipe in the table."""
     runs = result["runs"]
     rates, scores = ([run["policy"][name] for run in runs] for name in ("success_rate", "mean_score"))
     return (
         result["recipe"],
-        f"{result['timesteps'] / 1e6:.1f}",
-        f"{np.mean([run['seconds'] for run in runs]) / 60:.1f}",
+        f"{result['config']['timesteps'] / 1e6:.1f}",
+        f"{np.mean([run['curve'][-1][1] for run in runs]) / 60:.1f}",
         ", ".join(f"{rate:.1%}" for rate in rates),
         as_percent(over_seeds(rates)),
         ", ".join(f"{score:.2f}" for score in scores),
@@ -118,20 +185,19 @@ def row(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def at_steps(result: Mapping[str, Any], steps: int) -> list[float]:
-    """The success of each run at the first point of its learning curve at or after so many steps."""
+    """Returns the success of each run at the first point of its learning curve with at least this number of steps."""
     return [next(point[3] for point in run["curve"] if point[0] >= steps) for run in result["runs"]]
 
 
 def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draws learning curves: each seed's, their mean, and its 95 % interval.
+    """Draws the learning curve of each seed, their mean and its 95 % interval.
 
     Args:
-        results: What `summary` gives.
-        path: The PNG to write.
+        results: See `summarize`.
+        path: The PNG file to write.
     """
-    from matplotlib.figure import Figure  # takes a second; only this needs it
-
-    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
+    figure = Figure(figsize=(8, 4.6), dpi=110, layout="constrained")
     axes = figure.add_subplot()
     for result in results:
         curves = np.array([[point[3] for point in run["curve"]] for run in result["runs"]])
@@ -147,46 +213,31 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
     axes.set(xlabel="million shots", ylabel="success without exploration, unseen layouts", ylim=(0, 1))
     axes.grid(alpha=0.3)
     axes.legend(title="mean of the seeds, its 95 % interval; thin: each seed", fontsize=8, title_fontsize=8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=110, metadata={"Software": None})
+    save(figure, path)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The command line; see `python -m studies.recipes --help`."""
+    """Runs the command line; see `python -m studies.recipes --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m studies.recipes", description="Train all recipes with several seeds and report what they reach."
+        prog="python -m studies.recipes", description="Train every recipe with several seeds and report the results."
     )
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML file (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
-    parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs (default: %(default)s)")
-    parser.add_argument("--summary", type=Path, default=SUMMARY, help="JSON file (default: %(default)s)")
-    parser.add_argument("--figure", type=Path, default=FIGURE, help="PNG file (default: %(default)s)")
+    for field in dataclasses.fields(Places):
+        parser.add_argument(f"--{field.name}", type=Path, default=field.default, help="default: %(default)s")
     args = parser.parse_args(arguments)
+    places = Places(**{field.name: getattr(args, field.name) for field in dataclasses.fields(Places)})
     try:
-        asked = read(Results, args.config)
-        recipes = {Path(recipe).stem: load(args.config.parent / recipe) for recipe in asked.recipes}
-        folders = {name: {seed: args.runs / name / f"seed{seed}" for seed in asked.seeds} for name in recipes}
-        train_all(
-            {
-                folders[name][seed]: dataclasses.replace(recipe, seed=seed)
-                for name, recipe in recipes.items()
-                for seed in asked.seeds
-            },
-            args.jobs,
-        )
-        results = [summary(name, folders[name]) for name in recipes]
-        write_json(args.summary, {"results": results})
-        drawn = asked.figure or tuple(recipes)
-        draw([result for result in results if result["recipe"] in drawn], args.figure)
+        asked = read(Recipes, args.config)
+        results = measure(asked, args.config.parent, places, args.jobs)
+        draw([r for r in results if not asked.figure or r["recipe"] in asked.figure], places.figure)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on", file=sys.stderr)
+        print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
-    for cells in (HEAD, ("--",) * len(HEAD), *(row(result) for result in results)):
-        print(f"| {' | '.join(cells)} |")
-    print(f"written to {args.summary} and {args.figure}")
+    print(blocks({"results": results})["table"])
+    print(f"\nwritten to {places.summary}, {places.policies} and {places.figure}")
 
 
 if __name__ == "__main__":

@@ -1,16 +1,20 @@
-"""How the timestep changes the policies that are learnt: `python -m studies.timestep configs/study/pot.yaml`.
+"""Studies the effect of the timestep on the learned policies: `python -m studies.timestep configs/study/pot.yaml`.
 
-One recipe of training is run in several worlds, the exact one and others in which the same balls move in steps of dt,
-with several seeds each. Then every policy plays the same layouts in every world, without its exploration noise (see
-`studies.timestep_measure` for what is compared). The runs, as `agents.train` makes them, are in
-`benchmarks/results/studies/NAME/WORLD`, what is found in `benchmarks/results/study_NAME.json` and the figures in
-`docs/images`. The same command resumes an interrupted study, and skips finished runs.
+One recipe is trained in several worlds with several seeds each. One world is exact; in the others the same balls move
+in steps of dt. Then every policy plays the same layouts in every world, without exploration noise
+(`studies.timestep_measure`).
+
+The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figures
+to `docs/images`. If the results of a study are there, nothing is trained: the command prints its tables and draws its
+figures. The runs are kept in `runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started
+again.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -19,13 +23,10 @@ from typing import Any
 
 from agents.config import Config, at_least, load, read
 from agents.runs import train_all
+from benchmarks.figures import IMAGES
 from billiards_env.engine.modes import check_mode
 from billiards_env.files import write_json
-from studies import timestep_figures, timestep_measure, timestep_report
-
-ROOT = Path(__file__).resolve().parent.parent
-RESULTS = ROOT / "benchmarks" / "results"
-IMAGES = ROOT / "docs" / "images"
+from studies import RESULTS, RUNS, timestep_figures, timestep_measure, timestep_report
 
 EXACT = "exact"
 """The name of the world without a timestep."""
@@ -36,13 +37,13 @@ class Study:
     """A study.
 
     Attributes:
-        recipe: Path of the configuration that is trained in every world, from the folder of the study's file on. Its
-            task is "pot", with one shot an episode, without execution noise, and its world is the exact one.
+        recipe: Path of the configuration to train, relative to the study's file. Its task is "pot", with one shot an
+            episode and no execution noise, and its world is the exact one.
         worlds: "exact" and timesteps, s, as fractions, such as "1/60".
-        timesteps: Steps of each run, instead of the recipe's.
-        fix: What the worlds with a timestep do about overlaps, see `gym.make`'s argument of that name.
-        seeds: Seeds of the training; a run each in every world.
-        layouts: On so many layouts, on none of which a policy was trained, policies are compared.
+        timesteps: Steps of each run; None for the recipe's.
+        fix: How worlds with a timestep resolve overlaps, see `gym.make`'s argument of that name.
+        seeds: The seeds of the training; in every world there is a run with each.
+        layouts: The number of layouts on which the policies are compared. No policy is trained on them.
     """
 
     recipe: str
@@ -64,7 +65,7 @@ class Study:
         for name in ("worlds", "seeds"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
-                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and none twice")
+                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and no duplicates")
         for i, seed in enumerate(self.seeds):
             at_least(f"seeds[{i}]", seed, 0)
         at_least("layouts", self.layouts, 1)
@@ -73,14 +74,11 @@ class Study:
 
 
 def world_arguments(world: str, fix: str | None) -> dict[str, Any]:
-    """What `gym.make` takes for a world.
+    """Returns the arguments of `gym.make` for a world: `mode`, `dt` and `fix`.
 
     Args:
         world: "exact", or a timestep as a fraction.
-        fix: What a world with a timestep does about overlaps.
-
-    Returns:
-        `mode`, `dt` and `fix`.
+        fix: How a world with a timestep resolves overlaps.
 
     Raises:
         ValueError: If the world is neither.
@@ -98,23 +96,17 @@ def world_arguments(world: str, fix: str | None) -> dict[str, Any]:
 
 
 def load_study(path: Path) -> tuple[Study, Config]:
-    """A study from a YAML file, and its recipe.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The study and the recipe.
+    """Returns the study in a YAML file, and its recipe.
 
     Raises:
         ValueError: If a file is not YAML, a key is unknown or missing, or a value impossible.
-        TypeError: If a value is of the wrong type.
+        TypeError: If a value has the wrong type.
         OSError: If a file cannot be read.
     """
     study = read(Study, path)
     recipe = load(path.parent / study.recipe)
-    wanted = {"task": "pot", "max_shots": 1, **world_arguments(EXACT, None)}
-    for key, value in wanted.items():
+    expected = {"task": "pot", "max_shots": 1, **world_arguments(EXACT, None)}
+    for key, value in expected.items():
         if recipe.env[key] != value:
             raise ValueError(f"env.{key} = {recipe.env[key]!r} in the recipe {study.recipe}: expected {value!r}")
     if recipe.noise is not None:
@@ -122,52 +114,80 @@ def load_study(path: Path) -> tuple[Study, Config]:
     return study, recipe if study.timesteps is None else dataclasses.replace(recipe, timesteps=study.timesteps)
 
 
-def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[str, int, Path, Config]]:
-    """World, seed, folder and configuration of each run of a study whose runs are in a folder."""
+def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[timestep_measure.Run, Config]]:
+    """Yields each run of a study, with its folder under `folder`, and its configuration."""
     for world in study.worlds:
         env = {**recipe.env, **world_arguments(world, study.fix)}
         for seed in study.seeds:
             run_dir = folder / world.replace("/", "-") / f"seed{seed}"
-            yield world, seed, run_dir, dataclasses.replace(recipe, env=env, seed=seed)
+            yield timestep_measure.Run(world, seed, run_dir), dataclasses.replace(recipe, env=env, seed=seed)
+
+
+def find_result(path: Path, study: Study, recipe: Config) -> dict[str, Any] | None:
+    """Returns the result in a file; None if there is none, or it is of another study or recipe."""
+    if not path.exists():
+        return None
+    result = json.loads(path.read_text(encoding="utf-8"))
+    asked = json.loads(json.dumps(dataclasses.asdict(study)))
+    same = all(result.get(key) == value for key, value in asked.items())
+    return result if same and recipe.is_saved_as(result["recipe_config"]) else None
+
+
+def measure(name: str, study: Study, recipe: Config, folder: Path, jobs: int) -> dict[str, Any]:
+    """Trains the policies of a study and compares them.
+
+    Args:
+        name: The name of the study.
+        study: The study.
+        recipe: Its recipe.
+        folder: The folder of the runs.
+        jobs: The number of runs at a time.
+
+    Returns:
+        The study, the recipe and the output of `studies.timestep_measure.measure`, as plain data.
+    """
+    planned = list(runs(study, recipe, folder))
+    train_all({run.folder: config for run, config in planned}, jobs)
+    worlds = {world: world_arguments(world, study.fix) for world in study.worlds}
+    return {
+        "study": name,
+        **dataclasses.asdict(study),
+        "recipe_config": recipe.to_dict(),
+        **timestep_measure.measure(recipe, worlds, [run for run, _ in planned], study.layouts),
+    }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m studies.timestep --help`."""
+    """Runs the command line; see `python -m studies.timestep --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m studies.timestep",
-        description="Train one recipe in the exact world and in worlds with a timestep, and compare what is learnt.",
+        description="Train one recipe in the exact world and in worlds with a timestep, and compare the policies.",
     )
     parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of runs and findings")
-    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the figures")
+    parser.add_argument(
+        "--runs", type=Path, default=RUNS / "timestep", help="folder of the runs (default: %(default)s)"
+    )
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the results (default: %(default)s)")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the figures (default: %(default)s)")
     args = parser.parse_args(arguments)
     name = args.study.stem
-    found = args.results / f"study_{name}.json"
+    path = args.results / f"timestep_{name}.json"
     try:
         study, recipe = load_study(args.study)
-        planned = list(runs(study, recipe, args.results / "studies" / name))
-        train_all({folder: config for _, _, folder, config in planned}, args.jobs)
-        worlds = {world: world_arguments(world, study.fix) for world in study.worlds}
-        policies = [(world, seed, folder) for world, seed, folder, _ in planned]
-        result = {
-            "study": name,
-            **dataclasses.asdict(study),
-            "recipe_config": recipe.to_dict(),
-            **timestep_measure.measure(recipe, worlds, policies, study.layouts),
-        }
-        write_json(found, result)
+        result = find_result(path, study, recipe)
+        if result is None:
+            result = measure(name, study, recipe, args.runs / name, args.jobs)
+            write_json(path, result)
         drawn = timestep_figures.draw(result, args.images)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on from the newest checkpoints", file=sys.stderr)
+        print("\ninterrupted; the same command continues from the newest checkpoints", file=sys.stderr)
         sys.exit(130)
-    print("\n".join(timestep_report.findings(result)))
-    for head, rows in timestep_report.tables(result).values():
-        print(f"\n| {' | '.join(head)} |\n|{' --: |' * len(head)}")
-        print("\n".join(f"| {' | '.join(row)} |" for row in rows))
-    print(f"\nwritten to {found}, {', '.join(map(str, drawn))}")
+    shown = timestep_report.blocks(result)
+    print("\n\n".join(shown[name] for name in ("findings", *timestep_report.tables(result))))
+    print(f"\nin {path}, {', '.join(map(str, drawn))}")
 
 
 if __name__ == "__main__":

@@ -1,28 +1,21 @@
-"""The figures of a study of timesteps, drawn from nothing but what it measured."""
+"""Draws the figures of a study of timesteps from its results."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from billiards_env.files import write_whole
+from benchmarks.figures import save
 from studies.causes import CAUSES
-from studies.timestep_report import summary, transfer
+from studies.timestep_report import rates, summary, transfer
 
-try:
-    import matplotlib
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        "matplotlib is not installed; the figures need it: pip install 'billiards-env[plot]'", name="matplotlib"
-    ) from error
-
-_OWN, _EXACT = "#d55e00", "#0072b2"  # in the world itself, in the exact world
+_OWN, _EXACT = "#d55e00", "#0072b2"  # in the world of the training, in the exact world
 _CAUSES = ("#d55e00", "#e69f00", "#cc79a7", "#f0e442", "#56b4e9", "#0072b2", "#999999")  # in the order of CAUSES
 
 
@@ -30,8 +23,8 @@ def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
     """Draws the figures.
 
     Args:
-        result: What `studies.timestep` wrote.
-        folder: Where they go.
+        result: The result of a study, see `studies.timestep`.
+        folder: The folder of the figures.
 
     Returns:
         The files written: `study_NAME_transfer.png`, `study_NAME_success.png` and `study_NAME_policies.png`.
@@ -41,24 +34,22 @@ def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
     """
     matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
     paths = []
-    for name, picture in (("transfer", transfer_figure), ("success", success_figure), ("policies", policies_figure)):
+    for name, figure in (("transfer", transfer_figure), ("success", success_figure), ("policies", policies_figure)):
         paths.append(folder / f"study_{result['study']}_{name}.png")
-        buffer = io.BytesIO()
-        picture(result).savefig(buffer, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
-        write_whole(paths[-1], buffer.getvalue())
+        save(figure(result), paths[-1])
     return paths
 
 
 def transfer_figure(result: Mapping[str, Any]) -> Figure:
-    """Success of the policies of each world (rows) in each world (columns)."""
+    """Returns a figure of the success of the policies of each world (rows) in each world (columns)."""
     matrix = transfer(result)
     worlds = list(matrix)
-    rates = 100 * np.array([[matrix[a][b]["mean"] for b in worlds] for a in worlds])
+    percent = 100 * np.array([[matrix[a][b]["mean"] for b in worlds] for a in worlds])
     figure = Figure(figsize=(1.7 + 0.75 * len(worlds), 1.3 + 0.62 * len(worlds)), dpi=120, layout="constrained")
     axes = figure.add_subplot()
-    image = axes.imshow(rates, cmap="viridis", vmin=0.0, vmax=max(float(rates.max()), 1e-9), aspect="auto")
-    for (row, column), rate in np.ndenumerate(rates):
-        dark = rate < 0.6 * rates.max()
+    image = axes.imshow(percent, cmap="viridis", vmin=0.0, vmax=max(float(percent.max()), 1e-9), aspect="auto")
+    for (row, column), rate in np.ndenumerate(percent):
+        dark = rate < 0.6 * percent.max()
         axes.text(column, row, f"{rate:.1f}", ha="center", va="center", color="white" if dark else "black", fontsize=9)
     axes.set_xticks(range(len(worlds)), worlds)
     axes.set_yticks(range(len(worlds)), worlds)
@@ -68,10 +59,10 @@ def transfer_figure(result: Mapping[str, Any]) -> Figure:
 
 
 def success_figure(result: Mapping[str, Any]) -> Figure:
-    """Success in the world of the training and in the exact world, against the timestep of the training."""
-    told = summary(result)
-    # From the exact world on the left, which has no place on the axis of timesteps, to the coarsest on the right.
-    worlds = sorted(told, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)
+    """Returns a figure of the success in the world of the training and in the exact world, against the timestep."""
+    means = summary(result)
+    # The exact world, whose timestep would be 0, is on the left.
+    worlds = sorted(means, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)
     figure = Figure(figsize=(6.6, 3.8), dpi=120, layout="constrained")
     axes = figure.add_subplot()
     for shift, key, colour, label in (
@@ -80,12 +71,12 @@ def success_figure(result: Mapping[str, Any]) -> Figure:
     ):
         for k, world in enumerate(worlds):
             played = "exact" if key == "exact" else world
-            rates = [p["success"][played]["rate"] for p in result["policies"] if p["world"] == world]
-            axes.plot([k + shift] * len(rates), 100 * np.array(rates), ".", color=colour, alpha=0.5, markersize=5)
-        means = 100 * np.array([told[world][key]["mean"] for world in worlds])
-        intervals = [told[world][key]["interval"] or [told[world][key]["mean"]] * 2 for world in worlds]
-        ends = np.abs(100 * np.clip(intervals, 0.0, 1.0).T - means)
-        axes.errorbar(np.arange(len(worlds)) + shift, means, ends, fmt="o-", color=colour, capsize=3, label=label)
+            found = rates(result, world, played)
+            axes.plot([k + shift] * len(found), 100 * np.array(found), ".", color=colour, alpha=0.5, markersize=5)
+        heights = 100 * np.array([means[world][key]["mean"] for world in worlds])
+        intervals = [means[world][key]["interval"] or [means[world][key]["mean"]] * 2 for world in worlds]
+        ends = np.abs(100 * np.clip(intervals, 0.0, 1.0).T - heights)
+        axes.errorbar(np.arange(len(worlds)) + shift, heights, ends, fmt="o-", color=colour, capsize=3, label=label)
     axes.set_xticks(range(len(worlds)), worlds)
     axes.set(xlabel="timestep of the training (s)", ylabel="success (%)", ylim=(0.0, None))
     axes.grid(alpha=0.3)
@@ -94,17 +85,18 @@ def success_figure(result: Mapping[str, Any]) -> Figure:
 
 
 def policies_figure(result: Mapping[str, Any]) -> Figure:
-    """Speeds, turns, cuts and false successes of the policies of each world."""
-    told = summary(result)
-    colours = dict(zip(told, matplotlib.colormaps["viridis"](np.linspace(0.0, 0.92, len(told))), strict=True))
+    """Returns a figure of the speeds, turns, cuts and false successes of the policies of each world."""
+    means = summary(result)
+    colours = dict(zip(means, matplotlib.colormaps["viridis"](np.linspace(0.0, 0.92, len(means))), strict=True))
     colours["exact"] = "black"
     figure = Figure(figsize=(10.5, 7.2), dpi=110, layout="constrained")
     (speeds, turns), (cuts, causes) = figure.subplots(2, 2)
     for world, colour in colours.items():
         for axes, name in ((speeds, "speed"), (turns, "turn"), (cuts, "cut")):
-            shares = np.mean([p[name]["histogram"] for p in result["policies"] if p["world"] == world], axis=0)
+            counts = [np.array(p[name]["counts"]) for p in result["policies"] if p["world"] == world]
+            shares = np.mean([count / max(count.sum(), 1) for count in counts], axis=0)
             edges = np.array(result["bins"][name])
-            if not shares.any():  # no other policy of the exact world to compare with, or no shot at the ball
+            if not shares.any():  # no other policy of the exact world, or no shot at the ball
                 continue
             if name == "turn":
                 axes.plot(edges[1:], 100 * np.cumsum(shares), color=colour, label=world)
@@ -115,19 +107,19 @@ def policies_figure(result: Mapping[str, Any]) -> Figure:
     turns.set_xscale("log")
     _label(cuts, "Cut at the nearest ball to pot", "cut: 0 full, 1 and -1 grazed", "share of the shots at it (%)")
     cuts.set_xticks(np.linspace(-1.0, 1.0, 5))
-    _causes(causes, {world: t for world, t in told.items() if world != "exact"})
+    _causes(causes, {world: t for world, t in means.items() if world != "exact"})
     speeds.legend(fontsize=8, title="trained in", title_fontsize=8)
     return figure
 
 
-def _causes(axes: Axes, told: Mapping[str, Mapping[str, Any]]) -> None:
-    """Bars of the false successes of each world, by cause."""
-    base = np.zeros(len(told))
+def _causes(axes: Axes, means: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draws bars of the false successes of each world, by cause."""
+    base = np.zeros(len(means))
     for name, colour in zip(CAUSES, _CAUSES, strict=True):
-        shares = 100 * np.array([t["causes"][name]["mean"] for t in told.values()])
-        axes.bar(range(len(told)), shares, bottom=base, color=colour, label=name.replace("_", " "))
+        shares = 100 * np.array([t["causes"][name]["mean"] for t in means.values()])
+        axes.bar(range(len(means)), shares, bottom=base, color=colour, label=name.replace("_", " "))
         base += shares
-    axes.set_xticks(range(len(told)), list(told))
+    axes.set_xticks(range(len(means)), list(means))
     _label(axes, "Successes that fail in the exact world, by cause", "trained in", "share of the successes (%)")
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 

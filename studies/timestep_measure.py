@@ -1,14 +1,14 @@
-"""What policies of a study of timesteps do on the same layouts, in numbers.
+"""Measures the policies of a study of timesteps on the same layouts.
 
-Every policy plays every layout once, without exploration noise, so a policy is its shots: one velocity of the cue ball
-a layout. `measure` plays the shots of each policy in each world and tells
+Every policy plays every layout once, without exploration noise, so it is described by its shots: one velocity of the
+cue ball for each layout. `measure` plays the shots of each policy in each world and counts
 
-* the share that succeeds in each world, with Wilson's 95 % interval over the layouts;
-* how the shots differ: their speed; the cut, the sine of the cut angle at the nearest ball to pot if nothing is in the
-  way (see `cuts`); and the turn, the angle between the shot's direction and those of the policies trained in the
-  exact world (the others, for one of these) on the same layout;
-* what the shots rest on that succeed in the world their policy was trained in: how many of them fail in the exact
-  world, and by which failure of the timestep they succeed, see `studies.causes`.
+* the successes in each world;
+* how the shots differ: their speed; their cut, which is the sine of the cut angle at the nearest ball to pot if there
+  is no obstacle (see `cuts`); and their turn, which is the angle between the shot's direction and those of the policies
+  trained in the exact world, except itself, on the same layout;
+* false successes, which succeed in the world of the training and fail in the exact world, by their cause
+  (`studies.causes`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from tqdm import tqdm
 
 from agents.config import Config
 from agents.evaluate import deterministic
-from agents.intervals import wilson_interval
 from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
@@ -45,23 +44,40 @@ TURNS = np.concatenate(([0.0], np.geomspace(0.1, 180.0, 40)))
 SPEED_BINS = 40
 
 
+class Run(NamedTuple):
+    """A finished training run.
+
+    Attributes:
+        world: The name of the world of the training.
+        seed: The seed.
+        folder: The folder of the run.
+    """
+
+    world: str
+    seed: int
+    folder: Path
+
+
 def measure(
-    recipe: Config, worlds: Mapping[str, Mapping[str, Any]], policies: Sequence[tuple[str, int, Path]], layouts: int
+    recipe: Config, worlds: Mapping[str, Mapping[str, Any]], runs: Sequence[Run], layouts: int
 ) -> dict[str, Any]:
     """Plays the policies in all worlds.
 
     Args:
-        recipe: What they were trained with, but for the world and the seed.
-        worlds: By name, what `gym.make` takes for it; "exact" among them.
-        policies: World, seed and folder of each finished run.
-        layouts: On how many layouts.
+        recipe: The configuration of the training, apart from the world and the seed.
+        worlds: The arguments of `gym.make` of each world, by name; "exact" is among them.
+        runs: The finished runs.
+        layouts: The number of layouts.
 
     Returns:
-        Plain data: `versions`, `bins` of the histograms, `worlds_measured` and `policies`.
+        Plain data: `versions`; `bins`, the edges of the histograms; `worlds_measured`, the arguments and speed of each
+        world; and `policies`. A policy has `world`, `seed`, `curve` (a list of `agents.train.Point`), `success` (the
+        number of successes in each world), the distributions `speed`, `cut`, `cut_angle` and `turn` (quantiles and
+        counts), `aimed_at_ball` (a share), and `false_successes` (their number by cause).
 
     Raises:
-        OSError: If a run's file cannot be read.
-        ValueError: If it does not hold what it should.
+        OSError: If a file of a run cannot be read.
+        ValueError: If a file of a run has the wrong content.
     """
     seeds = evaluation_seeds(LAYOUT_SEED, layouts).tolist()
     envs = {
@@ -70,7 +86,7 @@ def measure(
     }
     observations, _ = envs["exact"].reset(seed=seeds)
     positions, env = envs["exact"].positions, envs["exact"].single_env
-    shots = [_shots(folder, observations, positions, env) for _, _, folder in tqdm(policies, "policies")]
+    shots = [_shots(run.folder, observations, positions, env) for run in tqdm(runs, "policies")]
     successes = {world: [] for world in worlds}
     seconds = dict.fromkeys(worlds, 0.0)
     for world in tqdm(worlds, "worlds"):
@@ -80,6 +96,20 @@ def measure(
             *_, infos = envs[world].step(actions)
             seconds[world] += time.perf_counter() - begin
             successes[world].append(infos["success"])
+    policies = []
+    for k, run in enumerate(tqdm(runs, "false successes")):
+        own, exact = successes[run.world][k], successes["exact"][k]
+        others = [shots[j] for j, other in enumerate(runs) if other.world == "exact" and j != k]
+        policies.append(
+            {
+                "world": run.world,
+                "seed": run.seed,
+                "curve": [list(point) for point in learning_curve(run.folder)],
+                "success": {world: int(successes[world][k].sum()) for world in worlds},
+                **_distributions(shots[k], others, positions, env),
+                "false_successes": _causes(worlds[run.world], env, positions, shots[k], own & ~exact),
+            }
+        )
     return {
         "versions": versions(),
         "bins": {
@@ -91,53 +121,41 @@ def measure(
         "worlds_measured": {
             world: {**worlds[world], "shots_per_second": layouts * len(shots) / seconds[world]} for world in worlds
         },
-        "policies": [
-            {
-                "world": world,
-                "seed": seed,
-                "training_seconds": learning_curve(folder)[-1].seconds,
-                "success": {w: _share(successes[w][k]) for w in worlds},
-                **_differences(k, shots, positions, env, [p[0] for p in policies]),
-                "rests_on": _rests_on(
-                    worlds[world], env, positions, shots[k], successes[world][k], successes["exact"][k]
-                ),
-            }
-            for k, (world, seed, folder) in enumerate(tqdm(policies, "shots replayed"))
-        ],
+        "policies": policies,
     }
 
 
 def speed_bins(max_speed: float) -> Floats:
-    """The edges of the bins of speeds, m/s."""
+    """Returns the edges of the bins of speeds, m/s."""
     return np.linspace(0.0, max_speed, SPEED_BINS + 1)
 
 
 def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> Floats:
-    """(m,) the cuts of shots.
+    """Returns the cuts of shots, (m,).
 
-    A cut is the distance of the nearest ball to pot from the line along which the cue ball sets out, over the distance
-    of the two centres at contact: the action of the frame "cut". Beyond +-1 the line passes the ball; it is infinite
-    where the cue ball sets out away from it.
+    A cut is the distance of the nearest ball to pot from the line of the cue ball's initial direction, over the
+    distance of the two centres at contact. It is the action of the frame "cut". Beyond +-1 the line misses the ball. It
+    is infinite if the cue ball moves away from the ball.
 
     Args:
-        actions: (m, 2) the directions in which the cue balls set out, of any length.
-        positions: (m, n, 2) where the balls are, m.
+        actions: (m, 2) initial directions of the cue balls, of any length.
+        positions: (m, n, 2) m.
         targets: (n,) bool, the balls to pot.
         radius: (n,) m.
     """
-    ways = positions[:, targets] - positions[:, :1]
-    distances = np.hypot(ways[..., 0], ways[..., 1])
+    to_targets = positions[:, targets] - positions[:, :1]
+    distances = np.hypot(to_targets[..., 0], to_targets[..., 1])
     nearest = distances.argmin(axis=1)
-    way = np.take_along_axis(ways, nearest[:, None, None], axis=1)[:, 0]
-    across = way[:, 1] * actions[:, 0] - way[:, 0] * actions[:, 1]
-    ahead = (way * actions).sum(axis=1)
+    to_nearest = np.take_along_axis(to_targets, nearest[:, None, None], axis=1)[:, 0]
+    across = to_nearest[:, 1] * actions[:, 0] - to_nearest[:, 0] * actions[:, 1]
+    ahead = (to_nearest * actions).sum(axis=1)
     length = np.hypot(actions[:, 0], actions[:, 1])
     reach = radius[0] + radius[targets][nearest]
     return np.where(ahead > 0, across / np.where(length > 0, length, 1.0), np.inf) / reach
 
 
 def _shots(run_dir: Path, observations: NDArray[np.float32], positions: Floats, env: BilliardsEnv) -> Floats:
-    """(m, 2) what the run's policy does, as the environment takes it."""
+    """Returns the actions of a run's policy, (m, 2), in the environment's own action space."""
     config, policy = load_policy(run_dir)
     actions = np.asarray(deterministic(policy)(observations), np.float64)
     if config.frame is not None:
@@ -147,20 +165,11 @@ def _shots(run_dir: Path, observations: NDArray[np.float32], positions: Floats, 
     return actions
 
 
-def _share(successes: Bools) -> dict[str, Any]:
-    rate = wilson_interval(int(successes.sum()), len(successes))
-    return {"rate": float(successes.mean()), "interval": list(rate)}
-
-
-def _differences(
-    k: int, shots: Sequence[Floats], positions: Floats, env: BilliardsEnv, worlds: Sequence[str]
-) -> dict[str, Any]:
-    """How the shots of policy k differ from others."""
-    actions = shots[k]
+def _distributions(actions: Floats, others: Sequence[Floats], positions: Floats, env: BilliardsEnv) -> dict[str, Any]:
+    """Returns the distributions of the speeds, cuts and cut angles of shots, and of their turns against other shots."""
     speed = env.max_speed * np.minimum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
     cut = cuts(actions, positions, env.targets, np.array(env.scene.balls.radius))
     aimed = np.abs(cut) <= 1.0
-    others = [shots[j] for j, world in enumerate(worlds) if world == "exact" and j != k]
     turn = np.concatenate([_turn(actions, other) for other in others] or [np.empty(0)])
     return {
         "speed": _distribution(speed, speed_bins(env.max_speed)),
@@ -172,32 +181,26 @@ def _differences(
 
 
 def _turn(a: Floats, b: Floats) -> Floats:
-    """(m,) the angle between directions, degrees."""
+    """Returns the angles between directions (m, 2), (m,) degrees."""
     return np.degrees(np.abs(np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a * b).sum(axis=1))))
 
 
 def _distribution(values: Floats, edges: Floats) -> dict[str, Any]:
-    """Quantiles, None where there are no values, and the share of them in each bin."""
-    counts = np.histogram(values, edges)[0]
+    """Returns the quantiles of values, None if there are no values, and the number of values in each bin."""
     return {
         "quantiles": np.quantile(values, QUANTILES).tolist() if len(values) else None,
-        "histogram": (counts / max(len(values), 1)).tolist(),
+        "counts": np.histogram(values, edges)[0].tolist(),
     }
 
 
-def _rests_on(
-    world: Mapping[str, Any], env: BilliardsEnv, positions: Floats, actions: Floats, own: Bools, exact: Bools
-) -> dict[str, Any]:
-    """Of the shots that succeed in their own world, how many fail in the exact one, and by which cause."""
+def _causes(
+    world: Mapping[str, Any], env: BilliardsEnv, positions: Floats, actions: Floats, false: Bools
+) -> dict[str, int]:
+    """Returns the number of false successes by cause."""
     counts: Counter[str] = Counter()
-    fails = np.flatnonzero(own & ~exact)
-    for i in fails.tolist():
+    for i in np.flatnonzero(false).tolist():
         start = env.scene, positions[i], cue_velocity(actions[i], env.max_speed)
-        true, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
-        differs = np.flatnonzero(true.potted != stepped.potted)
-        counts[cause(true, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball
-    return {
-        "successes": int(own.sum()),
-        "fail_in_exact": len(fails),
-        "causes": {name: counts[name] for name in CAUSES},
-    }
+        exact, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
+        differs = np.flatnonzero(exact.potted != stepped.potted)
+        counts[cause(exact, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball
+    return {name: counts[name] for name in CAUSES}

@@ -1,7 +1,7 @@
-"""What a study of timesteps says of each world: means over the seeds, and tables of them.
+"""Summarizes a study of timesteps: means over the seeds, tables and findings.
 
-A mean over the policies of a world has Student's 95 % interval over their seeds, of which there are few: it is about
-what another run of the training would give. The layouts are the same for all.
+The mean over the policies of a world has Student's 95 % interval over the few seeds of the training. The layouts are
+the same for all policies.
 """
 
 from __future__ import annotations
@@ -10,69 +10,68 @@ from collections.abc import Mapping
 from typing import Any
 
 from agents.intervals import as_percent, difference, over_seeds
+from benchmarks import table
 from studies.causes import CAUSES
 from studies.timestep_measure import QUANTILES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """What is told of each world: the policies trained in it, over seeds.
+    """Returns the means over the seeds of the policies trained in each world.
 
     Args:
-        result: What `measure` returns.
+        result: The result of a study, see `studies.timestep`.
 
     Returns:
         By world: `own` and `exact`, the success in the world itself and in the exact one; `gap`, own less exact;
         `behind`, the success in the exact world less that of the policies trained there; `false`, the share of the
         successes in the own world that fail in the exact one, and `causes`, these shares by cause; `speed`, `turn` and
-        `cut_angle`, the medians of the speed (m/s), the turn and the cut angle (degrees), None where there are none;
-        `aimed_at_ball`, the share of the shots whose line meets the nearest ball to pot; `training_seconds` of a run
+        `cut_angle`, the medians of the speed (m/s), the turn and the cut angle (degrees), None if a policy has none;
+        `aimed_at_ball`, the share of the shots whose line meets the nearest ball to pot; `training_seconds` of a run;
         and `shots_per_second` of the world.
     """
-    told = {}
-    mine = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
-    exact = {w: [p["success"]["exact"]["rate"] for p in policies] for w, policies in mine.items()}
-    for world, policies in mine.items():
-        own = [p["success"][world]["rate"] for p in policies]
-        rests = [p["rests_on"] for p in policies]
-        successes = [max(r["successes"], 1) for r in rests]
+    found = {}
+    by_world = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
+    exact = {world: rates(result, world, "exact") for world in by_world}
+    for world, policies in by_world.items():
+        own = rates(result, world, world)
+        successes = [max(p["success"][world], 1) for p in policies]
+        causes = [p["false_successes"] for p in policies]
         medians = {name: [p[name]["quantiles"] for p in policies] for name in ("speed", "turn", "cut_angle")}
         middle = QUANTILES.index(0.5)
-        told[world] = {
+        found[world] = {
             "own": over_seeds(own),
             "exact": over_seeds(exact[world]),
             "gap": over_seeds([a - b for a, b in zip(own, exact[world], strict=True)]),
             "behind": difference(exact[world], exact["exact"]),
-            "false": over_seeds([r["fail_in_exact"] / n for r, n in zip(rests, successes, strict=True)]),
+            "false": over_seeds([sum(c.values()) / n for c, n in zip(causes, successes, strict=True)]),
             "causes": {
-                name: over_seeds([r["causes"][name] / n for r, n in zip(rests, successes, strict=True)])
-                for name in CAUSES
+                name: over_seeds([c[name] / n for c, n in zip(causes, successes, strict=True)]) for name in CAUSES
             },
             **{
                 name: over_seeds([q[middle] for q in quantiles]) if None not in quantiles else None
                 for name, quantiles in medians.items()
             },
             "aimed_at_ball": over_seeds([p["aimed_at_ball"] for p in policies]),
-            "training_seconds": over_seeds([p["training_seconds"] for p in policies]),
+            "training_seconds": over_seeds([p["curve"][-1][1] for p in policies]),
             "shots_per_second": result["worlds_measured"][world]["shots_per_second"],
         }
-    return told
+    return found
+
+
+def rates(result: Mapping[str, Any], trained: str, tested: str) -> list[float]:
+    """Returns the success in the world `tested` of each policy trained in the world `trained`."""
+    return [p["success"][tested] / result["layouts"] for p in result["policies"] if p["world"] == trained]
 
 
 def transfer(result: Mapping[str, Any]) -> dict[str, dict[str, dict[str, Any]]]:
-    """By the world of training and the world of the test: the success, over seeds."""
+    """Returns the success over seeds, by the world of the training and then by the world of the test."""
     worlds = result["worlds_measured"]
-    return {
-        trained: {
-            tested: over_seeds([p["success"][tested]["rate"] for p in result["policies"] if p["world"] == trained])
-            for tested in worlds
-        }
-        for trained in worlds
-    }
+    return {trained: {tested: over_seeds(rates(result, trained, tested)) for tested in worlds} for trained in worlds}
 
 
 def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-    """Heads and rows of the tables "conclusion", "causes", "shots" and "transfer", one row a world of training."""
-    told, matrix = summary(result), transfer(result)
+    """Returns the heads and rows of the tables, by name; a row for each world of training."""
+    means, matrix = summary(result), transfer(result)
     return {
         "conclusion": (
             (
@@ -94,14 +93,14 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
                     f"{t['training_seconds']['mean'] / 60:.1f} min",
                     f"{t['shots_per_second']:,.0f}",
                 )
-                for world, t in told.items()
+                for world, t in means.items()
             ],
         ),
         "causes": (
             ("trained in", "false successes", *(name.replace("_", " ") for name in CAUSES)),
             [
                 (_name(world), *(as_percent(share) for share in (t["false"], *t["causes"].values())))
-                for world, t in told.items()
+                for world, t in means.items()
                 if world != "exact"
             ],
         ),
@@ -119,27 +118,23 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
                     *(_number(t[name]) for name in ("speed", "turn", "cut_angle")),
                     as_percent(t["aimed_at_ball"]),
                 )
-                for world, t in told.items()
+                for world, t in means.items()
             ],
         ),
         "transfer": (
-            ("trained in", *(f"played in {_name(world)}" for world in told)),
-            [(_name(a), *(f"{matrix[a][b]['mean']:.1%}" for b in told)) for a in told],
+            ("trained in", *(f"played in {_name(world)}" for world in means)),
+            [(_name(a), *(f"{matrix[a][b]['mean']:.1%}" for b in means)) for a in means],
         ),
     }
 
 
 def findings(result: Mapping[str, Any]) -> list[str]:
-    """What the study found, in sentences: which timesteps will do, what the others teach, and what each costs.
+    """Returns three sentences on the timesteps that suffice, the false successes and the cost.
 
-    Args:
-        result: What `studies.timestep` wrote.
-
-    Returns:
-        Three sentences; none if there is no world with a timestep.
+    The list is empty if there is no world with a timestep.
     """
-    told, dts = summary(result), {world: m["dt"] for world, m in result["worlds_measured"].items()}
-    exact, stepped = told["exact"], {world: t for world, t in told.items() if world != "exact"}
+    means, dts = summary(result), {world: m["dt"] for world, m in result["worlds_measured"].items()}
+    exact, stepped = means["exact"], {world: t for world, t in means.items() if world != "exact"}
     if not stepped:
         return []
     worse = [w for w, t in stepped.items() if t["behind"]["interval"] is not None and t["behind"]["interval"][1] < 0]
@@ -148,18 +143,37 @@ def findings(result: Mapping[str, Any]) -> list[str]:
     causes = stepped[falsest]["causes"]
     cause = max(causes, key=lambda name: causes[name]["mean"])
     finest = min(stepped, key=lambda world: dts[world])
-    minutes = {world: told[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
-    rates = {world: told[world]["shots_per_second"] for world in ("exact", finest)}
+    minutes = {world: means[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
+    speeds = {world: means[world]["shots_per_second"] for world in ("exact", finest)}
     return [
         f"Policies trained in the exact world succeed there on {as_percent(exact['exact'])} of the layouts. "
-        f"Those trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the "
+        f"Policies trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the "
         f"interval; the difference is largest at {_name(last)}, {_points(stepped[last]['behind'])} points.",
         f"Of the successes of the policies trained at {_name(falsest)}, in their own world, "
-        f"{as_percent(stepped[falsest]['false'])} fail in the exact one; most of these by {cause.replace('_', ' ')}, "
-        f"{as_percent(causes[cause])} of the successes. At no other timestep are there more.",
+        f"{as_percent(stepped[falsest]['false'])} fail in the exact world. This is the largest share of all timesteps. "
+        f"The most frequent cause is {cause.replace('_', ' ')}, {as_percent(causes[cause])} of the successes.",
         f"A run takes {minutes['exact']:.1f} min in the exact world and {minutes[finest]:.1f} min at {_name(finest)}; "
-        f"one core plays {rates['exact']:,.0f} and {rates[finest]:,.0f} shots/s.",
+        f"one core plays {speeds['exact']:,.0f} and {speeds[finest]:,.0f} shots/s.",
     ]
+
+
+def blocks(result: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the findings, tables and links to figures as Markdown, by name.
+
+    `picture` is for the README, `pictures` for a page in `docs`.
+    """
+    texts = {
+        "success": "Success in the exact world and in the world of the training, against the timestep",
+        "transfer": "Success of the policies of each world in each world",
+        "policies": "Speeds, directions, cuts and false successes of the policies of each world",
+    }
+    files = {name: f"images/study_{result['study']}_{name}.png" for name in texts}
+    return {
+        "findings": "\n".join(f"- {sentence}" for sentence in findings(result)),
+        **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
+        "picture": f"![{texts['success']}](docs/{files['success']})",
+        "pictures": "\n\n".join(f"![{texts[name]}]({files[name]})" for name in ("transfer", "policies")),
+    }
 
 
 def _name(world: str) -> str:

@@ -117,8 +117,9 @@ def test_measured_tables_are_those_of_the_committed_results():
 def test_all_that_is_measured_is_shown():
     shown = set(re.findall(r"^<!-- (\w+): ", README + MEASUREMENTS, re.MULTILINE))
     assert shown == set(readme.SOURCES)
-    written = {path.stem for path in readme.RESULTS.glob("*.json")}
+    written = {path.stem for path in ROOT.glob("*/results/*.json")}
     assert written <= shown
+    assert all(readme.results(source).exists() for source in written)
 
 
 @pytest.fixture
@@ -131,7 +132,7 @@ def page(tmp_path, monkeypatch):
 
 def test_only_what_is_between_the_markers_is_replaced(page):
     readme.main([])
-    result = json.loads((readme.RESULTS / "speed.json").read_text())
+    result = json.loads(readme.results("speed").read_text())
     threads = speed.blocks(result)["threads"]
     whole = f"# Title\n\n<!-- speed: threads -->\n\n{threads}\n\n<!-- end -->\n\nText.\n"
     assert page.read_text() == whole
@@ -156,7 +157,7 @@ def test_what_is_not_measured_is_no_figure(page, tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of agents, ablation, accuracy"),
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy"),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

@@ -13,7 +13,7 @@ import numpy as np
 from billiards_env import records
 from billiards_env.games import RULES, History, Setup, opening
 from billiards_env.play.model import HUMAN, begin
-from billiards_env.play.players import find_player
+from billiards_env.players.game_player import find_player
 from billiards_env.scene import Scene
 
 DT = 1 / 60
@@ -102,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         history = make_history(args, rng)
         names = tuple(args.players.split(",")) if args.players else (HUMAN,) * history.setup.n_players
-        players = [find_player(name, history.setup) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup) for name in names]
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")

@@ -25,8 +25,8 @@ from billiards_env.play.model import (
     tick,
     update,
 )
-from billiards_env.play.players import Player
 from billiards_env.play.view import FPS, View
+from billiards_env.players.game_player import Player
 
 COMMANDS = {
     pygame.K_SPACE: "go",

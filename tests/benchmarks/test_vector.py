@@ -23,12 +23,7 @@ def test_it_writes_and_prints_its_results_whole(measured, tmp_path, monkeypatch,
     for row in written["steps"] + written["layouts"]:
         assert f"| {row['kind']} " in out
         assert row["per_second"]["median"] > 0
-    assert len({row["kind"] for row in written["steps"]}) == 4 + len(vector.ENV_COUNTS)
-    assert f"take {written['training']['environment_share']['median']:.1%}" in out
-
-
-def test_the_share_of_training_is_one(measured):
-    assert 0 < measured["training"]["environment_share"]["median"] < 1
+    assert len({row["kind"] for row in written["steps"]}) == 3 + len(vector.ENV_COUNTS)
 
 
 def test_memory_grows_with_the_environments():
@@ -56,13 +51,6 @@ def test_the_layouts_drawn_are_legal_and_all_different(monkeypatch):
     vector.drawing("random", 15, 50)()
     check_positions(Scene.named("pool", 15), drawn[0])
     assert len(np.unique(drawn[0][:, 0], axis=0)) == 50
-
-
-def test_the_training_is_the_example_agent_s_with_large_batches():
-    config = vector.training_config(1024, 16, 3)
-    example = vector.load(vector.TRAINING)
-    assert (config.n_envs, config.ppo.batch_size, config.timesteps) == (1024, 4096, 3 * 16 * 1024)
-    assert (config.env, config.policy, config.ppo.n_epochs) == (example.env, example.policy, example.ppo.n_epochs)
 
 
 def test_counts_below_one_are_refused(capsys):

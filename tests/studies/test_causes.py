@@ -8,7 +8,7 @@ import pytest
 from billiards_env import Scene, failures, layouts, simulate
 from billiards_env.failures import FAILURES
 from billiards_env.scene import Balls, Physics, Pocket, Table
-from studies.causes import CAUSES, cause, contacts, story
+from studies.causes import CAUSES, cause, contacts, history
 
 
 def ideal(*pockets, balls=1, mass=0.2, max_time=1.0):
@@ -82,14 +82,14 @@ def test_a_pocket_that_is_passed_over_is_a_cause():
     assert found(*shot, 0.04) == "pocket"
 
 
-def test_a_story_goes_back_to_what_hit_the_ball_and_no_further():
+def test_a_history_goes_back_to_what_hit_the_ball_and_no_further():
     scene = Scene.named("ideal", 3)
     shot = simulate(scene, [[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0], [0.0, 0.4]], [2.0, 0.0], record=True, max_time=0.6)
     told = [c[:3] for c in contacts(shot)]
     assert told == [("ball_ball", 0, 1), ("ball_ball", 1, 2)]
-    assert [c[:3] for c in story(contacts(shot), 2)] == told
-    assert [c[:3] for c in story(contacts(shot), 0)] == told[:1]
-    assert story(contacts(shot), 3) == []
+    assert [c[:3] for c in history(contacts(shot), 2)] == told
+    assert [c[:3] for c in history(contacts(shot), 0)] == told[:1]
+    assert history(contacts(shot), 3) == []
 
 
 def test_shots_have_to_be_recorded():

@@ -1,5 +1,6 @@
 import copy
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -35,48 +36,63 @@ RECIPE = {
 
 @pytest.fixture
 def command(tmp_path):
-    """A function that runs the command with tiny settings, changed as told; all it writes is in `tmp_path`."""
+    """A function that runs the command with tiny settings, with some changes; it writes to `tmp_path`."""
 
     def run(*arguments: str, recipe_changes=None, **changes) -> None:
         (tmp_path / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
         settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
         (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
-        places = ["--results", str(tmp_path / "results"), "--images", str(tmp_path / "images")]
+        places = [text for name in ("runs", "results", "images") for text in (f"--{name}", str(tmp_path / name))]
         module.main([str(tmp_path / "tiny.yaml"), *places, *arguments])
 
     return run
 
 
-def test_a_study_trains_measures_draws_and_tells(command, tmp_path, capsys):
+def test_a_study_trains_measures_draws_and_prints(command, tmp_path, capsys):
     command()
-    runs = tmp_path / "results" / "studies" / "tiny"
+    runs = tmp_path / "runs" / "tiny"
     assert sorted(str(path.parent.relative_to(runs)) for path in runs.rglob("policy.pt")) == [
         "1-15/seed3",
         "exact/seed3",
     ]
     env = yaml.safe_load((runs / "1-15" / "seed3" / "config.yaml").read_text())["env"]
     assert (env["mode"], env["dt"], env["fix"]) == ("pit", 1 / 15, None)
-    result = json.loads((tmp_path / "results" / "study_tiny.json").read_text())
+    result = json.loads((tmp_path / "results" / "timestep_tiny.json").read_text())
     assert [(p["world"], p["seed"]) for p in result["policies"]] == [("exact", 3), ("1/15", 3)]
     assert all(p["success"].keys() == {"exact", "1/15"} for p in result["policies"])
-    assert all(p["training_seconds"] > 0 for p in result["policies"])
+    assert all([point[0] for point in p["curve"]] == [0, 64] and p["curve"][-1][1] > 0 for p in result["policies"])
     assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
     for name in ("transfer", "success", "policies"):
         assert (tmp_path / "images" / f"study_tiny_{name}.png").read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
-    for head, rows in timestep_report.tables(result).values():
-        assert f"| {' | '.join(head)} |" in printed
-        assert all(len(row) == len(head) and f"| {' | '.join(row)} |" in printed for row in rows)
+    blocks = timestep_report.blocks(result)
+    assert blocks["findings"] in printed
+    assert all(blocks[name] in printed for name in timestep_report.tables(result))
+
+
+def test_a_study_with_results_is_printed_and_drawn_without_training(command, tmp_path, monkeypatch, capsys):
+    command()
+    printed = capsys.readouterr().out
+    figures = {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()}
+    shutil.rmtree(tmp_path / "runs")
+    shutil.rmtree(tmp_path / "images")
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "train_all", None)
+        command()
+    assert capsys.readouterr().out == printed
+    assert {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()} == figures
+    command(layouts=20)
+    assert json.loads((tmp_path / "results" / "timestep_tiny.json").read_text())["layouts"] == 20
 
 
 def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
     (tmp_path / "recipe.yaml").write_text(yaml.safe_dump(RECIPE))
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({"recipe": "recipe.yaml", "worlds": ["exact"], "timesteps": 9}))
     study, recipe = module.load_study(tmp_path / "tiny.yaml")
-    assert {config.timesteps for *_, config in module.runs(study, recipe, tmp_path)} == {9}
+    assert {config.timesteps for _, config in module.runs(study, recipe, tmp_path)} == {9}
 
 
-def test_an_interrupted_study_goes_on_where_it_was(command, tmp_path, monkeypatch, capsys):
+def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
     def interrupted(*_):
         raise KeyboardInterrupt
 
@@ -85,10 +101,10 @@ def test_an_interrupted_study_goes_on_where_it_was(command, tmp_path, monkeypatc
         with pytest.raises(SystemExit) as stopped:
             command()
     assert stopped.value.code == 130
-    assert "the same command goes on" in capsys.readouterr().err
-    found = tmp_path / "results" / "study_tiny.json"
+    assert "the same command continues" in capsys.readouterr().err
+    found = tmp_path / "results" / "timestep_tiny.json"
     assert not found.exists()
-    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("policy.pt")}
+    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
     assert len(policies) == 2
     command()
     assert found.exists()
@@ -103,7 +119,7 @@ def test_an_interrupted_study_goes_on_where_it_was(command, tmp_path, monkeypatc
         ({"worlds": ["exact", 0.05]}, r"worlds\[1\] = 0.05: expected text, not float"),
         ({"worlds": ["exact", "1/0"]}, r"worlds\[1\] = '1/0': expected 'exact' or a timestep .* such as '1/60'"),
         ({"worlds": ["1/15"]}, r"worlds = \['1/15'\]: expected 'exact' among them"),
-        ({"worlds": ["exact", "1/9", "1/9"]}, r"worlds = .*: expected at least one, and none twice"),
+        ({"worlds": ["exact", "1/9", "1/9"]}, r"worlds = .*: expected at least one, and no duplicates"),
         ({"seeds": []}, r"seeds = \[\]: expected at least one"),
         ({"seeds": [0, -1]}, r"seeds\[1\] = -1: expected a number >= 0"),
         ({"layouts": 0}, r"layouts = 0: expected a number >= 1"),
@@ -112,7 +128,7 @@ def test_an_interrupted_study_goes_on_where_it_was(command, tmp_path, monkeypatc
         ({"recipe": "nowhere.yaml"}, r"No such file .*nowhere.yaml"),
     ],
 )
-def test_bad_settings_are_refused_by_name(command, tmp_path, changes, message):
+def test_bad_settings_are_refused(command, tmp_path, changes, message):
     with pytest.raises(SystemExit, match=f"(?s)error: .*{message}"):
         command(**changes)
     assert not (tmp_path / "results").exists()
@@ -134,7 +150,7 @@ def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes,
     assert not (tmp_path / "results").exists()
 
 
-def test_another_studys_runs_are_refused_and_left_alone(command, tmp_path):
+def test_runs_of_another_study_are_refused(command, tmp_path):
     command()
     with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 there, 128 asked for"):
         command(recipe_changes={"timesteps": 128})
@@ -147,7 +163,7 @@ WORLDS = {world: module.world_arguments(world, None) for world in ("exact", "1/3
 
 @pytest.fixture(scope="module")
 def blocked():
-    """What is measured of two "policies" of each world that shoot at the hidden ball, fast; the layouts; the shots."""
+    """The result of two "policies" of each world that shoot fast at the hidden ball, the layouts, and the shots."""
     config = Config.from_dict({"timesteps": 1, "env": BLOCKED})
     envs: Any = gym.make_vec("Billiards-v0", num_envs=COUNT, **BLOCKED)
     envs.reset(seed=evaluation_seeds(timestep_measure.LAYOUT_SEED, COUNT).tolist())
@@ -157,15 +173,19 @@ def blocked():
     for _ in range(4):
         actions = rng.uniform((-0.5, 0.2), (0.5, 1.0), (COUNT, 2))
         shots.append(frame.velocities(actions, positions, np.zeros((COUNT, 3), bool)) / 8.0)
-    policies = [(world, seed, Path(f"{2 * (world != 'exact') + seed}")) for world in WORLDS for seed in (0, 1)]
+    runs = [
+        timestep_measure.Run(world, seed, Path(f"{2 * (world != 'exact') + seed}"))
+        for world in WORLDS
+        for seed in (0, 1)
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(timestep_measure, "_shots", lambda folder, *_: shots[int(folder.name)])
         patch.setattr(timestep_measure, "learning_curve", lambda folder: [Point(1, 60.0, 0.0, 0.0, 0.0)])
-        result = timestep_measure.measure(config, WORLDS, policies, COUNT)
+        result = {"layouts": COUNT, **timestep_measure.measure(config, WORLDS, runs, COUNT)}
     return result, positions, shots
 
 
-def test_successes_are_those_of_the_environment(blocked):
+def test_successes_agree_with_the_environment(blocked):
     result, positions, shots = blocked
     for world, arguments in WORLDS.items():
         env = gym.make("Billiards-v0", **BLOCKED, **arguments)
@@ -174,24 +194,22 @@ def test_successes_are_those_of_the_environment(blocked):
             for places, action in zip(positions[:200], actions[:200], strict=True):
                 env.reset(options={"positions": places})
                 achieved.append(env.step(action)[-1]["success"])
-            low, high = policy["success"][world]["interval"]
-            assert low <= policy["success"][world]["rate"] <= high
-            assert policy["success"][world]["rate"] == pytest.approx(np.mean(achieved), abs=0.05)
+            assert policy["success"][world] / COUNT == pytest.approx(np.mean(achieved), abs=0.05)
 
 
-def test_successes_through_the_post_are_told_as_missed_collisions(blocked):
+def test_false_successes_through_the_post_are_missed_collisions(blocked):
     result, _, _ = blocked
-    exact, stepped = ([p["rests_on"] for p in result["policies"] if p["world"] == world] for world in ("exact", "1/30"))
-    for rests in exact:
-        assert rests["fail_in_exact"] == 0
-        assert set(rests["causes"].values()) == {0}
-    for policy, rests in zip(result["policies"][2:], stepped, strict=True):
-        assert rests["successes"] == round(COUNT * policy["success"]["1/30"]["rate"]) > 30
-        assert sum(rests["causes"].values()) == rests["fail_in_exact"] > 0.9 * rests["successes"]
-        assert rests["causes"]["missed_collision"] > 0.7 * rests["fail_in_exact"]
+    for policy in result["policies"]:
+        false, successes = policy["false_successes"], policy["success"][policy["world"]]
+        if policy["world"] == "exact":
+            assert set(false.values()) == {0}
+        else:
+            assert successes > 30
+            assert sum(false.values()) > 0.9 * successes
+            assert false["missed_collision"] > 0.7 * sum(false.values())
 
 
-def test_distributions_are_those_of_the_shots(blocked):
+def test_distributions_agree_with_the_shots(blocked):
     result, _, shots = blocked
     for policy, actions in zip(result["policies"], shots, strict=True):
         speeds = 8.0 * np.hypot(*actions.T)
@@ -199,49 +217,53 @@ def test_distributions_are_those_of_the_shots(blocked):
         assert policy["aimed_at_ball"] == 1.0
         assert policy["cut_angle"]["quantiles"][-1] < 30.0 < 1.1 * policy["cut_angle"]["quantiles"][-1]
         for name in ("speed", "cut", "cut_angle", "turn"):
-            assert len(policy[name]["histogram"]) == len(result["bins"][name]) - 1
-            assert sum(policy[name]["histogram"]) == pytest.approx(1.0)
+            assert len(policy[name]["counts"]) == len(result["bins"][name]) - 1
+        assert sum(policy["speed"]["counts"]) == sum(policy["cut"]["counts"]) == COUNT
+        assert sum(policy["turn"]["counts"]) == COUNT * (1 if policy["world"] == "exact" else 2)
     angles = np.degrees([np.arctan2(s[:, 1], s[:, 0]) for s in shots])
     off = np.abs((angles[2] - angles[:2] + 180.0) % 360.0 - 180.0)
     assert result["policies"][2]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
-    # A policy of the exact world is compared with the other ones alone.
+    # A policy of the exact world is compared only with the others.
     off = np.abs((angles[0] - angles[1] + 180.0) % 360.0 - 180.0)
     assert result["policies"][0]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
 
 
 def test_the_summary_is_over_seeds(blocked):
     result, _, _ = blocked
-    told, matrix = timestep_report.summary(result), timestep_report.transfer(result)
+    means, matrix = timestep_report.summary(result), timestep_report.transfer(result)
     stepped = [p for p in result["policies"] if p["world"] == "1/30"]
-    own, exact = ([p["success"][world]["rate"] for p in stepped] for world in ("1/30", "exact"))
-    assert told["1/30"]["own"] == over_seeds(own) == matrix["1/30"]["1/30"]
-    assert told["1/30"]["exact"] == over_seeds(exact) == matrix["1/30"]["exact"]
-    assert told["1/30"]["gap"]["mean"] == pytest.approx(np.mean(own) - np.mean(exact))
-    assert told["exact"]["behind"]["mean"] == 0.0
-    assert told["1/30"]["false"]["mean"] == pytest.approx(sum(told["1/30"]["causes"][name]["mean"] for name in CAUSES))
-    assert told["1/30"]["training_seconds"] == {"mean": 60.0, "interval": [60.0, 60.0]}
+    own, exact = ([p["success"][world] / COUNT for p in stepped] for world in ("1/30", "exact"))
+    assert means["1/30"]["own"] == over_seeds(own) == matrix["1/30"]["1/30"]
+    assert means["1/30"]["exact"] == over_seeds(exact) == matrix["1/30"]["exact"]
+    assert means["1/30"]["gap"]["mean"] == pytest.approx(np.mean(own) - np.mean(exact))
+    assert means["exact"]["behind"]["mean"] == 0.0
+    assert means["1/30"]["false"]["mean"] == pytest.approx(
+        sum(means["1/30"]["causes"][name]["mean"] for name in CAUSES)
+    )
+    assert means["1/30"]["training_seconds"] == {"mean": 60.0, "interval": [60.0, 60.0]}
 
 
-def test_the_findings_name_the_worlds_they_are_about(blocked):
+def test_findings_name_their_worlds(blocked):
     result = copy.deepcopy(blocked[0])
-    told = timestep_report.summary(result)
+    means = timestep_report.summary(result)
     worth, false, cost = timestep_report.findings(result)
-    assert f"succeed there on {100 * told['exact']['exact']['mean']:.1f}%" in worth
-    assert "Those trained at no timestep are worse" in worth
+    assert f"succeed there on {100 * means['exact']['exact']['mean']:.1f}%" in worth
+    assert "Policies trained at no timestep are worse" in worth
     assert "at 1/30 s, in their own world" in false
-    assert "most of these by missed collision" in false
+    assert "The most frequent cause is missed collision" in false
     assert cost.startswith("A run takes 1.0 min in the exact world and 1.0 min at 1/30 s")
     for policy in result["policies"]:
-        policy["success"]["exact"]["rate"] = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
+        share = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
+        policy["success"]["exact"] = round(share * COUNT)
     worth, *_ = timestep_report.findings(result)
-    assert "Those trained at 1/30 s are worse there by more than the interval" in worth
+    assert "Policies trained at 1/30 s are worse there by more than the interval" in worth
     assert "largest at 1/30 s, -40.0 (-43.0 to -37.0) points" in worth
 
 
 @given(
     seed=st.integers(0, 1000), a0=st.floats(-1, 1), a1=st.floats(-1, 1), name=st.sampled_from(["pool", "blocked_pool"])
 )
-def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
+def test_a_cut_is_the_action_of_the_frame_cut(seed, a0, a1, name):
     scene = Scene.named(name, 3)
     places = layouts.draw("random", scene, np.random.default_rng(seed))[None]
     targets = np.array([False, True, name == "pool", True])
@@ -253,7 +275,7 @@ def test_a_cut_is_the_action_of_the_frame(seed, a0, a1, name):
 
 
 @pytest.mark.parametrize("name", ["pot", "blocked"])
-def test_the_studies_that_come_with_the_project_are_ready_to_run(name):
+def test_the_studies_of_the_project_are_valid(name):
     study, recipe = module.load_study(Path("configs/study") / f"{name}.yaml")
     assert study.worlds == ("exact", "1/15", "1/30", "1/60", "1/120", "1/240", "1/960")
     assert len(study.seeds) >= 3

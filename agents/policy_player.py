@@ -1,0 +1,78 @@
+"""A trained policy as a player of games: `python -m billiards_env.play --players human,policy:runs/pot`.
+
+In a game with pockets the policy must be trained with one object ball. Its observation is the cue ball and the nearest
+ball that it may hit. In a carom game it must be trained with two object balls.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games import GameState, Setup, Stroke
+from billiards_env.players.game_player import Player, make_stroke, place_cue_ball
+
+
+def policy(setup: Setup, argument: str) -> Player:
+    """Returns the player of a trained policy.
+
+    Args:
+        setup: The game.
+        argument: The folder of the run; it holds `config.yaml` and `policy.pt`.
+
+    Raises:
+        OSError: If the folder holds no finished run.
+        ValueError: If the policy was trained on another table or with another number of balls.
+    """
+    # Only a trained policy needs PyTorch.
+    from agents.ppo import load_policy, make_env
+
+    folder = Path(argument)
+    if not argument or not (folder / "policy.pt").is_file():
+        raise FileNotFoundError(
+            f"player = 'policy:{argument}': expected 'policy:' and the folder of a finished run, with a policy.pt"
+        )
+    config, model = load_policy(folder)
+    env = make_env(config)
+    base: Any = env.unwrapped
+    expected = 1 if setup.game_rules.pockets else 2
+    trained, played = base.scene, setup.scene
+    if (
+        trained.n_balls != 1 + expected
+        or trained.table != played.table
+        or trained.balls.radius != played.balls.radius[: 1 + expected]
+    ):
+        raise ValueError(
+            f"player = 'policy:{argument}' with rules = {setup.rules!r}: expected a policy trained on the same table "
+            f"with {expected} object ball{'s' if expected > 1 else ''}, not {trained.n_balls - 1}"
+        )
+
+    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+        game, place = place_cue_ball(setup, game, max_speed, rng)
+        cue = game.state.cue_balls[0]
+        balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
+        observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
+        action, _ = model.predict(observation, deterministic=True)
+        return make_stroke(_base_action(env, action) * base.max_speed, max_speed, place)
+
+    return stroke
+
+
+def _nearest(setup: Setup, game: GameState) -> int:
+    """Returns the ball nearest to the cue ball that may be hit."""
+    cue = game.positions[game.state.cue_balls[0]]
+    balls = sorted(setup.game_rules.legal(game.state, game.state.player))
+    return min(balls, key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))
+
+
+def _base_action(env: gym.Env[Any, Any], action: NDArray[Any]) -> NDArray[np.float64]:
+    """Returns the action of the unwrapped environment that an action of `env` stands for."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, gym.ActionWrapper):
+            action = env.action(action)
+        env = env.env
+    return np.asarray(action, dtype=np.float64)

@@ -1,0 +1,167 @@
+"""Programs that play games, found by name.
+
+A player is a function `(setup, game, max_speed, rng) -> Stroke`, called with the game's setup and state, the speed
+of the fastest shot in m/s and a generator to draw from. A maker of players is a function `(setup, argument) -> player`.
+`find_player` accepts
+
+* "random", "geometric" and "search", the strategies of `billiards_env.players.strategies`;
+* "policy", a trained policy: it needs the package `agents`, which is importable in the folder of the repository;
+* the name of an entry point of the group `billiards_env.players` in an installed package, which is a maker;
+* "module:function", any other maker.
+
+A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
+
+A geometric or search player with the cue ball in hand draws some places and takes the one with the easiest pot.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games import GameState, PlayedShot, Setup, Stroke, play
+from billiards_env.games.placement import Point, cue_ball_point, placement_area
+from billiards_env.players.pots import Pots
+from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
+
+Floats = NDArray[np.float64]
+Player = Callable[[Setup, GameState, float, np.random.Generator], Stroke]
+
+GROUP = "billiards_env.players"
+"""The group of entry points under which other packages offer makers of players."""
+
+MAKERS = {"policy": "agents.policy_player:policy"}
+"""Makers of this repository outside of the installed package, by name."""
+
+_PLACES = 30  # drawn with the cue ball in hand
+
+
+def find_player(text: str, setup: Setup) -> Player:
+    """Returns the player of a name.
+
+    Args:
+        text: See the module's docstring.
+        setup: The game to be played.
+
+    Raises:
+        ValueError: If there is no such player, or it cannot play this game.
+    """
+    name, _, argument = text.partition(":")
+    if name in STRATEGIES:
+        return _strategic(text, setup)
+    offered = importlib.metadata.entry_points(group=GROUP)
+    if name in MAKERS:
+        module, _, function = MAKERS[name].partition(":")
+    elif name in offered.names:
+        return offered[name].load()(setup, argument)
+    else:
+        module = name
+        function, _, argument = argument.partition(":")
+    try:
+        maker: Any = getattr(importlib.import_module(module), function)
+    except (AttributeError, ImportError, ValueError) as error:
+        known = ", ".join(sorted({*STRATEGIES, *MAKERS, *offered.names}))
+        raise ValueError(f"player = {text!r}: expected one of {known}, or module:function ({error})") from error
+    return maker(setup, argument)
+
+
+def _strategic(text: str, setup: Setup) -> Player:
+    """Returns a player with a strategy.
+
+    Raises:
+        ValueError: If there is no such strategy, or it is "geometric" and the table has no pockets.
+    """
+    strategy = find_strategy(text)
+    if text == "geometric" and not setup.game_rules.pockets:
+        raise ValueError(f"player = 'geometric' with rules = {setup.rules!r}: expected a game with pockets")
+
+    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+        if text == "random":
+            velocity, place = strategy(situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
+        else:
+            game, place = place_cue_ball(setup, game, max_speed, rng)
+            velocity = strategy(situation(setup, game, max_speed, place), rng)
+        return make_stroke(velocity, max_speed, place)
+
+    return stroke
+
+
+def situation(setup: Setup, game: GameState, max_speed: float, place: Point | None = None) -> Situation:
+    """Returns the situation of a player; a shot is rated by the rules.
+
+    Args:
+        setup: The setup of the game.
+        game: The state of the game.
+        max_speed: Speed of the fastest shot, m/s.
+        place: The point at which a cue ball in hand was placed; None if it was not in hand.
+    """
+    balls, state = np.arange(len(game.positions)), game.state
+
+    def rate(actions: Floats) -> Floats:
+        strokes = [make_stroke(max_speed * action, max_speed, place) for action in actions]
+        return np.array([_rating(game, play(setup, game, stroke)) for stroke in strokes])
+
+    found = Situation(
+        setup.scene,
+        game.positions,
+        ~np.isin(balls, sorted(state.on_table)),
+        np.isin(balls, sorted(setup.game_rules.legal(state, state.player))),
+        max_speed,
+        rate,
+        state.cue_balls[0],
+    )
+    return found._replace(first=full_hit(found)[None])
+
+
+def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:
+    """Returns a stroke with a velocity (2,), m/s, that is shortened to `max_speed` if it is faster."""
+    x, y = (velocity * min(1.0, max_speed / max(np.hypot(*velocity), 1e-9))).tolist()
+    return Stroke((x, y), place)
+
+
+def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point | None:
+    """Returns a random place for a cue ball in hand, m; None if it is not in hand."""
+    state = game.state
+    if state.in_hand == "no":
+        return None
+    x_low, x_high, y_low, y_high = placement_area(setup.scene, state.cue_balls[0], state.in_hand == "behind")
+    return x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()
+
+
+def place_cue_ball(
+    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator
+) -> tuple[GameState, Point | None]:
+    """Places a cue ball in hand where the best direct pot is easiest, of some random places.
+
+    Returns:
+        The game with the cue ball there, and the point, m. If the cue ball is not in hand: the unchanged game and None.
+    """
+    state, cue = game.state, game.state.cue_balls[0]
+    if state.in_hand == "no":
+        return game, None
+    games: list[tuple[GameState, Point | None]] = []
+    for _ in range(_PLACES):
+        drawn = draw_place(setup, game, rng)
+        assert drawn is not None
+        place = cue_ball_point(setup.scene, game.positions, state.object_balls, cue, drawn, state.in_hand == "behind")
+        positions = game.positions.copy()
+        positions[cue] = place
+        games.append((GameState(positions, state), place))
+    return max(games, key=lambda entry: _ease(situation(setup, entry[0], max_speed).pots()))
+
+
+def _ease(pots: Pots) -> tuple[bool, float]:
+    """Returns a key that is larger the easier the best of some pots is: no scratch first, then the tolerance."""
+    return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
+
+
+def _rating(game: GameState, played: PlayedShot) -> float:
+    """Returns what a shot is worth to its player: winning, points, another turn, no foul."""
+    player, verdict = game.state.player, played.verdict
+    won = 0.0 if played.game.state.winner < 0 else 100.0 if played.game.state.winner == player else -100.0
+    return won + 2.0 * verdict.points + verdict.continues - 5.0 * bool(verdict.foul)

@@ -1,0 +1,40 @@
+"""A trained policy as a player of games."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import RULES, Setup, custom_opening, opening
+from billiards_env.players.game_player import find_player
+
+RNG = np.random.default_rng
+
+
+def setup(rules, balls=None):
+    game = RULES[rules]
+    return Setup(rules, Scene.named("pool" if game.pockets else "carom", balls or game.n_object_balls[1]))
+
+
+def test_the_policy_plays_the_nearest_legal_ball(trained):
+    game = setup("nine_ball")
+    player = find_player(f"policy:{trained}", game)
+    rng = RNG(0)
+    table = opening(game, rng, "random")
+    # Its observation is the ball on, as if it were alone on the table.
+    stroke = player(game, table, 6.0, rng)
+    alone = custom_opening(setup("straight", 1), table.positions[[0, 1]])
+    assert stroke == find_player(f"policy:{trained}", setup("straight", 1))(setup("straight", 1), alone, 6.0, rng)
+    assert 0 < np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)
+    slow = player(game, table, 0.5, rng)
+    assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("text", ["policy", "policy:", "policy:nowhere"])
+def test_a_folder_without_a_policy_is_refused(text):
+    with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
+        find_player(text, setup("straight"))
+
+
+def test_a_policy_of_another_game_is_refused(trained):
+    with pytest.raises(ValueError, match="expected a policy trained on the same table with 2 object balls, not 1"):
+        find_player(f"policy:{trained}", setup("carom"))

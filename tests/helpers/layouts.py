@@ -1,0 +1,12 @@
+"""Layouts with a direct pot."""
+
+# Corner pockets 0, 1 at x < 0 and 2, 3 at x > 0, side pockets 4 at y < 0 and 5 at y > 0.
+NAMED_POTS = {
+    "straight into the corner": ([[0.4, -0.235], [0.97, 0.335]], 3),
+    "straight into the side": ([[0.0, -0.3], [0.0, 0.2]], 5),
+    "half-ball cut into the corner": ([[0.3, 0.0], [0.97, 0.335]], 3),
+    "thin cut into the corner": ([[0.95, -0.3], [0.97, 0.4]], 3),
+    "along the cushion": ([[0.2, 0.5], [0.7, 0.6064]], 3),
+    "balls in contact": ([[0.97 - 2 * 0.0202, 0.335 - 2 * 0.0203], [0.97, 0.335]], 3),
+    "length of the table": ([[-1.1, -0.5], [0.4, 0.2]], 3),
+}

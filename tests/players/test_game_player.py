@@ -1,0 +1,191 @@
+"""Players of games: they keep to the rules, they are found by name, and the strategies score."""
+
+import importlib.metadata
+import subprocess
+import sys
+import types
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import RULES, Setup, Stroke, custom_opening, opening, play
+from billiards_env.players.game_player import GROUP, find_player
+
+EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
+RNG = np.random.default_rng
+
+
+def setup(rules, balls=None):
+    game = RULES[rules]
+    return Setup(rules, Scene.named("pool" if game.pockets else "carom", balls or game.n_object_balls[1]))
+
+
+def points_of(player, game, shots, seed=0):
+    """The points and fouls of a player's shots from random layouts."""
+    rng, points, fouls = RNG(seed), 0, 0
+    for _ in range(shots):
+        table = opening(game, rng, "random")
+        verdict = play(game, table, player(game, table, 4.0, rng)).verdict
+        points, fouls = points + verdict.points, fouls + bool(verdict.foul)
+    return points, fouls
+
+
+@pytest.mark.parametrize(
+    ("name", "rules"),
+    [("search", rules) for rules in RULES]
+    + [("geometric", rules) for rules in RULES if setup(rules).game_rules.pockets],
+)
+def test_whole_games_are_played(name, rules):
+    game = setup(rules)
+    player = find_player("search:20" if name == "search" else name, game)
+    rng = RNG(1)
+    table = opening(game, rng)
+    for _ in range(12):
+        stroke = player(game, table, 6.0, rng)
+        assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
+        table = play(game, table, stroke).game  # refuses what the rules forbid
+        if table.state.over:
+            break
+
+
+def test_the_geometric_player_pots_a_ball():
+    game = setup("straight", 2)
+    table = custom_opening(game, EASY)
+    assert play(game, table, find_player("geometric", game)(game, table, 4.0, RNG(0))).verdict.points == 1
+
+
+def test_the_geometric_player_hits_a_legal_ball_first():
+    game = setup("nine_ball")
+    # The nine ball hangs in a pocket's mouth, the one is far away: only the one may be touched first.
+    balls = [[0.6, 0.1], [-0.9, -0.4], *([-1.1 + 0.1 * i, 0.55] for i in range(7)), [1.07, 0.435]]
+    table = custom_opening(game, balls)
+    played = play(game, table, find_player("geometric", game)(game, table, 4.0, RNG(0)))
+    assert played.facts.first == (1,)
+
+
+def test_search_scores_more_than_geometric_and_more_shots_score_more():
+    game = setup("straight", 1)
+    geometric, _ = points_of(find_player("geometric", game), game, 40)
+    few, _ = points_of(find_player("search:5", game), game, 40)
+    many, fouls = points_of(find_player("search:100", game), game, 40)
+    assert many > geometric
+    assert many > few
+    assert fouls == 0
+    caroms = setup("carom")
+    few, _ = points_of(find_player("search:2", caroms), caroms, 20)
+    many, _ = points_of(find_player("search:100", caroms), caroms, 20)
+    assert many > few + 5
+
+
+def test_a_cue_ball_in_hand_is_placed_for_an_easy_pot():
+    game = setup("nine_ball")
+    # The one is before a pocket, the two in the cue ball's way to it, the others along the far cushion.
+    balls = [[0.0, -0.535], [1.0, 0.365], [0.1, -0.435], *([-1.1 + 0.15 * i, -0.6] for i in range(7))]
+    player = find_player("geometric", game)
+    table = custom_opening(game, balls)
+    assert 1 not in play(game, table, player(game, table, 4.0, RNG(0))).facts.potted
+    table = custom_opening(game, balls, {"in_hand": "anywhere"})
+    played = [play(game, table, player(game, table, 4.0, RNG(seed))) for seed in range(10)]
+    assert sum(1 in p.facts.potted and not p.verdict.foul for p in played) >= 9
+
+
+@pytest.mark.slow
+def test_search_wins_nine_ball_against_geometric():
+    game, wins = setup("nine_ball"), 0
+    players = find_player("search:100", game), find_player("geometric", game)
+    for seed in range(10):
+        rng = RNG(seed)
+        table = opening(game, rng)
+        while not table.state.over:
+            table = play(game, table, players[table.state.player](game, table, 6.0, rng)).game
+        wins += table.state.winner == 0
+    assert wins >= 7
+
+
+def test_the_random_player_shoots_in_any_direction_at_any_speed():
+    game = setup("nine_ball")
+    player, table = find_player("random", game), opening(game, RNG(0))
+    strokes = [player(game, table, 5.0, RNG(seed)) for seed in range(100)]
+    speeds = [np.hypot(*stroke.velocity) for stroke in strokes]
+    assert 4.5 < max(speeds) <= 5.0 * (1 + 1e-12)
+    assert len({stroke.place for stroke in strokes}) == 100
+    assert player(game, table, 5.0, RNG(7)) == strokes[7]
+    straight = setup("straight", 2)
+    assert find_player("random", straight)(straight, custom_opening(straight, EASY), 5.0, RNG(0)).place is None
+
+
+def own(setup, argument):
+    if argument == "bad":
+        raise ValueError("it cannot be had")
+    return lambda setup, table, max_speed, rng: Stroke((float(argument or 1), 0.0))
+
+
+@pytest.fixture
+def module(monkeypatch):
+    """A module `mine` that can be imported."""
+    made = types.ModuleType("mine")
+    vars(made)["own"] = own
+    monkeypatch.setitem(sys.modules, "mine", made)
+
+
+@pytest.mark.usefixtures("module")
+def test_a_module_offers_a_player():
+    game = setup("straight", 2)
+    table = custom_opening(game, EASY)
+    for text, speed in (("mine:own", 1.0), ("mine:own:2.5", 2.5)):
+        assert find_player(text, game)(game, table, 8.0, RNG(0)) == Stroke((speed, 0.0))
+
+
+@pytest.mark.usefixtures("module")
+def test_a_package_offers_a_player(monkeypatch):
+    entry = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([entry]))
+    game = setup("straight", 2)
+    assert find_player("theirs:3", game)(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((3.0, 0.0))
+    with pytest.raises(
+        ValueError, match="expected one of geometric, policy, random, search, theirs, or module:function"
+    ):
+        find_player("them", game)
+
+
+@pytest.mark.usefixtures("module")
+@pytest.mark.parametrize(
+    ("text", "rules", "message"),
+    [
+        ("nobody", "straight", "player = 'nobody': expected one of .*random.*, or module:function"),
+        ("mine:nothing", "straight", "player = 'mine:nothing': .*has no attribute"),
+        ("mine:own:bad", "straight", "it cannot be had"),
+        ("random:3", "straight", "player = 'random:3': expected .* a name without ':'"),
+        ("", "straight", "player = ''"),
+        (":x", "straight", "player = ':x'"),
+        ("geometric", "carom", "expected a game with pockets"),
+        ("geometric:3", "straight", "player = 'geometric:3': expected"),
+        ("search:0", "straight", "expected 'search:K' with a whole number K >= 1"),
+        ("search:many", "straight", "expected 'search:K' with a whole number K >= 1"),
+    ],
+)
+def test_unknown_players_are_refused(text, rules, message):
+    with pytest.raises(ValueError, match=message):
+        find_player(text, setup(rules))
+
+
+def test_without_the_package_agents_the_policy_player_is_refused(tmp_path):
+    code = (
+        "from billiards_env import Scene; from billiards_env.games import Setup\n"
+        "from billiards_env.players.game_player import find_player\n"
+        "import sys; sys.modules['agents'] = None\n"
+        "try: find_player('policy:x', Setup('straight', Scene.named('pool', 1)))\n"
+        "except ValueError as error: print(error)"
+    )
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    assert printed.startswith("player = 'policy:x': expected one of")
+    assert "agents" in printed
+
+
+def test_pytorch_is_loaded_only_for_a_trained_policy():
+    code = (
+        "import sys, billiards_env.players.game_player, agents.policy_player\n"
+        "print(sorted({'torch', 'stable_baselines3', 'pygame'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

@@ -1,0 +1,130 @@
+"""Direct pots: named layouts, and their formulas against the engine."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate
+from billiards_env.envs import BilliardsEnv
+from billiards_env.players import pots
+from billiards_env.players.pots import direct_pots
+from tests.helpers.layouts import NAMED_POTS as LAYOUTS
+
+POOL = Scene.named("pool")
+named = pytest.mark.parametrize(("positions", "pocket"), LAYOUTS.values(), ids=LAYOUTS)
+
+
+def at(positions, **kwargs):
+    """An environment with the balls at these positions."""
+    env = BilliardsEnv(**{"n_object_balls": len(positions) - 1, **kwargs})
+    env.reset(options={"positions": positions})
+    return env
+
+
+def pots_of(env):
+    return direct_pots(env.scene, env.targets, env.positions, env.potted, env.max_speed)
+
+
+@named
+def test_every_direct_pot_pots_the_ball_unless_the_cue_ball_is_in_its_way(positions, pocket):
+    found = pots_of(at(positions))
+    for direction, speed, goal in zip(found.direction, found.speed, found.pocket, strict=True):
+        shot = simulate(POOL, positions, speed * direction)
+        assert shot.potted[1]
+        there = POOL.table.pockets[goal]
+        assert shot.positions[1].tolist() == [there.x, there.y]
+
+
+def test_the_tolerance_is_the_largest_error_of_the_direction():
+    positions = [[0.3, 0.0], [0.97, 0.335]]
+    found = pots_of(at(positions))
+    direction, speed, tolerance = found.direction[0], found.speed[0], found.tolerance[0]
+
+    def drops(error):
+        c, s = np.cos(error), np.sin(error)
+        turned = [c * direction[0] - s * direction[1], s * direction[0] + c * direction[1]]
+        return bool(simulate(POOL, positions, 1.3 * speed * np.array(turned)).potted[1])
+
+    assert drops(0.8 * tolerance)
+    assert drops(-0.8 * tolerance)
+    assert not drops(1.5 * tolerance)
+    assert not drops(-1.5 * tolerance)
+
+
+def test_a_ball_in_the_way_blocks_a_pot():
+    straight = [[0.4, -0.235], [0.97, 0.335]]
+    assert 3 in pots_of(at(straight)).pocket
+    for blocker in ([0.7, 0.065], [0.66, 0.065], [1.1, 0.465], [1.15, 0.475]):  # of the cue ball, of ball 1
+        found = pots_of(at([*straight, blocker]))
+        assert not ((found.ball == 1) & (found.pocket == 3)).any()
+    for clear in ([0.62, 0.075], [1.1, 0.38]):
+        found = pots_of(at([*straight, clear]))
+        assert ((found.ball == 1) & (found.pocket == 3)).any()
+
+
+def test_potted_balls_are_no_targets_and_no_obstacles():
+    positions = np.array([[0.4, -0.235], [0.97, 0.335], [0.7, 0.065]])
+    found = direct_pots(Scene.named("pool", 2), np.array([False, True, True]), positions, np.array([0, 0, 1]) > 0, 4.0)
+    assert set(found.ball.tolist()) == {1}
+    assert 3 in found.pocket
+
+
+def test_a_pocket_in_the_cue_balls_way_blocks_a_pot():
+    # The cue ball's path to ball 1 runs along the cushion, over the mouth of a side pocket.
+    positions = [[-0.5, 0.6], [0.5, 0.58]]
+    assert not len(pots_of(at(positions)).speed)
+    closed = POOL.to_dict()
+    closed["table"]["pockets"] = [p for p in closed["table"]["pockets"] if p["x"]]
+    assert len(pots_of(at(positions, scene=closed, n_object_balls=None)).speed)
+
+
+def test_speeds_range_from_the_least_that_pots_to_the_largest_allowed():
+    positions = [[-1.1, -0.5], [0.4, 0.2]]
+    found = pots_of(at(positions))
+    slowest, direction = found.speed.min(), found.direction[np.argmin(found.speed)]
+    assert found.speed.max() == 4.0
+    slower = pots_of(at(positions, max_speed=0.99 * slowest)).speed.min()
+    assert simulate(POOL, positions, slower * direction).potted[1]
+    assert not simulate(POOL, positions, 0.95 * slower * direction).potted[1]
+    assert len(pots_of(at(positions, max_speed=0.99 * slower)).speed) == 0
+
+
+@pytest.mark.parametrize("motion", ["sliding", "rolling"])
+@pytest.mark.parametrize("distance", [0.01, 0.2, 1.0, 2.0])
+def test_the_speeds_of_a_ball_agree_with_the_engine(motion, distance):
+    scene = Scene.from_dict(
+        {
+            "balls": {"radius": [0.03], "mass": [0.2]},
+            "table": {"length": 1000.0, "width": 1.0},
+            "physics": {"motion": motion, "cushion": "restitution"},
+        }
+    )
+
+    def run(speed, time=None):
+        return simulate(scene, [[0.0, 0.0]], [speed, 0.0], max_time=time)
+
+    start = pots._launch(scene, distance, 0.0)
+    assert run(start).positions[0, 0] == pytest.approx(distance, rel=1e-12)
+    for speed in (0.1, 1.0, 5.0):
+        start = pots._launch(scene, distance, speed)
+        low, high = 0.0, 100.0
+        for _ in range(100):  # bisection for the time of arrival
+            middle = (low + high) / 2
+            low, high = (middle, high) if run(start, middle).positions[0, 0] < distance else (low, middle)
+        shot = run(start, low)
+        assert shot.velocities[0, 0] == pytest.approx(speed, rel=1e-9)
+        left, slip = pots._arrival(scene, distance, start)
+        assert left == pytest.approx(speed, rel=1e-12)
+        assert slip == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
+
+
+def test_scratches_of_a_cue_ball_that_follows_are_predicted():
+    # Straight into the corner: a soft hit leaves the cue ball rolling after the ball, far from a cushion all the way.
+    env = at([[0.4, -0.235], [0.97, 0.335]])
+    found = pots_of(env)
+    mine = found.pocket == 3
+    predicted = dict(zip(found.speed[mine], found.scratch[mine], strict=True))
+    assert set(predicted.values()) == {False, True}
+    for speed, scratch in predicted.items():
+        shot = simulate(POOL, env.positions, speed * found.direction[mine][0])
+        assert shot.potted[0] == scratch
+    assert found.scratch.tolist() == sorted(found.scratch)

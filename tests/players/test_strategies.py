@@ -1,0 +1,98 @@
+"""The strategies in `Billiards-v0`."""
+
+import numpy as np
+import pytest
+
+from billiards_env.envs import BilliardsEnv
+from billiards_env.players.env_player import rewards, situation
+from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, geometric, search
+from tests.helpers.layouts import NAMED_POTS
+
+RNG = np.random.default_rng
+named = pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), ids=NAMED_POTS)
+
+
+def at(positions, **kwargs):
+    """An environment with the balls at these positions."""
+    env = BilliardsEnv(**{"n_object_balls": len(positions) - 1, **kwargs})
+    env.reset(options={"positions": positions})
+    return env
+
+
+@named
+def test_the_geometric_player_pots_the_ball(positions, pocket):
+    env = at(positions)
+    assert pocket in situation(env).pots().pocket
+    *_, info = env.step(geometric(situation(env), RNG(0)) / env.max_speed)
+    assert info["success"]
+    assert info["cushions"][1] == 0
+
+
+def test_without_a_direct_pot_the_geometric_player_hits_the_nearest_ball_hard():
+    # Straight across the table, ball 1 by the far cushion: every pot has a cut of nearly 90 degrees.
+    env = at([[-0.325, -0.476], [-0.334, 0.599]])
+    assert len(situation(env).pots().speed) == 0
+    velocity = geometric(situation(env), RNG(0))
+    assert np.hypot(*velocity) == pytest.approx(4.0)
+    *_, info = env.step(velocity / 4.0)
+    assert info["first_hit"] == 1
+
+
+@pytest.mark.parametrize("kwargs", [{"n_object_balls": 3, "max_shots": 4}, {"scene": "carom", "task": "carom"}])
+def test_ratings_are_the_rewards_of_steps(kwargs):
+    env = BilliardsEnv(**kwargs, scratch_penalty=0.3)
+    rng = RNG(0)
+    for seed in range(5):
+        env.reset(seed=seed)
+        over = False
+        while not over:
+            before = env.positions
+            actions = np.concatenate(
+                (rng.uniform(-1, 1, (50, 2)), search(situation(env), rng, 200)[None] / env.max_speed)
+            )
+            rated = rewards(env, actions)
+            assert env.positions.tobytes() == before.tobytes()
+            k = int(np.argmax(rated))
+            _, reward, over, _, _ = env.step(actions[k])
+            assert reward == rated[k]
+
+
+def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatable():
+    env, rng = BilliardsEnv(), RNG(0)
+    earned: dict[str, list[float]] = {"geometric": [], "search:1": [], "search:50": []}
+    for name in earned:
+        strategy = find_strategy(name)
+        for seed in range(60):
+            env.reset(seed=seed)
+            earned[name].append(float(env.step(strategy(situation(env), rng) / env.max_speed)[1]))
+    gain = np.array(earned["search:50"]) - np.array(earned["geometric"])
+    assert (gain >= 0).all()
+    assert (gain > 0).any()
+    assert sum(earned["search:1"]) > 0.8 * sum(earned["geometric"])  # the same shot, where there is a direct pot
+    env.reset(seed=5)
+    assert search(situation(env), RNG(1), 100).tobytes() == search(situation(env), RNG(1), 100).tobytes()
+
+
+@pytest.mark.parametrize("name", ["serch", "search:", "search:0", "search:x", "search:1.5", "geometric:5", ""])
+def test_unknown_names_are_refused(name):
+    with pytest.raises(ValueError, match=r"player = .*: expected"):
+        find_strategy(name)
+
+
+def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
+    env, rated = at([[0.4, -0.235], [0.97, 0.335]]), []
+
+    def rate(actions):
+        """All shots are equal at first; with errors, slower ones are better."""
+        rated.append(actions)
+        return np.ones(len(actions)) if len(rated) == 1 else -np.hypot(*actions.T)
+
+    velocity = search(situation(env)._replace(rate=rate), RNG(0), 40, noise=(0.1, 0.05))
+    first, perturbed = rated
+    finalists = first[:FINALISTS]
+    assert perturbed.shape == (REPEATS * FINALISTS, 2)
+    errors = np.hypot(*(perturbed.reshape(REPEATS, -1, 2) - finalists).transpose(2, 0, 1))
+    assert 0.001 < errors.mean() < 0.05
+    slowest = finalists[np.argmin(np.hypot(*finalists.T))]
+    assert np.hypot(*(velocity / 4)) == pytest.approx(np.hypot(*slowest), abs=0.03)
+    assert velocity.tolist() in (4 * finalists).tolist()
