@@ -180,7 +180,8 @@ def fill(text: str) -> str:
 def main(arguments: list[str] | None = None) -> None:
     """The command line; see `python -m benchmarks.readme --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.readme", description="Write the measured tables into README.md and the pages in docs."
+        prog="python -m benchmarks.readme",
+        description="Write the measured tables into README.md and the pages in docs.",
     )
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a page is out of date")
     args = parser.parse_args(arguments)

@@ -59,7 +59,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     |---------|-----------------------------------------------------------|-----|-----|
     | 2 i     | x of ball i over half the table's length                  | -1  | 1   |
     | 2 i + 1 | y of ball i over half the table's width                   | -1  | 1   |
-    | next 2  | with `task="place"`: x and y of the goal, likewise        | -1  | 1   |
+    | next 2  | with `task="place"`: x and y of the goal, scaled alike    | -1  | 1   |
     | last    | with `observe_shots_left`: share of the shots still to do | 0   | 1   |
 
     The table's centre is (0, 0). A potted ball is seen at its pocket, clipped to the box; no ball on the table can be
@@ -69,12 +69,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     A shot earns its points, less `scratch_penalty` if it pots the cue ball (a scratch).
 
-    - `task="pot"`: a point for each object ball potted. Balls of infinite mass are obstacles, not object balls.
+    - `task="pot"` (needs pockets): a point for each object ball potted. Balls of infinite mass are obstacles, not
+      object balls.
     - `task="carom"`: a point if the cue ball touches every object ball in this shot and does not scratch.
     - `task="three_cushion"`: the same, if the cue ball has made at least three cushion contacts when it first touches
       the last of them.
-    - `task="sum_to_three"`: a point if the cue ball touches the object ball and both together make exactly three
-      cushion contacts in this shot, before the hit or after it.
+    - `task="sum_to_three"` (one object ball, no pockets): a point if the cue ball touches the object ball and both
+      together make exactly three cushion contacts in this shot, before the hit or after it.
     - `task="place"`: a point if the cue ball touches an object ball, does not scratch and comes to rest within 0.15 m
       of the goal. Once no object ball is left on the table, or in a scene without any, none has to be touched.
 
@@ -156,21 +157,20 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | Argument | Type | Default | Description |
     |---|---|---|---|
     | `scene` | str or dict | `"pool"` | name of a scene, or a scene in the form of `Scene.to_dict()` |
-    | `task` | str | `"pot"` | `"pot"` (needs pockets), `"carom"`, `"three_cushion"`, `"sum_to_three"` (one object ball,
-      no pockets) or `"place"` |
+    | `task` | str | `"pot"` | `"pot"`, `"carom"`, `"three_cushion"`, `"sum_to_three"` or `"place"`, see Rewards |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
     | `mode` | str | `"pic"` | the engine: `"pic"` (exact) or `"pit"` (fixed timestep) |
     | `dt` | float or None | `None` | the timestep of `"pit"`, s; `"pic"` has none |
     | `fix` | str or None | `None` | what `"pit"` does about overlaps: `"push_apart"` (None), `"move_back"`, `"none"` |
     | `max_shots` | int | `1` | the most shots of an episode |
-    | `max_speed` | float | `4.0` | speed of the fastest shot, m/s |
-    | `layout` | str or None | `"random"` | the starting state; None for the game's own |
+    | `max_speed` | float | `4.0` | speed of the fastest shot, m/s; an action is a fraction of it |
+    | `layout` | str or None | `"random"` | the starting state, see Starting State; None for the task's own |
     | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
     | `scratch_penalty` | float | `0.1` | what a scratch costs |
     | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
 
-    The named scenes are `"pool"` (1 object ball if not told otherwise), `"blocked_pool"` (2, the second one a fixed
-    post), `"carom"` (2), `"ideal"` (1), `"pooltool_carom"` (2) and `"sum_to_three"` (1). The game's own layout is
+    The named scenes with their usual number of object balls are `"pool"` (1), `"blocked_pool"` (2, the second one is a
+    fixed post), `"carom"` (2), `"ideal"` (1), `"pooltool_carom"` (2) and `"sum_to_three"` (1). The task's own layout is
     `"rack"` for `pot`, `"carom_opening"` for `carom` and `three_cushion`, `"line"` for `sum_to_three` and `"random"`
     for `place`.
 
