@@ -1,7 +1,7 @@
 """Measurements of the engine: each module prints tables and writes what they show to `benchmarks/results` as JSON.
 
 A module's `blocks` makes the tables, as Markdown by name, from what was measured. The module prints them, and
-`benchmarks.readme` writes them into the README and `docs/measurements.md`.
+`benchmarks.readme` writes them into the README and the pages in `docs`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ def machine() -> dict[str, str | int | float | None]:
 
 
 def machine_line(m: Mapping[str, object]) -> str:
-    """What `machine()` told before a measurement, in one line."""
+    """Returns the result of `machine()` before a measurement as one line."""
     versions = ", ".join(f"{name} {m[name]}" for name in ("python", "numba", "numpy", "gymnasium"))
-    return f"{m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
+    return f"Machine: {m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
 
 
 def print_blocks(blocks: Mapping[str, str]) -> None:

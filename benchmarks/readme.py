@@ -1,7 +1,7 @@
 """Writes the measured tables into README.md and the pages in docs: `python -m benchmarks.readme`.
 
 The text between the lines `<!-- speed: shots -->` and `<!-- end -->` of a page is replaced by the block "shots" that
-`benchmarks.speed.blocks` makes from `speed.json`. Text outside of such markers does not change, and nothing is measured.
+`benchmarks.speed.blocks` makes from `speed.json`. Text outside of such markers does not change. Nothing is measured.
 `--check` writes nothing and fails if a page is out of date.
 """
 
@@ -85,8 +85,8 @@ def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
         "table": table(recipes.HEAD, [tuple(row.values()) for row in rows.values()]),
         "million": f"Success after a million shots, mean over the seeds and its 95 % interval: {'; '.join(million)}.",
         "summary": f"The recipe of `make train` takes {best['minutes']} minutes on one core and pots the ball on "
-        f"{best['mean over seeds']} of new layouts (mean over three seeds, 95 % interval). Random shots in the same action "
-        f"frame pot it on {best['random: success']}.",
+        f"{best['mean over seeds']} of new layouts: the mean over the seeds and its 95 % interval. Random shots in the "
+        f"same action frame pot it on {best['random: success']}.",
     }
 
 

@@ -275,14 +275,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "shots": table(
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
-        "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} a pass): microseconds a call, and how far "
-        "above the batch's; medians of the passes, and the fastest ones, which other work on the machine spoils less:",
+        "calls_of": f"The first case with one shot a call, {N_SINGLES:,} calls in a pass: microseconds a call, and the "
+        "difference to the batch. Medians of the passes, and the fastest pass.",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
         "two_cores": f"Two threads run {min(a['median'] for a, _ in ratios):.2f} to "
         f"{max(a['median'] for a, _ in ratios):.2f} times as many shots a second as one.",
-        "threads_of": "Shots per second on two cores over those on one: of two threads, and of two processes side by "
-        "side; medians of the passes' ratios, and the fastest passes compared, which other work on the machine spoils "
-        "less:",
+        "threads_of": "Shots per second on two cores divided by those on one core, for two threads and for two "
+        "processes. Medians of the ratios, and the ratios of the fastest passes.",
         "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
     }
 

@@ -215,13 +215,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes.",
         "steps": table(
-            ("environments", "steps/s", "times a single one's"),
+            ("environments", "steps/s", "relative"),
             [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],
         ),
         "layouts": table(("layouts, one thread", "drawn/s"), drawn),
         "memory": table(("environments", "bytes each", "most while stepped"), memory_rows),
-        "training": f"PPO on 1,024 environments, minibatches of 4,096: {trained['steps_per_second']:,.0f} steps/s, of "
-        f"which time the environments take {trained['environment_share']:.1%}.",
+        "training": f"PPO on 1,024 environments, minibatches of 4,096: {trained['steps_per_second']:,.0f} steps/s; "
+        f"the environments take {trained['environment_share']:.1%} of the time.",
     }
 
 
