@@ -156,7 +156,8 @@ def findings(result: Mapping[str, Any]) -> list[str]:
         f"The largest difference is at {_name(last)}: {_points(stepped[last]['behind'])} points.",
         f"Of the successes of the policies trained at {_name(falsest)}, with their own engine, "
         f"{as_percent(stepped[falsest]['false'])} fail with the exact engine. The most frequent cause is "
-        f"{cause.replace('_', ' ')}: {as_percent(causes[cause])} of the successes. No other timestep has a larger share.",
+        f"{cause.replace('_', ' ')}: {as_percent(causes[cause])} of the successes. No other timestep has a larger "
+        "share.",
         f"A run takes {minutes['exact']:.1f} min with the exact engine and {minutes[finest]:.1f} min at "
         f"{_name(finest)}; one core runs {rates['exact']:,.0f} and {rates[finest]:,.0f} shots/s.",
     ]
