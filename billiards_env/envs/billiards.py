@@ -36,108 +36,106 @@ _NONE = np.zeros(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """Billiards: each action is one cue shot, and each step runs it until every ball rests.
+    """Billiards: each action is one cue shot, and each step runs the shot until every ball is at rest.
 
     ## Description
 
     A cue ball (ball 0) and object balls lie on a table. The agent chooses the velocity with which the cue ball leaves
-    the cue, without spin; an event-driven engine computes the shot exactly, each collision, cushion contact, pocket
-    and change from sliding to rolling at its own instant. In the frictionless scene "ideal" nothing comes to rest: a
-    shot ends after 10 s, and the next begins with the balls at rest where they were. With one shot an episode, the
-    default, this is a contextual bandit with a continuous action.
+    the cue, without spin. An event-driven engine computes the shot: it solves for the instant of each collision,
+    cushion contact, pocket and end of sliding. In the frictionless scene "ideal" nothing comes to rest. There a shot
+    ends after 10 s, and the next one starts with the balls at rest at their positions. With one shot in an episode, the
+    default, the environment is a contextual bandit with a continuous action.
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`: the cue ball's velocity along the table's length (x) and width (y), as a share of
-    `max_speed`. Vectors longer than 1 are shortened to 1 in their own direction, so no shot is faster than `max_speed`.
+    `Box(-1, 1, (2,), float32)`: the velocity of the cue ball along the table's length (x) and width (y), as a fraction
+    of `max_speed`. A vector longer than 1 is shortened to length 1, so no shot is faster than `max_speed`.
 
     ## Observation Space
 
-    `Box(-1, 1, (2 * n_balls,), float32)`: where the balls are, the cue ball first. Some arguments append to it:
+    `Box(-1, 1, (2 * n_balls,), float32)`: the positions of the balls, the cue ball first. Some arguments append values:
 
     | Num     | Observation                                               | Min | Max |
     |---------|-----------------------------------------------------------|-----|-----|
     | 2 i     | x of ball i over half the table's length                  | -1  | 1   |
     | 2 i + 1 | y of ball i over half the table's width                   | -1  | 1   |
     | next 2  | with `task="place"`: x and y of the goal, scaled alike    | -1  | 1   |
-    | last    | with `observe_shots_left`: share of the shots still to do | 0   | 1   |
+    | last    | with `observe_shots_left`: fraction of the shots left     | 0   | 1   |
 
-    The table's centre is (0, 0). A potted ball is seen at its pocket, clipped to the box; no ball on the table can be
-    at +-1.
+    The table's centre is (0, 0). A potted ball has the position of its pocket, clipped to the box. No ball on the table
+    reaches 1 or -1.
 
     ## Rewards
 
-    A shot earns its points, less `scratch_penalty` if it pots the cue ball (a scratch).
+    The reward of a shot is its points, minus `scratch_penalty` if the shot pots the cue ball (a scratch).
 
-    - `task="pot"` (needs pockets): a point for each object ball potted. Balls of infinite mass are obstacles, not
+    - `task="pot"` (needs pockets): one point for each object ball potted. Balls of infinite mass are obstacles, not
       object balls.
-    - `task="carom"`: a point if the cue ball touches every object ball in this shot and does not scratch.
-    - `task="three_cushion"`: the same, if the cue ball has made at least three cushion contacts when it first touches
-      the last of them.
-    - `task="sum_to_three"` (one object ball, no pockets): a point if the cue ball touches the object ball and both
-      together make exactly three cushion contacts in this shot, before the hit or after it.
-    - `task="place"`: a point if the cue ball touches an object ball, does not scratch and comes to rest within 0.15 m
-      of the goal. Once no object ball is left on the table, or in a scene without any, none has to be touched.
+    - `task="carom"`: one point if the cue ball touches every object ball in this shot and does not scratch.
+    - `task="three_cushion"`: the same, but the cue ball must make at least three cushion contacts before it first
+      touches the last object ball.
+    - `task="sum_to_three"` (one object ball, no pockets): one point if the cue ball touches the object ball and both
+      together make exactly three cushion contacts in this shot, before or after the hit.
+    - `task="place"`: one point if the cue ball touches an object ball, does not scratch and comes to rest within 0.15 m
+      of the goal. If no object ball is left on the table, the cue ball need not touch one.
 
-    The penalty is small by default: under a large one an agent learns to keep clear of the pockets before it has
-    learned to use them.
+    The default penalty is small: with a large one an agent learns to avoid the pockets before it learns to use them.
 
     ## Starting State
 
-    Drawn by `layout`:
+    `layout` determines the starting positions:
 
     - `"random"`: all balls anywhere on the table, 1 mm clear of each other, of the cushions and of the pockets.
-    - `"rack"`: the cue ball anywhere behind the head string, the object balls in a triangle at the foot spot (a diamond
-      for 9), their gaps random, 0.1 to 0.5 mm.
-    - `"tight_rack"`: the same with the object balls frozen together.
-    - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
+    - `"rack"`: the object balls in a triangle at the foot spot (9 balls: a diamond) with random gaps of 0.1 to 0.5 mm;
+      the cue ball anywhere behind the head string.
+    - `"tight_rack"`: the same, but neighbouring object balls touch.
+    - `"carom_opening"`: the opening position of carom billiards, for one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis.
     - `"snookered"`: the cue ball and ball 1 anywhere, ball 2 midway between them, so that no straight path of the cue
       ball meets ball 1 first.
 
-    Then, for `task="place"`, the goal is drawn: any place where the cue ball, alone on the table, can lie, uniformly.
-    It stays for the episode.
+    With `task="place"` the goal is drawn next, uniformly over all positions that the cue ball can have on an empty
+    table. It is constant during an episode.
 
-    `reset(options={"positions": [[x, y], ...]})` places the balls by hand, a row a ball, in metres from the
-    table's centre, and `options={"goal": [x, y]}` the goal.
+    `reset(options={"positions": [[x, y], ...]})` sets the positions of the balls, one row for each ball, in metres from
+    the table's centre. `options={"goal": [x, y]}` sets the goal.
 
     ## Episode End
 
-    The episode terminates when the task is decided or `max_shots` shots are done. The limit on shots is part of the
-    task, so the environment never truncates.
+    The episode terminates when the task is decided or after `max_shots` shots. The limit on shots is part of the task,
+    so the environment never truncates.
 
     - `task="pot"` is decided when all object balls are potted, or the cue ball is. A potted object ball stays out.
-    - `task="carom"` and `task="three_cushion"` go on after a point as after a miss; on a table with pockets any potted
-      ball decides them.
-    - `task="sum_to_three"` is never decided before its last shot.
-    - `task="place"` is decided when the point is made, or the cue ball potted.
+    - `task="carom"` and `task="three_cushion"` continue after a point and after a miss. On a table with pockets any
+      potted ball decides them.
+    - `task="sum_to_three"` ends only after its last shot.
+    - `task="place"` is decided when the point is made, or the cue ball is potted.
 
     ## Info
 
-    `reset` returns an empty info; that of each `step` has these keys:
+    The info of `reset` is empty. The info of `step` has these keys:
 
     | Key | Type | Meaning |
     |---|---|---|
     | `shot_time` | float | duration of the shot, s |
-    | `n_events` | int | events that the engine computed |
+    | `n_events` | int | number of events in the shot |
     | `status` | str | why the shot ended: "rest", "max_time", "event_limit" or "step_limit" |
     | `first_hit` | int | the first ball that the cue ball touched, -1 if none |
     | `cushions` | (n,) int32 | cushion contacts of each ball in this shot |
     | `potted` | (n,) bool | the balls off the table after this shot |
-    | `scratch` | bool | whether the cue ball is one of them |
+    | `scratch` | bool | whether the cue ball is off the table |
     | `points` | int | points of this shot |
     | `score` | int | points of the episode so far |
-    | `shots_left` | int | shots still allowed |
+    | `shots_left` | int | shots left in the episode |
     | `success` | bool | `pot`: all object balls potted, no scratch; other tasks: at least one point so far |
     | `is_success` | bool | the same, under the name that Stable-Baselines3 logs |
 
-    A shot that meets the engine's limit on events, or on timesteps, raises a `RuntimeWarning` as well; no ordinary shot
-    does.
+    A shot that reaches the engine's limit on events or on timesteps raises a `RuntimeWarning`. No ordinary shot does.
 
     ## Many at Once
 
-    `gym.make_vec("Billiards-v0", num_envs=1024)` gives a `BilliardsVectorEnv`, which plays the shots of all
-    environments in compiled code on several threads; each plays what one of these plays when it is seeded alike.
+    `gym.make_vec("Billiards-v0", num_envs=1024)` returns a `BilliardsVectorEnv`. It runs the shots of all environments
+    in compiled code on several threads. Each of them gives the same bits as a `BilliardsEnv` with the same seed.
 
     ## Arguments
 
@@ -151,8 +149,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    All of them are strings, numbers, dicts or None, so an `EnvSpec` survives JSON. `billiards_env.checks.RANGES` states
-    what each number may be.
+    All arguments are strings, numbers, dicts or None, so an `EnvSpec` can be converted to JSON and back.
+    `billiards_env.checks.RANGES` holds the range of each number.
 
     | Argument | Type | Default | Description |
     |---|---|---|---|
@@ -160,14 +158,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `task` | str | `"pot"` | `"pot"`, `"carom"`, `"three_cushion"`, `"sum_to_three"` or `"place"`, see Rewards |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for its usual number |
     | `mode` | str | `"pic"` | the engine: `"pic"` (exact) or `"pit"` (fixed timestep) |
-    | `dt` | float or None | `None` | the timestep of `"pit"`, s; `"pic"` has none |
-    | `fix` | str or None | `None` | what `"pit"` does about overlaps: `"push_apart"` (None), `"move_back"`, `"none"` |
-    | `max_shots` | int | `1` | the most shots of an episode |
+    | `dt` | float or None | `None` | the timestep of `"pit"`, s; must be None with `"pic"` |
+    | `fix` | str or None | `None` | how `"pit"` corrects overlaps: `"push_apart"` (None), `"move_back"` or `"none"` |
+    | `max_shots` | int | `1` | largest number of shots in an episode |
     | `max_speed` | float | `4.0` | speed of the fastest shot, m/s; an action is a fraction of it |
-    | `layout` | str or None | `"random"` | the starting state, see Starting State; None for the task's own |
-    | `observe_shots_left` | bool | `False` | append the share of shots left to the observation |
-    | `scratch_penalty` | float | `0.1` | what a scratch costs |
-    | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see below |
+    | `layout` | str or None | `"random"` | the starting positions, see Starting State; None for those of the task |
+    | `observe_shots_left` | bool | `False` | whether to append the fraction of shots left to the observation |
+    | `scratch_penalty` | float | `0.1` | penalty of a scratch |
+    | `render_mode` | str or None | `None` | `"human"`, `"rgb_array"` or `"rgb_array_list"`, see Rendering |
 
     The named scenes with their usual number of object balls are `"pool"` (1), `"blocked_pool"` (2, the second one is a
     fixed post), `"carom"` (2), `"ideal"` (1), `"pooltool_carom"` (2) and `"sum_to_three"` (1). The task's own layout is
@@ -176,15 +174,15 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Drawn to scale by pygame (extra `render`), 30 frames a second, from the exact trajectories.
+    pygame (extra `render`) draws the exact trajectories to scale, with 30 frames a second.
 
-    - `"human"`: a window in which each step plays its shot, in real time.
-    - `"rgb_array"`: `render()` gives one frame, how the last shot ended, with the balls' paths.
-    - `"rgb_array_list"`: `render()` gives all frames since it was last called, or since the reset: that of the layout,
-      and those of each shot in motion.
+    - `"human"`: a window in which each step plays its shot in real time.
+    - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
+    - `"rgb_array_list"`: `render()` returns all frames since its last call or the reset: the starting position and each
+      shot in motion.
 
-    Gymnasium's `RecordVideo` keeps one frame a step; `billiards_env.envs.RecordVideo` takes the same arguments and
-    films the shots in motion. Without a render mode nothing is drawn or imported for it.
+    Gymnasium's `RecordVideo` keeps one frame of each step. `billiards_env.envs.RecordVideo` has the same arguments and
+    films the shots in motion. Without a render mode nothing is drawn, and no drawing library is imported.
 
     ## Version History
 
