@@ -15,8 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents import players, study_report
-from agents import results as recipes
 from agents.intervals import as_percent, over_seeds
 from benchmarks import (
     RESULTS,
@@ -34,6 +32,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
+from studies import players, recipes, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -71,12 +70,12 @@ def accuracy_blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def players_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the blocks of `agents.players`."""
+    """Returns the blocks of `studies.players`."""
     return {"table": table(players.HEAD, [players.row(r) for r in result["results"]], left=2)}
 
 
 def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the blocks of `agents.results`."""
+    """Returns the blocks of `studies.recipes`."""
     pot = [r for r in result["results"] if r["recipe"].startswith("pot") and r["env"]["max_shots"] == 1]
     million = (f"{r['recipe']} {as_percent(over_seeds(recipes.at_steps(r, 1_000_000)))}" for r in pot)
     rows = {r["recipe"]: dict(zip(recipes.HEAD, recipes.row(r), strict=True)) for r in result["results"]}
@@ -91,14 +90,14 @@ def agents_blocks(result: dict[str, Any]) -> dict[str, str]:
 
 
 def study_blocks(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the blocks of a study of `agents.timestep_study`, with pictures for the pages in docs."""
+    """Returns the blocks of a study of `studies.timestep`, with pictures for the pages in docs."""
     pictures = {
         "transfer": "Success of the policies of each world in each world",
         "policies": "Speeds, directions, cuts and false successes of the policies of each world",
     }
     return {
-        "findings": "\n".join(f"- {finding}" for finding in study_report.findings(result)),
-        **{name: table(head, rows) for name, (head, rows) in study_report.tables(result).items()},
+        "findings": "\n".join(f"- {finding}" for finding in timestep_report.findings(result)),
+        **{name: table(head, rows) for name, (head, rows) in timestep_report.tables(result).items()},
         "pictures": "\n\n".join(
             f"![{text}](images/study_{result['study']}_{name}.png)" for name, text in pictures.items()
         ),
@@ -121,10 +120,10 @@ def _sources() -> dict[str, Source]:
         "stress": stress.blocks,
         "vector": vector.blocks,
     }
-    study = "agents.timestep_study configs/study"
+    study = "studies.timestep configs/study"
     return {
-        "agents": Source("agents.results", agents / "agents.json", agents_blocks),
-        "players": Source("agents.players", agents / "players.json", players_blocks),
+        "agents": Source("studies.recipes", agents / "agents.json", agents_blocks),
+        "players": Source("studies.players", agents / "players.json", players_blocks),
         "study_blocked": Source(f"{study}/blocked.yaml", studies / "study_blocked.json", study_blocks),
         "study_pot": Source(f"{study}/pot.yaml", studies / "study_pot.json", study_blocks),
         **{name: Source(f"benchmarks.{name}", RESULTS / f"{name}.json", blocks) for name, blocks in modules.items()},
