@@ -3,7 +3,7 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 ARGS ?= --players human,search:20
 
-.PHONY: help train play test stress lint bench results study figures format clean
+.PHONY: help train play test docs stress lint bench results study figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -18,6 +18,9 @@ play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARG
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
 
+docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+
 stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (15 minutes)
 	$(BIN)/pytest -n 2 -q -m slow tests/stress
 	$(BIN)/python -m benchmarks.stress
@@ -28,7 +31,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure everything and write the tables of README and docs
+bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.growth
@@ -63,11 +66,11 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv build dist *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Made again when the dependencies change.
+# Runs again only if the list of packages changes.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev]'
+	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev,docs]'
 	touch $@

@@ -1,7 +1,7 @@
 """Measurements of the engine: each module prints tables and writes its results to `benchmarks/results` as JSON.
 
 The function `blocks` of a module converts the results to Markdown blocks by name. The module prints these blocks, and
-`benchmarks.readme` writes them into the README and `docs/measurements.md`.
+`benchmarks.readme` writes them into the README and the pages in `docs`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def machine() -> dict[str, str | int | float | None]:
 def machine_line(m: Mapping[str, object]) -> str:
     """Returns the values of `machine()` in one line."""
     versions = ", ".join(f"{name} {m[name]}" for name in ("python", "numba", "numpy", "gymnasium"))
-    return f"{m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
+    return f"Machine: {m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
 
 
 def print_blocks(blocks: Mapping[str, str]) -> None:

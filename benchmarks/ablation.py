@@ -130,7 +130,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
     return {
         "machine": machine_line(result["machine"]),
-        "how": f"Processor time without a saving over that with it; medians of {result['repeats']} interleaved passes.",
+        "how": "Processor time without the optimization divided by the time with it; medians of "
+        f"{result['repeats']} interleaved passes.",
         "savings": table(("without", *result["cases"]), rows),
     }
 

@@ -67,7 +67,7 @@ def scene_table(scene: dict[str, Any]) -> str:
     scores = "wrong_scores" in rows[fixes[0]][0]
     head = ["timestep", *(f"error, {fix}" for fix in fixes)]
     head += [f"scores right, {fix}" for fix in fixes] if scores else []
-    head += ["us/shot", "of PIC's time"]
+    head += ["us/shot", "time / PIC"]
     lines = []
     for k, row in enumerate(rows[fixes[0]]):
         line = [f"1/{row['steps_per_second']} s", *(_metres(_error(scene, rows[fix][k])) for fix in fixes)]
@@ -116,7 +116,7 @@ def enough(scenes: dict[str, Any]) -> str:
                     else [f"1/{row['steps_per_second']} s", _ratio(row["time_over_pic"])]
                 )
             lines.append([*line, f"{rows[-1]['scoring_shots']}"])
-    head = ["scene", "fix", "all shots", "of PIC's time", "shots that score", "of PIC's time ", "so many"]
+    head = ["scene", "fix", "all shots", "time / PIC", "shots that score", "time / PIC ", "scoring shots"]
     return table(head, lines, left=2)
 
 
@@ -137,7 +137,7 @@ def contacts(scenes: dict[str, Any]) -> str:
                     "" if until is None else f"{until:.2f} s",
                 ]
             )
-    head = ["scene", "engine", "before the first that differs", "shots with all", "it differs after"]
+    head = ["scene", "engine", "correct contacts", "shots with all correct", "first difference after"]
     return table(head, lines, left=2)
 
 
@@ -150,7 +150,7 @@ def others_table(scene: dict[str, Any]) -> str:
         what = row["method"] + (f", 1/{row['steps_per_second']} s" if row["steps_per_second"] else "")
         errors = [_metres(row[f"median_error_{t}_m"]) for t in ("0.5", "1.0", "2.0", "5.0")]
         lines.append([what, *errors, f"{row['us_per_shot']:,.0f}", _ratio(row["time_over_pic"])])
-    return table(["simulator", "0.5 s", "1 s", "2 s", "5 s", "us/shot", "of PIC's time"], lines)
+    return table(["simulator", "0.5 s", "1 s", "2 s", "5 s", "us/shot", "time / PIC"], lines)
 
 
 def orders_table(families: dict[str, Any]) -> str:
@@ -177,8 +177,23 @@ def shots_table(result: dict[str, Any]) -> str:
         for name, scene in result["scenes"].items()
     ]
     return table(
-        ["scene", "against the oracle", "compared", "to their end", "PIC's outcome is its", "for outcomes"], rows
+        ["scene", "shots with reference", "compared", "to the end", "same outcome", "shots for outcomes"], rows
     )
+
+
+def comparison(scenes: dict[str, Any]) -> str:
+    """Returns the table of the README: PIC and the other simulators with a usual and a small timestep."""
+    rows = []
+    for few, many in zip(*(scenes[name]["methods"] for name in ("2 elastic disks", "gas of 16 disks")), strict=True):
+        steps = few["steps_per_second"]
+        if few["method"] == "PIT" or steps not in (None, 60, 1920):
+            continue
+        exact = few["method"] == "PIC"
+        name = "**billiards-env**" if exact else few["method"]
+        errors = [f"{row['median_error_1.0_m']:.1e} m" for row in (few, many)]
+        time = "1" if exact else f"{many['time_over_pic']:,.0f}"
+        rows.append((name, f"timestep 1/{steps} s" if steps else "event-driven", *errors, time))
+    return table(("simulator", "method", "error, 2 disks", "error, 16 disks", "run time"), rows, left=2)
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -193,6 +208,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "enough": enough(scenes),
         "contacts": contacts(scenes),
         "orders": orders_table(result["convergence"]),
+        "comparison": comparison(scenes),
     }
     for name, scene in scenes.items():
         if any(row["method"] in OTHERS for row in scene["methods"]):

@@ -181,15 +181,15 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {
         "machine": machine_line(result["machine"]),
         "how": f"{result['seconds_simulated']:g} s of an elastic gas, disks on {result['share']:.0%} of the table; one "
-        f"core; medians of {result['passes']} interleaved passes. An event is one of PIC's. Growth is that from "
-        f"{GROWS_FROM} disks on.",
+        f"core; medians of {result['passes']} interleaved passes. An event is an event of PIC. The last row is the "
+        f"growth from {GROWS_FROM} disks on.",
         "events": table(("us/event", "events", *names), per_event),
-        "ratios": table(("over PIC's time", *names[1:], "all pairs over grid"), ratios),
-        "crossover": f"Among these numbers the grid is the faster way from {cross} disks on; PIC takes it from "
+        "ratios": table(("time / PIC", *names[1:], "all pairs over grid"), ratios),
+        "crossover": f"Among these numbers of disks the grid is faster from {cross} on. PIC uses it from "
         f"{result['grid_from']} on."
         if cross
-        else f"The grid saves nothing yet with so few disks; PIC takes it from {result['grid_from']} on.",
-        "summary": f"PIC uses them from {result['grid_from']} balls on. An event takes it {first:.2g} us with "
+        else f"The grid is not faster with these numbers of disks. PIC uses it from {result['grid_from']} on.",
+        "summary": f"PIC uses them from {result['grid_from']} balls on. An event takes {first:.2g} us with "
         f"{few['disks']:,} disks and {last:.2g} us with {many['disks']:,}.",
     }
 

@@ -32,7 +32,7 @@ from billiards_env.files import write_whole
 from studies import players, recipes, timestep_report, training_speed
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = ROOT / "README.md", ROOT / "docs" / "measurements.md"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
 # By the name of the results: the command, and the function that makes the blocks.

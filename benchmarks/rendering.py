@@ -79,8 +79,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     return {
         "machine": machine_line(result["machine"]),
         "figures": table(("what", "median"), [(name, f"{value:,.0f}") for name, value in result["medians"].items()]),
-        "cost": "A step with a render mode, without a call of render, takes "
-        f"{statistics.median(ratios.tolist()):.1f} times as long as a step without a render mode.",
+        "cost": "If nothing is rendered, a step with a render mode takes "
+        f"{statistics.median(ratios.tolist()):.1f} times as long as a step without one.",
     }
 
 

@@ -278,14 +278,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "shots": table(
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
-        "calls_of": f"The first case, one shot at a time ({N_SINGLES:,} per pass): microseconds per call, and the "
-        "difference to a batch; medians of the passes, and the fastest passes, which other load on the machine affects less:",
+        "calls_of": f"The first case with one shot a call, {N_SINGLES:,} calls in a pass: microseconds a call, and the "
+        "difference to the batch. Medians of the passes, and the fastest pass.",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
         "two_cores": f"Two threads run {min(a['median'] for a, _ in ratios):.2f} to "
-        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots per second as one.",
-        "threads_of": "Shots per second on two cores over those on one core, for two threads and for two processes; "
-        "medians of the ratios of the passes, and the ratio of the fastest passes, which other load on the machine "
-        "affects less:",
+        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots a second as one.",
+        "threads_of": "Shots per second on two cores divided by those on one core, for two threads and for two "
+        "processes. Medians of the ratios, and the ratios of the fastest passes.",
         "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
     }
 

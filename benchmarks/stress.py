@@ -191,9 +191,8 @@ def blocks(data: dict[str, Any]) -> dict[str, str]:
     ]
     return {
         "machine": machine_line(data["machine"]),
-        "summary": f"Of {shots:,} shots {bad:,} broke a rule; the deepest overlap of two balls was "
-        f"{worst['overlap']:.1e} m, the largest rise of the energy, where the contact-time rule did not "
-        f"act, {worst['rise']:.1e} of it.",
+        "summary": f"{bad:,} of {shots:,} shots broke a rule. The deepest overlap of two balls was "
+        f"{worst['overlap']:.1e} m, the largest relative rise of the energy {worst['rise']:.1e}.",
         "shots": table(head, [(name, *cells) for name, cells in rows]),
         "drift": table(("elastic gas", "collisions", "energy drift", "momentum drift", "deepest overlap, m"), drift),
         "long_runs": "\n".join(_long_runs(data)),
@@ -210,7 +209,7 @@ def _long_runs(data: dict[str, Any]) -> list[str]:
     runs = data["long_runs"]
     r, chaos = runs["reversal"], runs["lyapunov"]
     lines = [
-        f"* Time reversal of {r['runs']} gases of 16 disks, {r['median_collisions']:.0f} collisions each way: "
+        f"* Reversed motion, {r['runs']} gases of 16 disks, {r['median_collisions']:.0f} collisions each way: "
         f"median error {r['median_error_m']:.1e} m, {r['median_ratio']:.2f} times the amplified roundoff "
         f"(99th percentile {r['p99_ratio']:.1f}).",
         f"* Blocks of mass 1 and 100^k at a wall: {', '.join(map(str, runs['blocks']['cushion']))} collisions; "
@@ -221,10 +220,14 @@ def _long_runs(data: dict[str, Any]) -> list[str]:
     ]
     for name, h in data["predictability"].items():
         reached = h["median_collisions_to_1e-3_radius"]
-        far = "" if reached is None else f"; 1e-3 radii off after {reached:.0f} (in {h['reached_1e-3_radius']} shots)"
+        far = (
+            ""
+            if reached is None
+            else f"; error of 1e-3 radii after {reached:.0f} (in {h['reached_1e-3_radius']} shots)"
+        )
         lines.append(
-            f"* {name}: {h['median_same_collisions']:.0f} collisions as the reference has them "
-            f"(median of {h['shots']}), the last {h['median_last_error_m']:.1e} m off{far}."
+            f"* Collisions as in the reference, {name}: {h['median_same_collisions']:.0f} "
+            f"(median of {h['shots']}); error at the last one {h['median_last_error_m']:.1e} m{far}."
         )
     return lines
 

@@ -153,7 +153,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes.",
         "steps": table(
-            ("environments", "steps/s", "times a single one's"),
+            ("environments", "steps/s", "relative"),
             [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],
         ),
         "layouts": table(("layouts, one thread", "drawn/s"), drawn),

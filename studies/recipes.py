@@ -162,9 +162,13 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     pot = [r for r in results if r["recipe"].startswith("pot") and r["config"]["env"]["max_shots"] == 1]
     long = [r for r in pot if r["config"]["timesteps"] >= 1_000_000]
     million = (f"{r['recipe']} {as_percent(over_seeds(at_steps(r, 1_000_000)))}" for r in long)
+    best = dict(zip(head, row(results[0]), strict=True))
     return {
         "table": table(head, [row(r) for r in results]),
         "million": f"Success after a million shots, mean over the seeds and its 95 % interval: {'; '.join(million)}.",
+        "summary": f"The recipe of `make train` takes {best['minutes']} minutes on one core and pots the ball on "
+        f"{best['mean over seeds']} of new layouts: the mean over the seeds and its 95 % interval. Random shots in the "
+        f"same action frame pot it on {best['random: success']}.",
     }
 
 

@@ -76,9 +76,9 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
         "conclusion": (
             (
                 "trained in",
-                "success there",
-                "success in the exact world",
-                "less exact training, points",
+                "success with its engine",
+                "success with the exact engine",
+                "difference to exact training, points",
                 "false successes",
                 "training",
                 "shots/s",
@@ -146,14 +146,15 @@ def findings(result: Mapping[str, Any]) -> list[str]:
     minutes = {world: means[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
     speeds = {world: means[world]["shots_per_second"] for world in ("exact", finest)}
     return [
-        f"Policies trained in the exact world succeed there on {as_percent(exact['exact'])} of the layouts. "
-        f"Policies trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse there by more than the "
-        f"interval; the difference is largest at {_name(last)}, {_points(stepped[last]['behind'])} points.",
-        f"Of the successes of the policies trained at {_name(falsest)}, in their own world, "
-        f"{as_percent(stepped[falsest]['false'])} fail in the exact world. This is the largest share of all timesteps. "
-        f"The most frequent cause is {cause.replace('_', ' ')}, {as_percent(causes[cause])} of the successes.",
-        f"A run takes {minutes['exact']:.1f} min in the exact world and {minutes[finest]:.1f} min at {_name(finest)}; "
-        f"one core plays {speeds['exact']:,.0f} and {speeds[finest]:,.0f} shots/s.",
+        f"Policies trained with the exact engine succeed with it on {as_percent(exact['exact'])} of the layouts. "
+        f"Those trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse by more than the interval. "
+        f"The largest difference is at {_name(last)}: {_points(stepped[last]['behind'])} points.",
+        f"Of the successes of the policies trained at {_name(falsest)}, with their own engine, "
+        f"{as_percent(stepped[falsest]['false'])} fail with the exact engine. The most frequent cause is "
+        f"{cause.replace('_', ' ')}: {as_percent(causes[cause])} of the successes. No other timestep has a larger "
+        "share.",
+        f"A run takes {minutes['exact']:.1f} min with the exact engine and {minutes[finest]:.1f} min at "
+        f"{_name(finest)}; one core runs {speeds['exact']:,.0f} and {speeds[finest]:,.0f} shots/s.",
     ]
 
 

@@ -1,4 +1,4 @@
-"""The README's examples run and print what they say, and its tables and commands agree with the code."""
+"""The examples in the README and in the documentation run, and their tables and commands agree with the code."""
 
 from __future__ import annotations
 
@@ -15,35 +15,58 @@ import yaml
 from agents.config import Config
 from agents.ppo import make_model, make_vec_env
 from benchmarks import readme, speed
+from billiards_env import __main__ as overview
 from billiards_env.envs import BilliardsEnv
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Physics, Scene
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-MEASUREMENTS = (ROOT / "docs" / "measurements.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+DOCS = ROOT / "docs"
+README = ROOT / "README.md"
+PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in readme.PAGES}
+PAGES["CONTRIBUTING.md"] = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+EXAMPLES = [
+    pytest.param(code, id=f"{page}-{k}")
+    for page, text in PAGES.items()
+    for k, (language, options, code) in enumerate(FENCE.findall(text))
+    if language == "python" and not options
+]
+TUTORIALS = [page for page, text in PAGES.items() if '```python exec="true"' in text]
 
 
-def table(head: str) -> dict[str, list[str]]:
-    """The rows of the table whose first column is called `head`, by that column's text without its backticks."""
-    _, _, rest = README.partition(f"\n| {head} |")
+def table(text: str, head: str) -> dict[str, list[str]]:
+    """Returns the rows of the table whose first column is `head`, by that column's text without its backticks."""
+    _, _, rest = text.partition(f"\n| {head} |")
     rows = rest.partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip() for cell in row.strip("| ").split(" | ")] for row in rows]
     assert cells
     return {first.strip("`"): others for first, *others in cells}
 
 
-@pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_examples_run_and_print_what_they_say(number, capsys):
-    code = BLOCKS[number]
-    exec(compile(code, f"README.md, python block {number}", "exec"), {"__name__": "readme"})
+@pytest.mark.parametrize("code", EXAMPLES)
+def test_examples_run_and_print_the_output_shown(code, capsys):
+    exec(compile(code, "example", "exec"), {"__name__": "example"})
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
 
 
+@pytest.mark.parametrize("page", TUTORIALS)
+def test_tutorials_run(page):
+    names = {"__name__": "tutorial"}
+    for language, options, code in FENCE.findall(PAGES[page]):
+        assert language == "python", f"{page}: the build runs blocks of Python only"
+        assert 'exec="true"' in options
+        exec(compile(code, page, "exec"), names)
+
+
+def test_the_readme_is_short():
+    assert len(PAGES["README.md"].splitlines()) <= 150
+    assert sum(language == "python" for language, _, _ in FENCE.findall(PAGES["README.md"])) == 3
+    assert len(TUTORIALS) == 3
+
+
 def test_the_configuration_shown_trains():
-    (text,) = re.findall(r"^```yaml\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-    assert len(text.splitlines()) <= 10
+    (text,) = (code for language, _, code in FENCE.findall(PAGES["docs/training.md"]) if language == "yaml")
     config = Config.from_dict(yaml.safe_load(text))
     envs = make_vec_env(config)
     model = make_model(config, envs)
@@ -53,24 +76,21 @@ def test_the_configuration_shown_trains():
     assert any((old != new).any() for old, new in zip(before, model.policy.parameters(), strict=True))
 
 
-def test_there_are_examples():
-    assert len(BLOCKS) >= 4
-
-
 def test_arguments_are_those_of_the_environment():
     parameters = list(inspect.signature(BilliardsEnv).parameters.values())
-    rows = table("Argument")
+    rows = table(inspect.getdoc(BilliardsEnv) or "", "Argument")
     assert list(rows) == [p.name for p in parameters]
     for p in parameters:
-        assert ast.literal_eval(rows[p.name][0].strip("`")) == p.default
+        assert ast.literal_eval(rows[p.name][1].strip("`")) == p.default
 
 
 def test_every_layout_is_listed():
-    assert re.findall(r'`"(\w+)"`', table("Argument")["layout"][1].partition(";")[0]) == list(LAYOUTS)
+    assert [name.strip('"') for name in table(PAGES["docs/scenes.md"], "Layout")] == list(LAYOUTS)
+    assert [name for name in LAYOUTS if f'- `"{name}"`:' not in (BilliardsEnv.__doc__ or "")] == []
 
 
-def test_scenes_are_those_there_are():
-    rows = {name.strip('"'): others for name, others in table("Scene").items()}
+def test_every_scene_is_listed():
+    rows = {name.strip('"'): others for name, others in table(PAGES["docs/scenes.md"], "Scene").items()}
     assert tuple(rows) == SCENES
     for name, (count, _) in rows.items():
         usual, most = (int(n) for n in re.findall(r"\d+", count))
@@ -82,43 +102,54 @@ def test_scenes_are_those_there_are():
 
 def test_physics_defaults_are_those_of_the_code():
     physics = Physics()
-    rows = table("Field")
+    text = PAGES["docs/scenes.md"].partition("\n## Physics\n")[2]
+    rows = table(text, "Field")
     assert list(rows) == [f"physics.{name}" for name in inspect.signature(Physics).parameters]
-    for name, (default, _) in rows.items():
+    for name, (default, *_) in rows.items():
         assert ast.literal_eval(default.strip("`")) == getattr(physics, name.removeprefix("physics."))
 
 
 def test_commands_exist():
-    pages = README + MEASUREMENTS
-    modules = set(re.findall(r"python -m ([\w.]+)", pages))
+    pages = "\n".join(PAGES.values())
+    modules = {*re.findall(r"python -m ([\w.]+)", pages), *overview.COMMANDS}
     assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
-    assert all(importlib.util.find_spec(module) for module in modules)
+    assert [module for module in sorted(modules) if not importlib.util.find_spec(module)] == []
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert set(re.findall(r"(?:^|`)make (\w+)", pages, re.MULTILINE)) <= set(targets)
-    assert all((ROOT / path).is_file() for path in re.findall(r"configs/[\w/]+\.yaml", README))
+    assert [path for path in re.findall(r"configs/[\w/]+\.yaml", pages) if not (ROOT / path).is_file()] == []
+    paths = re.findall(r"`((?:billiards_env|agents|benchmarks|tests|docs)/[\w/.]+\.\w+)`", pages)
+    assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
-@pytest.mark.parametrize(("page", "folder"), [(README, ROOT), (MEASUREMENTS, ROOT / "docs")])
-def test_links_lead_somewhere(page, folder):
-    links = [link for link in re.findall(r"\]\(([^)]+)\)", page) if not link.startswith("https://")]
-    assert links
-    for link in links:
+def test_the_overview_lists_every_command(capsys):
+    overview.main([])
+    printed = capsys.readouterr().out
+    assert re.findall(r"^  python -m ([\w.]+) ", printed, re.MULTILINE) == list(overview.COMMANDS)
+    assert overview.available() == overview.COMMANDS
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_exist(page):
+    folder = (ROOT / page).parent
+    for link in re.findall(r"\]\(([^)]+)\)", PAGES[page]):
         path, _, anchor = link.partition("#")
-        assert (folder / path).exists()
-        if anchor:
+        if link.startswith("https://"):
+            continue
+        assert (folder / path).exists(), link
+        if anchor and path != "contributing.md":  # which includes CONTRIBUTING.md
             headings = re.findall(r"^#+ (.*)$", (folder / path).read_text(encoding="utf-8"), re.MULTILINE)
-            assert anchor in [heading.lower().replace(" ", "-") for heading in headings]
+            assert anchor in [heading.lower().replace(" ", "-") for heading in headings], link
 
 
 def test_measured_tables_are_those_of_the_committed_results():
     readme.main(["--check"])
 
 
-def test_all_that_is_measured_is_shown():
-    shown = set(re.findall(r"^<!-- (\w+): ", README + MEASUREMENTS, re.MULTILINE))
+def test_all_results_are_shown():
+    shown = {source for text in PAGES.values() for source in re.findall(r"^<!-- (\w+): ", text, re.MULTILINE)}
     assert shown == set(readme.SOURCES)
     written = {path.stem for path in ROOT.glob("*/results/*.json")}
-    assert written <= shown
+    assert written == shown
     assert all(readme.results(source).exists() for source in written)
 
 
@@ -130,7 +161,7 @@ def page(tmp_path, monkeypatch):
     return path
 
 
-def test_only_what_is_between_the_markers_is_replaced(page):
+def test_only_text_between_markers_is_replaced(page):
     readme.main([])
     result = json.loads(readme.results("speed").read_text())
     threads = speed.blocks(result)["threads"]
@@ -141,7 +172,7 @@ def test_only_what_is_between_the_markers_is_replaced(page):
     assert page.read_text() == whole
 
 
-def test_a_page_that_is_not_up_to_date_is_told_and_left_alone(page):
+def test_an_outdated_page_is_reported_and_not_changed(page):
     before = page.read_text()
     with pytest.raises(SystemExit, match=r"not up to date: page\.md"):
         readme.main(["--check"])
@@ -150,14 +181,14 @@ def test_a_page_that_is_not_up_to_date_is_told_and_left_alone(page):
     readme.main(["--check"])
 
 
-def test_what_is_not_measured_is_no_figure(page, tmp_path):
+def test_a_missing_result_is_not_a_number(page, tmp_path):
     assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy"),
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy, contact_rule"),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

@@ -299,7 +299,7 @@ def test_the_stress_table_sums_and_takes_the_worst():
     last = [cell.strip() for cell in found["shots"].splitlines()[-1].strip("| ").split(" | ")]
     assert last[:3] == ["all", f"{sum(k['shots'] for k in kinds):,}", "1"]
     assert last[3] == f"{max(k['overlap'] for k in kinds):.1e}"
-    assert found["summary"].startswith(f"Of {last[1]} shots 1 broke a rule")
+    assert found["summary"].startswith(f"1 of {last[1]} shots broke a rule")
 
 
 def test_the_picture_is_of_the_shot_its_title_tells(matplotlib, tmp_path):

@@ -247,17 +247,17 @@ def test_findings_name_their_worlds(blocked):
     result = copy.deepcopy(blocked[0])
     means = timestep_report.summary(result)
     worth, false, cost = timestep_report.findings(result)
-    assert f"succeed there on {100 * means['exact']['exact']['mean']:.1f}%" in worth
-    assert "Policies trained at no timestep are worse" in worth
-    assert "at 1/30 s, in their own world" in false
+    assert f"succeed with it on {100 * means['exact']['exact']['mean']:.1f}%" in worth
+    assert "Those trained at no timestep are worse" in worth
+    assert "at 1/30 s, with their own engine" in false
     assert "The most frequent cause is missed collision" in false
-    assert cost.startswith("A run takes 1.0 min in the exact world and 1.0 min at 1/30 s")
+    assert cost.startswith("A run takes 1.0 min with the exact engine and 1.0 min at 1/30 s")
     for policy in result["policies"]:
         share = {"exact": 0.9, "1/30": 0.5}[policy["world"]] + 0.01 * policy["seed"]
         policy["success"]["exact"] = round(share * COUNT)
     worth, *_ = timestep_report.findings(result)
-    assert "Policies trained at 1/30 s are worse there by more than the interval" in worth
-    assert "largest at 1/30 s, -40.0 (-43.0 to -37.0) points" in worth
+    assert "Those trained at 1/30 s are worse by more than the interval" in worth
+    assert "largest difference is at 1/30 s: -40.0 (-43.0 to -37.0) points" in worth
 
 
 @given(

@@ -1,0 +1,62 @@
+"""Helpers of the documentation's build, which make pages that need no network."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import re
+from typing import Any
+
+import griffe
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
+
+_EM = 8.5  # points; smaller than the font size of 10, as the letters of Computer Modern are small
+# The output of pymdownx.arithmatex in its generic mode: <span> for $...$, <div> for $$...$$.
+_FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def svg(axes: Any) -> str:
+    """Returns the figure of matplotlib axes as an SVG element."""
+    return _svg(axes.figure, bbox_inches="tight")
+
+
+def formula(tex: str) -> str:
+    """Returns a formula as an image that matplotlib draws; its size follows the size of the text."""
+    text = f"${' '.join(tex.split())}$"
+    with rc_context({"mathtext.fontset": "cm", "font.size": 10}):
+        width, height, depth, _, _ = MathTextParser("path").parse(text, dpi=72)
+        width, height, depth = width + 1, height + 2, depth + 1  # room for the edges of the letters
+        figure = Figure(figsize=(width / 72, height / 72))
+        figure.text(0.5 / width, depth / height, text)
+        data = base64.b64encode(_svg(figure, transparent=True).encode()).decode()
+    style = f"height: {height / _EM:.3f}em; vertical-align: {-depth / _EM:.3f}em"
+    return f'<img class="formula" alt="{html.escape(tex)}" style="{style}" src="data:image/svg+xml;base64,{data}">'
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Returns the page with its formulas as images; MkDocs calls this for each page."""
+
+    def image(match: re.Match[str]) -> str:
+        drawn = formula(html.unescape(match[2]))
+        return drawn if match[1] == "span" else f'<p class="formula">{drawn}</p>'
+
+    return _FORMULA.sub(image, content)
+
+
+class Examples(griffe.Extension):
+    """Reads the section "Example:" of a docstring as the section "Examples:", which mkdocstrings formats as code."""
+
+    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
+        """Changes the docstring of an object."""
+        if obj.docstring:
+            obj.docstring.value = re.sub(r"^Example:$", "Examples:", obj.docstring.value, flags=re.MULTILINE)
+
+
+def _svg(figure: Figure, **options: Any) -> str:
+    file = io.StringIO()
+    figure.savefig(file, format="svg", **options)
+    text = file.getvalue()
+    return text[text.index("<svg") :]
