@@ -43,8 +43,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     The action is a `ndarray` with shape `(2,)` and dtype `float32`:
 
-    | Num | Action                                                             | Min | Max |
-    |-----|--------------------------------------------------------------------|-----|-----|
+    | Num | Action                                                              | Min | Max |
+    |-----|---------------------------------------------------------------------|-----|-----|
     | 0   | Velocity of the cue ball along the table's length (x) / `max_speed` | -1  | 1   |
     | 1   | Velocity of the cue ball along the table's width (y) / `max_speed`  | -1  | 1   |
 
@@ -89,13 +89,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
       pockets.
-    - `"rack"`: the cue ball anywhere behind the head string, the object balls in a triangle at the foot spot (9 balls
-      in a diamond), with random gaps of 0.1 to 0.5 mm.
+    - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4), the object balls in a triangle at the
+      foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis of the table.
-    - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them. The cue ball cannot reach ball 1
-      first on a straight path.
+    - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them, so that no straight path of the
+      cue ball hits ball 1 first.
 
     With `task="place"` the goal is then drawn uniformly from all positions that the cue ball can have on an empty
     table. The goal does not change during an episode.
@@ -105,13 +105,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Episode End
 
-    The episode terminates if `max_shots` shots are played or the task is decided. It is never truncated, because the
+    The episode terminates when `max_shots` shots are played or the task is decided. It is never truncated, because the
     limit on shots is part of the task. A task is decided as follows:
 
     - `task="pot"`: when all object balls are potted, or the cue ball is potted. Potted object balls stay off the table
       in later shots.
-    - `task="carom"` and `task="three_cushion"`: when any ball is potted. Other shots do not end the episode, with or
-      without a point.
+    - `task="carom"` and `task="three_cushion"`: when any ball is potted, on a table with pockets. Other shots do not
+      end the episode, with or without a point.
     - `task="sum_to_three"`: never.
     - `task="place"`: when the point is scored, or the cue ball is potted.
 
@@ -163,7 +163,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `fix`                | str or None   | `None`     | how `"pit"` treats overlaps                             |
     | `max_shots`          | int           | `1`        | maximum number of shots in an episode                   |
     | `max_speed`          | float         | `4.0`      | speed of the fastest shot, m/s                          |
-    | `layout`             | str or None   | `"random"` | starting positions; None for the layout of the task     |
+    | `layout`             | str or None   | `"random"` | starting positions; None for those of the task          |
     | `observe_shots_left` | bool          | `False`    | whether the observation has the fraction of shots left  |
     | `scratch_penalty`    | float         | `0.1`      | reward subtracted for a scratch                         |
     | `render_mode`        | str or None   | `None`     | `"human"`, `"rgb_array"` or `"rgb_array_list"`          |
@@ -181,7 +181,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). Images are to scale, and there are 30 frames per second of a shot.
+    Rendering needs pygame (extra `render`). Frames are drawn to scale, 30 for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
@@ -194,7 +194,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Vectorized environment
 
     `gym.make_vec("Billiards-v0", num_envs=1024)` returns a `BilliardsVectorEnv`. It simulates the shots of all
-    environments in compiled code on several threads. Its results are those of single environments with the same seeds.
+    environments in compiled code on several threads. Its results equal those of single environments with the same
+    seeds.
 
     ## Version History
 

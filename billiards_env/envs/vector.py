@@ -32,13 +32,13 @@ MAX_DRAWN = 4
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
-    `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, are bit for bit
-    those of Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv`.
+    `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
+    Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` bit for bit.
 
     ## Reset
 
-    `reset(seed=7)` seeds environment i with `7 + i`. A list contains one seed per environment. An environment plays the
-    same episodes as a `BilliardsEnv` with the same seed.
+    `reset(seed=7)` seeds environment i with `7 + i`. A list of seeds contains one seed per environment. Each
+    environment plays the same episodes as a `BilliardsEnv` with the same seed.
 
     `reset` has these options:
 
@@ -81,7 +81,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     ## Rendering
 
-    The render modes are those of `BilliardsEnv`. A frame shows the first four environments next to each other.
+    The render modes are those of `BilliardsEnv`. Each frame shows the first four environments side by side.
 
     Attributes:
         single_env: A `BilliardsEnv` with the same arguments. It holds their checked values and is never stepped.
@@ -218,7 +218,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             bool array `_key`, which is True for the environments that have this key.
 
         Raises:
-            ResetNeeded: If an environment has to be reset before.
+            ResetNeeded: If an episode has not begun or, in the mode "Disabled", is over.
             ValueError: If an action is not two finite numbers.
         """
         episodes, m = self._episodes, self.num_envs

@@ -1,4 +1,4 @@
-"""Action frames and execution noise: the geometry, and the wrappers around one environment and around many."""
+"""Action frames and execution noise: their geometry, and their wrappers of single and vector environments."""
 
 import json
 import warnings
@@ -33,7 +33,7 @@ from billiards_env.scene import Scene
 
 POOL = Scene.named("pool")
 REACH = 2 * POOL.balls.radius[0]
-FAST = {"max_speed": 4.5, "n_object_balls": 2, "max_shots": 3}  # fast enough for all frames
+FAST = {"max_speed": 4.5, "n_object_balls": 2, "max_shots": 3}  # fast enough for all action frames
 NOISE = {"angle_std": 5.0, "speed_std": 0.5}
 shares = st.floats(-1.0, 1.0)
 frames = pytest.mark.parametrize("frame", FRAMES)
@@ -69,7 +69,7 @@ def test_an_action_is_a_fraction_of_max_speed_and_has_length_1_at_most():
 
 
 @given(st.floats(-5.0, 5.0))
-def test_cosine_and_sine_are_right_to_the_last_bits(turns):
+def test_cosine_and_sine_have_errors_of_the_last_bits_only(turns):
     c, s = cos_sin(turns)
     assert abs(c - float(mpmath.cospi(turns))) <= 2.3e-16
     assert abs(s - float(mpmath.sinpi(turns))) <= 2.3e-16
@@ -77,23 +77,23 @@ def test_cosine_and_sine_are_right_to_the_last_bits(turns):
 
 
 @given(shares, shares)
-def test_polar_is_the_angle_and_the_speed(a0, a1):
+def test_polar_sets_angle_and_speed(a0, a1):
     x, y = polar(a0, a1, 0.5, 4.0)
     assert np.hypot(x, y) == pytest.approx(0.5 + 1.75 * (a1 + 1), rel=1e-15)
     assert abs(np.angle((x + 1j * y) * np.exp(-1j * np.pi * a0))) < 1e-14
 
 
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.0, 40.0))
-def test_a_cut_passes_the_ball_at_its_distance(a0, a1, bearing, apart):
+def test_a_cut_passes_the_ball_at_the_given_distance(a0, a1, bearing, apart):
     dx, dy = apart * REACH * np.cos(bearing), apart * REACH * np.sin(bearing)
     x, y = cut(a0, a1, dx, dy, REACH, 0.4, 4.0)
     speed = np.hypot(x, y)
     assert speed == pytest.approx(0.4 + 1.8 * (a1 + 1), rel=1e-14)
-    assert (x * dy - y * dx) / speed == pytest.approx(a0 * REACH, abs=1e-14)  # positive: the ball lies to the left
+    assert (x * dy - y * dx) / speed == pytest.approx(a0 * REACH, abs=1e-14)  # positive: the ball is on the left
     assert x * dx + y * dy >= -1e-15
 
 
-def test_every_cut_hits_and_its_sine_is_that_of_the_angle():
+def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
     positions = random_layouts(500)
     offsets = np.random.default_rng(1).uniform(-1, 1, 500).astype(np.float32)
     largest = np.nextafter(np.float32(1), np.float32(0))
@@ -130,7 +130,7 @@ def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
 
 
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.05, 40.0))
-def test_sum_to_three_solves_its_equation(a0, a1, bearing, apart):
+def test_sum_to_three_solves_the_equation_of_the_cut_angle(a0, a1, bearing, apart):
     distance, c = apart * REACH, np.deg2rad(70) * a1
     x, y = sum_to_three(a0, a1, distance * np.cos(bearing), distance * np.sin(bearing), REACH)
     assert np.hypot(x, y) == pytest.approx(1.395 * (0.3 + 1.35 * (a0 + 1)), rel=1e-14)
@@ -140,14 +140,14 @@ def test_sum_to_three_solves_its_equation(a0, a1, bearing, apart):
     assert turned * c <= 1e-14
 
 
-def test_a_cut_is_a_shot_wherever_the_balls_are():
+def test_aim_returns_a_unit_vector_for_touching_and_coinciding_balls():
     assert aim(0.0, 0.0, REACH, 1.0) == (1.0, 0.0)
     for offset in (-1.0, 0.5, 1.0):
         for distance in (REACH, REACH * (1 - 1e-11), 1e-300):
             assert np.hypot(*aim(distance, 0.0, REACH, offset)) == pytest.approx(1.0, rel=1e-15)
 
 
-def test_the_ball_aimed_at():
+def test_choice_of_the_target_ball():
     nearest, first = -1, -2
     assert BALLS == ("nearest", "first")
     positions = np.array([[0.0, 0.0], [0.1, 0.0], [1.0, 0.0], [0.5, 0.5]])
@@ -159,7 +159,7 @@ def test_the_ball_aimed_at():
 
 
 @frames
-def test_leading_axes_do_not_matter_and_actions_are_clipped(frame):
+def test_leading_axes_and_clipping_of_actions(frame):
     positions, potted = random_layouts(6), np.zeros((6, 2), bool)
     actions = np.random.default_rng(0).uniform(-1.3, 1.3, (6, 2)).astype(np.float32)
     aims = ActionTransform(frame, POOL, np.array([False, True]), 4.5)
@@ -184,7 +184,7 @@ def test_leading_axes_do_not_matter_and_actions_are_clipped(frame):
         (("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
     ],
 )
-def test_bad_frames_are_refused(arguments, message):
+def test_bad_frames_raise(arguments, message):
     with pytest.raises(ValueError, match=message):
         ActionFrame(gym.make("Billiards-v0"), *arguments)
     with pytest.raises(ValueError, match=message):
@@ -200,7 +200,7 @@ def wrapped():
     yield ActionFrame(ExecutionNoise(make()), "cut")
 
 
-def test_the_environment_checkers_have_nothing_to_say():
+def test_environment_checkers_pass():
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
     for env in wrapped():
         with warnings.catch_warnings():
@@ -211,7 +211,7 @@ def test_the_environment_checkers_have_nothing_to_say():
         assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
 
 
-def test_a_spec_gives_the_wrapped_environment_back():
+def test_a_spec_recreates_the_wrapped_environment():
     env = ActionFrame(ExecutionNoise(make(), 0.25, 0.1), "cut", ball=2, least_speed=1.0)
     assert env.spec is not None
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
@@ -230,7 +230,7 @@ def test_a_spec_gives_the_wrapped_environment_back():
 @frames
 @pytest.mark.parametrize("mode", AutoresetMode, ids=lambda mode: mode.value)
 @pytest.mark.parametrize("build", [native, sync])
-def test_many_play_what_single_ones_play(frame, mode, build):
+def test_vector_wrappers_play_the_same_as_single_ones(frame, mode, build):
     envs = VectorActionFrame(VectorExecutionNoise(build(mode), **NOISE), frame)
     singles = [ActionFrame(ExecutionNoise(make(), **NOISE), frame) for _ in range(envs.num_envs)]
     observations, _ = envs.reset(seed=11)
@@ -258,7 +258,7 @@ def test_many_play_what_single_ones_play(frame, mode, build):
     assert ends > 20
 
 
-def test_the_frame_aims_at_where_the_balls_are():
+def test_the_frame_uses_the_present_positions():
     env = ActionFrame(make(), "cut")
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.1], [-0.2, 0.4]]})
     np.testing.assert_allclose(env.action([0.0, 1.0]), [0.6, 0.8], rtol=0, atol=1e-15)
@@ -268,8 +268,8 @@ def test_the_frame_aims_at_where_the_balls_are():
             env.step(action)
 
 
-def test_positions_and_potted_balls_can_be_read_and_are_copies():
-    places = [[0.97, 0.335], [-0.5, 0.1], [-0.2, 0.4]]  # the cue ball is to drop into the corner
+def test_positions_and_potted_are_copies():
+    places = [[0.97, 0.335], [-0.5, 0.1], [-0.2, 0.4]]  # the cue ball is aimed at the corner pocket
     env, envs = make(), native(AutoresetMode.DISABLED, 2)
     env.reset(options={"positions": places})
     game: Any = env.unwrapped
@@ -292,7 +292,7 @@ def test_positions_and_potted_balls_can_be_read_and_are_copies():
 # --- noise ------------------------------------------------------------------------------------------------------------
 
 
-def test_perturbed_shots():
+def test_perturb():
     aimed = np.array([[0.3, -0.4], [0.0, 0.0], [30.0, 40.0], [0.1, 0.0], [1.0, 0.0], [1e300, 0.0]])
     same = perturb(aimed, np.zeros(6), np.zeros(6))
     np.testing.assert_array_equal(same[[0, 1, 3, 4]], aimed[[0, 1, 3, 4]])
@@ -307,7 +307,7 @@ def test_perturbed_shots():
 
 
 def noisy_shots(env, count, seed: int | None = 0):
-    """What comes of `count` shots at half the largest speed along y, as shares of the largest speed."""
+    """Returns the actions after noise of `count` shots at half the largest speed along y."""
     shots = []
     env.unwrapped.step = lambda action: (shots.append(action), 0.0, False, False, {})
     env.reset(seed=seed)
@@ -316,7 +316,7 @@ def noisy_shots(env, count, seed: int | None = 0):
     return np.array(shots)
 
 
-def test_noise_has_its_standard_deviations_and_is_repeatable():
+def test_noise_has_the_given_standard_deviations_and_is_repeatable():
     shots = noisy_shots(ExecutionNoise(gym.make("Billiards-v0").unwrapped), 4000)
     angles, speeds = np.rad2deg(np.arctan2(-shots[:, 0], shots[:, 1])), 4 * np.hypot(*shots.T)
     for values, mean, std in ((angles, 0.0, 0.125), (speeds, 2.0, 0.075)):
@@ -328,7 +328,7 @@ def test_noise_has_its_standard_deviations_and_is_repeatable():
     assert noisy_shots(again, 10, seed=1).tobytes() != shots[:10].tobytes()
 
 
-def test_noise_leaves_the_layouts_alone():
+def test_noise_does_not_change_the_layouts():
     plain, noisy = make(max_shots=1), ExecutionNoise(make(max_shots=1))
     for seed in (4, None, None):
         assert plain.reset(seed=seed)[0].tobytes() == noisy.reset(seed=seed)[0].tobytes()
@@ -336,7 +336,7 @@ def test_noise_leaves_the_layouts_alone():
         noisy.step(np.array([0.5, 0.1]))
 
 
-def test_no_noise_is_no_change():
+def test_noise_of_zero_changes_nothing():
     plain, noisy = make(), ExecutionNoise(make(), 0.0, 0.0)
     action = np.array([0.35, -0.8], np.float32)
     for env in (plain, noisy):
@@ -350,7 +350,7 @@ def test_unseeded_noise_differs():
 
 
 @pytest.mark.parametrize("build", [native, sync])
-def test_seeds_of_a_list_and_of_a_mask_seed_the_noise(build):
+def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
     envs = VectorExecutionNoise(build(AutoresetMode.DISABLED, 3), **NOISE)
     action = np.array([[0.1, 0.2]] * 3, np.float32)
 
@@ -368,7 +368,7 @@ def test_seeds_of_a_list_and_of_a_mask_seed_the_noise(build):
 
 
 @pytest.mark.parametrize("scales", [(-0.1, 0.0), (0.0, np.nan), (np.inf, 0.0)])
-def test_impossible_noise_is_refused(scales):
+def test_impossible_noise_raises(scales):
     with pytest.raises(ValueError, match=r"_std = .*: expected a number from 0 to "):
         ExecutionNoise(make(), *scales)
     with pytest.raises(ValueError, match=r"_std = .*: expected a number from 0 to "):

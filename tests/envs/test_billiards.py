@@ -43,10 +43,10 @@ SUM_TO_THREE = {
     "max_speed": 4.2,
 }
 
-# On the pool table, 45 degrees from the corner pocket at (1.27, 0.635): a cue ball there, alone on its way, scratches.
+# On the pool table, at 45 degrees from the corner pocket at (1.27, 0.635). From here the cue ball scratches.
 STRAIGHT_INTO_THE_CORNER = [0.97, 0.335]
 INTO_THE_CORNER = np.array([0.25, 0.25], np.float32)
-# On the frictionless table the cue ball, at (0, 0), meets ball 1 at 45 degrees and leaves on the diagonal for ball 2.
+# On the frictionless table the cue ball hits ball 1 from (0, 0) at 45 degrees and moves along the diagonal to ball 2.
 DIAGONAL = 2 * Scene.named("ideal").balls.radius[0] * np.sqrt(0.5)
 CAROM = [[-0.3, 0.0], [DIAGONAL, -DIAGONAL], [0.3, 0.3]]
 
@@ -56,7 +56,7 @@ def make(**kwargs):
 
 
 def play(env, shots, seed=None):
-    """Plays `shots` random shots; all that the environment said, arrays as bytes."""
+    """Plays random shots and returns all results of the environment, with arrays as bytes."""
     env.action_space.seed(seed)
     log: list[Any] = [env.reset(seed=seed)[0].tobytes()]
     for _ in range(shots):
@@ -69,7 +69,7 @@ def play(env, shots, seed=None):
 
 
 @variants
-def test_the_environment_checkers_have_nothing_to_say(kwargs):
+def test_environment_checkers_pass(kwargs):
     sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -78,7 +78,7 @@ def test_the_environment_checkers_have_nothing_to_say(kwargs):
 
 
 @variants
-def test_what_the_environment_says_is_in_its_spaces_and_of_its_types(kwargs):
+def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = BilliardsEnv(**kwargs)
     n = env.scene.n_balls
     last = env.observe_shots_left
@@ -116,7 +116,7 @@ def test_what_the_environment_says_is_in_its_spaces_and_of_its_types(kwargs):
         assert shots <= env.max_shots
 
 
-def test_positions_are_observed_as_shares_of_the_half_table():
+def test_positions_are_observed_relative_to_half_the_table():
     env = BilliardsEnv(n_object_balls=2, max_shots=4, observe_shots_left=True)
     positions = [[0.635, -0.3175], [-0.127, 0.508], [0.0, 0.0]]
     shares = [0.5, -0.5, -0.1, 0.8, 0, 0]
@@ -145,7 +145,7 @@ def test_a_ball_in_a_pocket_behind_the_cushions_is_observed_inside_the_box():
     assert observation in env.observation_space
 
 
-def test_the_same_seed_gives_the_same_episodes_bit_for_bit():
+def test_equal_seeds_play_equal_episodes_bit_for_bit():
     kwargs = {"n_object_balls": 5, "max_shots": 3}
     first, second = make(**kwargs), make(**kwargs)
     log = play(first, 12, seed=7)
@@ -154,7 +154,7 @@ def test_the_same_seed_gives_the_same_episodes_bit_for_bit():
     assert log != play(first, 12, seed=8)
 
 
-def test_the_history_of_an_environment_leaves_no_trace_in_an_episode():
+def test_earlier_episodes_do_not_affect_an_episode():
     env = BilliardsEnv(max_shots=3)
     log = play(env, 2, seed=1)
     env.reset(options={"positions": [[0.0, 0.0], [0.5, 0.0]]})
@@ -172,19 +172,19 @@ def test_the_spec_survives_json_and_pickle(kwargs):
         assert play(gym.make(spec), 2, seed=3) == log
 
 
-@pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_goes_on_as_its_original(twin_of):
+@pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_continues_like_its_original(copy_of):
     env = BilliardsEnv(n_object_balls=3, max_shots=6)
     play(env, 3, seed=5)
     env.reset()
     env.step(np.array([0.1, 0.1]))
-    twin = twin_of(env)
+    twin = copy_of(env)
     action = np.array([-0.5, 0.3])
     for one, other in ((env.step(action), twin.step(action)), (env.reset(), twin.reset())):
         assert one[0].tobytes() == other[0].tobytes()
 
 
-def test_gymnasium_vectorises_it():
+def test_sync_vector_env_of_gymnasium():
     envs = gym.make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", n_object_balls=2)
     observations, _ = envs.reset(seed=0)
     assert observations.shape == (3, 6)
@@ -193,13 +193,13 @@ def test_gymnasium_vectorises_it():
     assert infos["shot_time"].shape == (3,)
 
 
-def test_stable_baselines3_vectorises_it():
+def test_vector_env_of_stable_baselines3():
     sb3 = pytest.importorskip("stable_baselines3.common.env_util")
     envs = sb3.make_vec_env("Billiards-v0", n_envs=2)
     assert envs.reset().shape == (2, 4)
 
 
-def test_potting_the_object_ball():
+def test_potting_the_object_ball_scores_a_point():
     env = BilliardsEnv()
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435]]})
     observation, reward, terminated, _, info = env.step(INTO_THE_CORNER)
@@ -223,7 +223,7 @@ def test_a_scratch_ends_the_episode_and_costs_the_penalty(penalty, max_shots):
     assert observation[:2].tolist() == [1.0, 1.0]
 
 
-def test_a_miss_ends_the_episode_when_the_shots_are_used_up():
+def test_a_miss_ends_the_episode_after_the_last_shot():
     env = BilliardsEnv(max_shots=2)
     env.reset(options={"positions": [[0.0, 0.0], [0.5, 0.3]]})
     *_, terminated, truncated, info = env.step([-0.1, 0.0])
@@ -233,7 +233,7 @@ def test_a_miss_ends_the_episode_when_the_shots_are_used_up():
     assert (info["shots_left"], info["success"], info["score"]) == (0, False, 0)
 
 
-def test_potted_balls_stay_out_of_later_shots():
+def test_potted_balls_stay_off_the_table_in_later_shots():
     env = BilliardsEnv(n_object_balls=2, max_shots=10)
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
     _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
@@ -247,7 +247,7 @@ def test_potted_balls_stay_out_of_later_shots():
         assert (info["points"], info["score"]) == (0, 1)
 
 
-def test_balls_rest_between_shots_where_the_last_one_left_them():
+def test_balls_keep_their_positions_between_shots():
     env = BilliardsEnv(scene="carom", task="carom", max_shots=3)
     before, _ = env.reset(seed=0)
     after, *_ = env.step([0.4, 0.1])
@@ -257,7 +257,7 @@ def test_balls_rest_between_shots_where_the_last_one_left_them():
     assert (info["shot_time"], info["n_events"]) == (0.0, 0)
 
 
-def test_a_shot_ended_by_its_time_leaves_no_spin_to_the_next():
+def test_spin_does_not_remain_after_a_shot_that_ends_at_its_time_limit():
     scene = Scene.named("pool").to_dict()
     scene["physics"]["max_time"] = 0.05  # the cue ball still slides then
     env = BilliardsEnv(scene=scene, max_shots=2)
@@ -280,7 +280,7 @@ def test_carom_scores_when_the_cue_ball_touches_every_object_ball():
     assert (reward, terminated, info["success"], info["first_hit"]) == (0.0, True, False, -1)
 
 
-def test_carom_goes_on_until_the_shots_are_used_up():
+def test_carom_continues_until_the_last_shot():
     env = BilliardsEnv(scene="ideal", task="carom", n_object_balls=2, max_shots=3)
     env.reset(options={"positions": CAROM})
     outcomes = []
@@ -300,7 +300,7 @@ def test_a_potted_ball_decides_carom_on_a_table_with_pockets():
     assert (reward, terminated, info["scratch"]) == (-0.1, True, True)
 
 
-def test_obstacles_need_not_be_potted():
+def test_obstacles_do_not_have_to_be_potted():
     scene = Scene.named("pool", 2).to_dict()
     scene["balls"]["mass"][2] = "inf"
     env = BilliardsEnv(scene=scene, max_shots=5)
@@ -309,13 +309,13 @@ def test_obstacles_need_not_be_potted():
     assert (reward, terminated, info["success"]) == (1.0, True, True)
 
 
-def test_three_cushion_wants_three_contacts_before_the_second_ball():
-    """Elastic and at 45 degrees: by cushions +y, +x and -y to ball 1, off which the cue ball goes up to ball 2."""
+def test_three_cushion_needs_three_contacts_before_the_second_ball():
+    """The cue ball moves at 45 degrees off cushions +y, +x and -y to ball 1, and from there up to ball 2."""
     env, carom = (BilliardsEnv(scene="ideal", task=task, n_object_balls=2) for task in ("three_cushion", "carom"))
     radius = env.scene.balls.radius[0]
     right, top = 1.27 - radius, 0.635 - radius
     x = 0.38
-    hit = np.array([x, 2 * right - x - 4 * top])  # where the cue ball meets ball 1, its way being (s, s) unfolded
+    hit = np.array([x, 2 * right - x - 4 * top])  # position of the cue ball at ball 1; its unfolded path is (s, s)
     places = [hit - [2 * radius, 0.0], [x, 0.05]]
     for start, direction, contacts in (([0.0, 0.0], 1, 3), ([0.7, 2 * top - 0.7], -1, 2)):
         for game in (env, carom):
@@ -327,7 +327,7 @@ def test_three_cushion_wants_three_contacts_before_the_second_ball():
         assert (reward, terminated, info["success"]) == (float(contacts == 3), True, contacts == 3)
 
 
-def test_the_start_of_sum_to_three_slides_without_spin():
+def test_a_shot_of_sum_to_three_starts_sliding_without_spin():
     env = ActionFrame(make(**SUM_TO_THREE), "sum_to_three")
     game: Any = env.unwrapped
     observation, _ = env.reset()
@@ -336,7 +336,7 @@ def test_the_start_of_sum_to_three_slides_without_spin():
     velocity = game.max_speed * env.action([0.0, 0.0])
     np.testing.assert_allclose(velocity, [1.395 * 1.65, 0.0], rtol=1e-15)
     shot = simulate(game.scene, game.positions, velocity, record=True)
-    slip = 2 / 7 * velocity[0] / (0.5 * 9.81)  # until it rolls, if it sets out without spin
+    slip = 2 / 7 * velocity[0] / (0.5 * 9.81)  # time until it rolls, if it starts without spin
     assert shot.events is not None
     assert (shot.events["kind"][0], shot.events["time"][0]) == ("sliding_rolling", pytest.approx(slip, rel=1e-14))
     env.step([0.0, 0.0])
@@ -358,8 +358,8 @@ def test_sum_to_three_counts_the_contacts_of_both_balls():
     assert {cushions for point, cushions in seen if point} >= {(1, 2), (2, 1)}
 
 
-def test_a_random_player_of_sum_to_three_scores_as_in_pooltool():
-    """pooltool 0.3.1, with which LightZero plays: 1.340 points in ten shots, standard error 0.019 (3,313 games)."""
+def test_random_shots_of_sum_to_three_score_the_same_as_in_pooltool():
+    """LightZero's engine, pooltool 0.3.1, scores 1.340 points in ten shots, standard error 0.019 (3,313 games)."""
     games = 10_000
     envs = VectorActionFrame(
         gym.make_vec("Billiards-v0", games, autoreset_mode="SameStep", **SUM_TO_THREE), "sum_to_three"
@@ -375,7 +375,7 @@ def test_a_random_player_of_sum_to_three_scores_as_in_pooltool():
 
 
 @pytest.mark.parametrize("n_object_balls", [0, 1])
-def test_place_pays_near_the_goal(n_object_balls):
+def test_place_scores_within_its_radius_of_the_goal(n_object_balls):
     env = BilliardsEnv(task="place", n_object_balls=n_object_balls, max_shots=3)
     balls = [[-0.5, 0.0], [0.5, 0.0]][: n_object_balls + 1]
     env.reset(options={"positions": balls, "goal": [0.9, 0.4]})
@@ -390,10 +390,10 @@ def test_place_pays_near_the_goal(n_object_balls):
         assert np.array_equal(observation[-2:], (goal / [1.27, 0.635]).astype(np.float32))
     if n_object_balls:
         env.reset(options={"positions": [ended, balls[1]], "goal": ended})
-        assert env.step([0.0, 0.0])[1] == 0.0  # in place, but no ball was touched
+        assert env.step([0.0, 0.0])[1] == 0.0  # near the goal, but no ball was touched
 
 
-def test_goals_are_drawn_after_the_balls_and_all_over_the_table():
+def test_goals_are_drawn_after_the_balls_from_the_whole_table():
     env, plain = BilliardsEnv(task="place"), BilliardsEnv()
     goals = []
     for seed in range(500):
@@ -406,7 +406,7 @@ def test_goals_are_drawn_after_the_balls_and_all_over_the_table():
     assert plain.goals.shape == (0, 2)
 
 
-def test_what_is_placed_by_hand_is_not_drawn():
+def test_positions_and_goals_from_options_are_not_drawn():
     env, balls, goal = BilliardsEnv(task="place"), [[0.0, 0.0], [0.5, 0.0]], [0.1, 0.2]
     env.reset(seed=0)
     state = env.np_random.bit_generator.state
@@ -431,12 +431,12 @@ def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
     assert OPENING_LAYOUTS.keys() == set(TASKS)
 
 
-def test_layouts_start_the_episodes():
+def test_episodes_start_with_the_layout():
     env = BilliardsEnv(layout="line")
     assert env.reset(seed=0)[0].tolist() == [-0.5, 0.0, 0.5, 0.0]
 
 
-def test_faster_tables_shoot_farther():
+def test_max_speed_scales_the_shots():
     ends = []
     for max_speed in (0.5, 1.0):
         env = BilliardsEnv(scene="carom", task="carom", max_speed=max_speed)
@@ -454,7 +454,7 @@ def test_faster_tables_shoot_farther():
         (0.5, r"action has shape \(\): expected \(2,\)"),
     ],
 )
-def test_a_bad_action_is_refused_and_changes_nothing(action, message):
+def test_a_bad_action_raises_and_changes_nothing(action, message):
     env = BilliardsEnv()
     env.reset(seed=0)
     with pytest.raises(ValueError, match=message):
@@ -462,7 +462,7 @@ def test_a_bad_action_is_refused_and_changes_nothing(action, message):
     assert env.step([0.1, 0.0])[-1]["shots_left"] == 0
 
 
-def test_step_needs_an_episode_under_way():
+def test_step_without_an_episode_raises():
     env = BilliardsEnv()
     with pytest.raises(ResetNeeded, match=r"over or has not begun: call reset\(\)"):
         env.step(np.zeros(2))
@@ -476,7 +476,7 @@ def test_step_needs_an_episode_under_way():
     assert isinstance(wrapped, OrderEnforcing)
 
 
-def test_placed_balls_are_where_they_were_put_and_draw_nothing():
+def test_positions_from_options_are_exact_and_draw_nothing():
     env = BilliardsEnv()
     env.reset(seed=0)
     state = env.np_random.bit_generator.state
@@ -509,7 +509,7 @@ def test_no_options_draw_a_layout(options):
         ({"positions": [[0, 0], [1.24, 0.6]]}, ValueError, r"ball 1 is at .*: expected a place outside pocket 3"),
     ],
 )
-def test_bad_options_are_refused_and_the_episode_goes_on(options, error, message):
+def test_bad_options_raise_and_the_episode_continues(options, error, message):
     env = BilliardsEnv()
     observation, _ = env.reset(seed=0)
     with pytest.raises(error, match=message):
@@ -530,7 +530,7 @@ def test_bad_options_are_refused_and_the_episode_goes_on(options, error, message
         ({"goal": [1.24, 0.6]}, "expected a place outside pocket 3"),
     ],
 )
-def test_bad_goals_are_refused_and_the_episode_goes_on(options, message):
+def test_bad_goals_raise_and_the_episode_continues(options, message):
     env = BilliardsEnv(task="place")
     observation, _ = env.reset(seed=0)
     with pytest.raises(ValueError, match=message):
@@ -585,12 +585,12 @@ def test_bad_goals_are_refused_and_the_episode_goes_on(options, message):
         ({"render_mode": "ansi"}, ValueError, "render_mode = 'ansi': expected one of 'human'"),
     ],
 )
-def test_bad_arguments_are_refused(kwargs, error, message):
+def test_bad_arguments_raise(kwargs, error, message):
     with pytest.raises(error, match=message):
         BilliardsEnv(**kwargs)
 
 
-def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
+def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
     env = BilliardsEnv()
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0]]})
@@ -601,7 +601,7 @@ def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
     assert info["status"] == "event_limit"
 
 
-def test_the_info_is_the_users_own():
+def test_the_info_can_be_modified():
     env = BilliardsEnv(n_object_balls=2, max_shots=3)
     env.reset(options={"positions": [[-0.5, 0.0], [0.5, 0.0], [0.5, 0.3]]})
     *_, info = env.step([0.01, 0.0])
@@ -612,7 +612,7 @@ def test_the_info_is_the_users_own():
     assert not info["cushions"].any()
 
 
-def test_final_positions_of_every_variant_can_be_placed_again():
+def test_final_positions_of_every_variant_are_valid():
     for kwargs in VARIANTS:
         env = BilliardsEnv(**kwargs)
         for seed in range(5):

@@ -1,4 +1,4 @@
-"""Billiards-v0 with mode="pit": the same environment, whatever a timestep does to the balls."""
+"""Billiards-v0 with mode="pit", the engine with a fixed timestep."""
 
 import warnings
 
@@ -14,7 +14,7 @@ from billiards_env.failures import FAILURES
 from billiards_env.physics.state import FIXES
 from tests.helpers.environments import VARIANTS
 
-FRAME = 1 / 60
+TIMESTEP = 1 / 60
 FEW = (
     {"n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
     {"scene": "carom", "task": "carom", "max_shots": 5, "observe_shots_left": True},
@@ -32,7 +32,7 @@ fixes = pytest.mark.parametrize("fix", FIXES)
 
 
 def make(**kwargs):
-    return gym.make("Billiards-v0", **{"mode": "pit", "dt": FRAME, **kwargs})
+    return gym.make("Billiards-v0", **{"mode": "pit", "dt": TIMESTEP, **kwargs})
 
 
 def check(**kwargs):
@@ -44,7 +44,7 @@ def check(**kwargs):
 
 
 def episode(env, seed):
-    """All observations and rewards of an episode of random shots, and the last info."""
+    """Returns all observations and rewards of an episode of random shots, and the last info."""
     rng = np.random.default_rng(seed)
     log, terminated, info = [(env.reset(seed=seed)[0], 0.0)], False, {}
     while not terminated:
@@ -55,19 +55,19 @@ def episode(env, seed):
 
 
 @variants
-def test_the_environment_checkers_have_nothing_to_say(kwargs):
+def test_environment_checkers_pass(kwargs):
     check(**kwargs)
 
 
 @few
 @fixes
-def test_the_environment_checkers_have_nothing_to_say_about_a_fix(kwargs, fix):
+def test_environment_checkers_pass_for_each_fix(kwargs, fix):
     check(**kwargs, fix=fix)
 
 
 @few
 @fixes
-@pytest.mark.parametrize("dt", [1 / 15, FRAME, 1 / 240])
+@pytest.mark.parametrize("dt", [1 / 15, TIMESTEP, 1 / 240])
 def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt):
     env = BilliardsEnv(**kwargs, mode="pit", fix=fix, dt=dt)
     for seed in range(8):
@@ -78,8 +78,8 @@ def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt
         assert not (on_table & info["potted"]).any()
 
 
-def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
-    # 4 m/s in steps of 1/15 s: without a fix some ball comes to rest deep in another one, or beyond a cushion
+def test_without_a_fix_balls_may_overlap_before_the_next_shot():
+    # 4 m/s in steps of 1/15 s: without a fix some balls come to rest deep inside another ball or beyond a cushion
     env = BilliardsEnv(n_object_balls=9, layout="tight_rack", max_shots=20, mode="pit", dt=1 / 15, fix="none")
     deepest, beyond = 0.0, -np.inf
     room = np.array([env.scene.table.length, env.scene.table.width]) / 2 - env.scene.balls.radius[0]
@@ -101,7 +101,7 @@ def test_unfixed_balls_may_lie_in_each_other_and_the_next_shot_takes_them_so():
 
 @few
 @fixes
-def test_the_same_seed_gives_the_same_episodes_bit_for_bit(kwargs, fix):
+def test_equal_seeds_play_equal_episodes_bit_for_bit(kwargs, fix):
     for seed in range(3):
         (first, info), (second, again) = (episode(make(**kwargs, fix=fix), seed) for _ in range(2))
         assert all(np.array_equal(a, b) and r == s for (a, r), (b, s) in zip(first, second, strict=True))
@@ -113,8 +113,8 @@ def test_the_same_seed_gives_the_same_episodes_bit_for_bit(kwargs, fix):
     [({}, False), *(({"mode": "pit", "dt": 1 / n}, n <= 60) for n in (15, 30, 60, 240))],
     ids=lambda world: str(world),
 )
-def test_a_coarse_timestep_lets_fast_shots_through_the_ball_that_hides_the_target(world, through):
-    # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls lie in each other for 11 cm of the way.
+def test_fast_shots_pass_through_the_ball_in_front_of_the_target_with_a_coarse_timestep(world, through):
+    # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls overlap on 11 cm of the path.
     envs = gym.make_vec("Billiards-v0", num_envs=2000, scene="blocked_pool", layout="snookered", max_speed=8.0, **world)
     envs = VectorActionFrame(envs, "cut")
     envs.reset(seed=0)
@@ -122,11 +122,11 @@ def test_a_coarse_timestep_lets_fast_shots_through_the_ball_that_hides_the_targe
     *_, infos = envs.step(actions)
     share = (infos["first_hit"] == 1).mean()
     assert share > 0.05 if through else share == 0
-    # The post is no ball to pot.
+    # The post does not count as a potted ball.
     assert (infos["success"] == (infos["potted"][:, 1] & ~infos["scratch"])).all()
 
 
-def test_an_episode_starts_alike_and_ends_as_the_timestep_has_it():
+def test_the_timestep_changes_the_end_of_an_episode_but_not_its_start():
     exact, coarse = gym.make("Billiards-v0", max_shots=1), make(max_shots=1)
     differ = []
     for seed in range(20):
@@ -147,7 +147,7 @@ def test_fix_and_dt_reach_the_engine():
 
 
 def test_a_missed_collision_costs_the_point():
-    # 6 m/s: at one frame the cue ball is 12 cm before the other ball, at the next 12 cm behind it
+    # 6 m/s: at one timestep the cue ball is 12 cm before the other ball, at the next 12 cm behind it
     case = FAILURES["missed_collision"]
     rewards = []
     for engine in ({}, {"mode": "pit", "dt": case.dt}):
@@ -158,13 +158,13 @@ def test_a_missed_collision_costs_the_point():
     assert rewards == [1.0, 0.0]
 
 
-def test_its_arguments_survive_json():
+def test_the_arguments_survive_json():
     for fix in (None, *FIXES):
         spec = make(fix=fix).spec
         assert spec is not None
         again = gym.make(EnvSpec.from_json(spec.to_json())).unwrapped
         assert isinstance(again, BilliardsEnv)
-        assert (again.mode, again.dt, again.fix) == ("pit", FRAME, fix)
+        assert (again.mode, again.dt, again.fix) == ("pit", TIMESTEP, fix)
 
 
 @pytest.mark.parametrize(
@@ -178,6 +178,6 @@ def test_its_arguments_survive_json():
         ({"fix": "none"}, "fix = 'none' with mode='pic': expected None"),
     ],
 )
-def test_bad_arguments_are_refused(kwargs, message):
+def test_bad_arguments_raise(kwargs, message):
     with pytest.raises(ValueError, match=message):
         BilliardsEnv(**kwargs)

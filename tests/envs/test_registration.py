@@ -21,7 +21,7 @@ def test_importing_registers_the_environment_and_loads_nothing_heavy():
     assert run(code) == ["Billiards-v0"]
 
 
-def test_the_id_can_name_the_module_to_import():
+def test_the_id_may_contain_the_module_to_import():
     code = (
         "import sys, gymnasium\n"
         "print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)\n"
@@ -30,14 +30,14 @@ def test_the_id_can_name_the_module_to_import():
     assert run(code) == ["BilliardsEnv"]
 
 
-def test_the_version_is_that_of_the_distribution():
+def test_the_version_matches_pyproject():
     pyproject = Path(__file__).parents[2] / "pyproject.toml"
     found = re.search(r'^version = "(.+)"$', pyproject.read_text(), re.MULTILINE)
     assert found is not None
     assert billiards_env.__version__ == found[1]
 
 
-def test_the_engine_is_there_when_asked_for():
+def test_the_engine_is_imported_on_first_use():
     from billiards_env.simulation import simulate, simulate_batch
 
     assert billiards_env.simulate is simulate
@@ -45,6 +45,6 @@ def test_the_engine_is_there_when_asked_for():
     assert {"Scene", "simulate", "simulate_batch"} <= set(dir(billiards_env))
 
 
-def test_unknown_attributes_are_refused():
+def test_unknown_attributes_raise():
     with pytest.raises(AttributeError, match="module 'billiards_env' has no attribute 'simulat'"):
         billiards_env.simulat  # noqa: B018

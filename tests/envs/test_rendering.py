@@ -19,7 +19,7 @@ from billiards_env.envs import RecordVideo
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import PLACE_RADIUS
 
-make: Any = gym.make  # what `render` returns depends on the render mode
+make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
 BilliardsEnv: Any = billiards_envs.BilliardsEnv
 
@@ -42,7 +42,7 @@ def run(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 
-def test_without_a_render_mode_nothing_of_it_is_loaded():
+def test_drawing_modules_are_loaded_only_when_needed():
     code = (
         "import sys, gymnasium, billiards_env, numpy\n"
         "env = gymnasium.make('Billiards-v0', render_mode=%s)\n"
@@ -53,11 +53,11 @@ def test_without_a_render_mode_nothing_of_it_is_loaded():
         "print(*sorted(m for m in sys.modules if m in ('pygame', 'matplotlib', 'PIL')))\n"
     )
     assert run(code % (None, "env.close()")) == []
-    assert run(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # nor before somebody looks
+    assert run(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # and not before `render` is called
 
 
 @pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}, {"scene": "ideal", "task": "carom"}])
-def test_a_render_mode_changes_no_bit(kwargs):
+def test_a_render_mode_does_not_change_the_results(kwargs):
     kwargs = {"max_shots": 3, "n_object_balls": 2, **kwargs}
     plain, *shown = [BilliardsEnv(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
     rng = np.random.default_rng(0)
@@ -87,7 +87,7 @@ def test_rgb_array_is_the_end_of_the_last_shot():
     end = env.render()
     assert (end != start).any()
     assert (env.render() == end).all()
-    end[:] = 0  # it is the caller's own
+    end[:] = 0  # the frame may be modified
     assert env.render().any()
     env.reset(seed=0)
     assert (env.render() == start).all()
@@ -112,10 +112,10 @@ def test_rgb_array_list_is_every_frame_since_the_last_call():
     assert (frames[-1] == single.render()).all()
     env.step(SLOWLY)
     env.reset(seed=1)
-    assert len(env.render()) == 1  # a reset forgets
+    assert len(env.render()) == 1  # a reset discards earlier frames
 
 
-def test_balls_are_where_the_environment_has_them():
+def test_balls_are_drawn_at_their_positions():
     env = BilliardsEnv(render_mode="rgb_array", max_shots=2)
     env.reset(seed=3)
     observation, *_ = env.step(SLOWLY)
@@ -129,7 +129,7 @@ def test_balls_are_where_the_environment_has_them():
     assert frame[int(ball[1]), int(ball[0] - 5)] == pytest.approx((240, 228, 66), abs=12)
 
 
-def test_a_second_shot_starts_with_the_ball_potted_before():
+def test_a_ball_potted_before_is_drawn_below_the_table():
     env = BilliardsEnv(render_mode="rgb_array_list", n_object_balls=2, max_shots=2)
     env.reset(options={"positions": [*INTO_THE_CORNER["positions"], [-0.5, -0.3]]})
     *_, info = env.step(np.array([0.35, 0.35]))
@@ -163,7 +163,7 @@ def test_text_is_drawn_for_every_task(monkeypatch):
 
 
 @pytest.mark.parametrize("autoreset_mode", ["SameStep", "NextStep"])
-def test_the_goal_is_marked_where_it_is(autoreset_mode, monkeypatch):
+def test_the_goal_is_drawn_at_its_position(autoreset_mode, monkeypatch):
     from billiards_env.drawing.canvas import Canvas
 
     drawn, film = [], Canvas.film
@@ -191,7 +191,7 @@ def test_the_goal_is_marked_where_it_is(autoreset_mode, monkeypatch):
     assert not np.array_equal(env.render(), empty)
 
 
-def test_human_shows_a_shot_at_its_speed(pygame, monkeypatch):
+def test_human_shows_a_shot_in_real_time(pygame, monkeypatch):
     from billiards_env.drawing.window import Window
 
     shown, paces = [], []
@@ -214,7 +214,7 @@ def test_human_shows_a_shot_at_its_speed(pygame, monkeypatch):
     env.close()
 
 
-def test_human_rendering_works():
+def test_human_rendering_of_gymnasium():
     for mode in ("rgb_array", "rgb_array_list"):
         env = gym.wrappers.HumanRendering(make("Billiards-v0", render_mode=mode, max_shots=2))
         env.reset(seed=0)
@@ -256,7 +256,9 @@ def test_record_video_films_every_frame_of_every_shot(tmp_path):
             *_, over, _, info = env.step(0.4 * SLOWLY)
             twin.step(0.4 * SLOWLY)
             if episode != 1:
-                assert len(env.render()) == n_frames(info)  # Gymnasium's own gives them too
+                assert len(env.render()) == n_frames(
+                    info
+                )  # `render` returns the recorded frames, as in Gymnasium's wrapper
         expected[episode] = twin.render()
     env.close()
     assert sorted(os.listdir(tmp_path / "films")) == ["rl-video-episode-0.mp4", "rl-video-episode-2.mp4"]
@@ -277,35 +279,35 @@ def test_record_video_by_length(tmp_path):
     for episode in range(3):
         env.reset(seed=episode)
         *_, info = env.step(SLOWLY)
-        lengths.append(1 + n_frames(info))  # the layout, which nobody had asked for yet, and the shot
+        lengths.append(1 + n_frames(info))  # the starting state and the shot
     env.close()
     assert os.listdir(tmp_path / "films") == ["rl-video-step-1.mp4"]
     assert len(film_of(tmp_path / "films" / "rl-video-step-1.mp4")) == lengths[1]  # a shot is not cut short
 
 
-def test_record_video_says_which_render_mode_it_needs(tmp_path):
+def test_record_video_raises_for_another_render_mode(tmp_path):
     with pytest.raises(ValueError, match="render_mode = 'rgb_array': expected 'rgb_array_list'"):
         RecordVideo(make("Billiards-v0", render_mode="rgb_array"), str(tmp_path))
 
 
-def test_gymnasium_s_own_record_video_takes_it_too(tmp_path):
+def test_record_video_of_gymnasium(tmp_path):
     pytest.importorskip("moviepy")
     env = make("Billiards-v0", render_mode="rgb_array", max_shots=3)
     env = gym.wrappers.RecordVideo(env, str(tmp_path / "films"))
     env.reset(seed=0)
     for sign in (1, -1, 1):
         env.step(sign * SLOWLY)
-    assert len(env.recorded_frames) == 4  # how the table lay at first, and after each shot
+    assert len(env.recorded_frames) == 4  # the starting state, and the end of each shot
     env.close()
     assert len(film_of(tmp_path / "films" / "rl-video-episode-0.mp4")) == 4
 
 
-def test_gymnasium_s_checks_pass_in_every_mode():
+def test_metadata_and_environment_checker():
     assert BilliardsEnv.metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
     check_env(make("Billiards-v0").unwrapped)
 
 
-def test_synchronous_vector_environments_give_a_frame_each():
+def test_sync_vector_env_renders_one_frame_per_environment():
     envs = make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", render_mode="rgb_array")
     envs.reset(seed=0)
     envs.step(np.tile(SLOWLY, (3, 1)))
@@ -314,8 +316,8 @@ def test_synchronous_vector_environments_give_a_frame_each():
 
 
 @pytest.mark.parametrize("autoreset_mode", ["NextStep", "SameStep"])
-def test_vector_environments_give_a_view_of_a_few(autoreset_mode):
-    """Each quarter is what a single environment that is seeded alike shows."""
+def test_the_vector_environment_draws_the_first_four_side_by_side(autoreset_mode):
+    """Each quarter of a frame is the frame of a single environment with the same seed."""
     game = {"render_mode": "rgb_array_list", "max_shots": 2, "n_object_balls": 2}
     envs = make_vec("Billiards-v0", num_envs=6, autoreset_mode=autoreset_mode, **game)
     single = BilliardsEnv(**game)
@@ -354,7 +356,7 @@ def test_vector_environments_give_a_view_of_a_few(autoreset_mode):
     envs.close()
 
 
-def test_vector_environments_in_a_window(pygame):
+def test_the_vector_environment_in_a_window(pygame):
     envs = make_vec("Billiards-v0", num_envs=2, render_mode="human")
     envs.reset(seed=0)
     envs.step(np.full((2, 2), 0.01))
@@ -364,7 +366,7 @@ def test_vector_environments_in_a_window(pygame):
     assert not pygame.display.get_init()
 
 
-def test_environments_can_be_copied_and_specs_survive_json():
+def test_copies_and_specs_with_a_render_mode():
     env = make("Billiards-v0", render_mode="rgb_array")
     env.reset(seed=0)
     other = copy.deepcopy(env)
@@ -373,12 +375,12 @@ def test_environments_can_be_copied_and_specs_survive_json():
     assert again.render_mode == "rgb_array"
 
 
-def test_a_mode_that_does_not_exist_is_refused():
+def test_an_unknown_render_mode_raises():
     with pytest.raises(ValueError, match=r"render_mode = 'rgb_arry': .*did you mean 'rgb_array'"):
         BilliardsEnv(render_mode="rgb_arry")
 
 
-def test_rendering_without_a_mode_says_so():
+def test_rendering_without_a_render_mode_warns():
     env = BilliardsEnv()
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="without a render mode draws nothing"):
@@ -387,17 +389,17 @@ def test_rendering_without_a_mode_says_so():
 
 
 @pytest.mark.parametrize("mode", RENDER_MODES)
-def test_where_pygame_is_missing_it_says_how_to_install_it(mode, monkeypatch):
+def test_the_error_without_pygame_contains_the_command_to_install_it(mode, monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
     monkeypatch.delitem(sys.modules, "billiards_env.drawing.canvas", raising=False)
-    env = BilliardsEnv(render_mode=mode)  # as Gymnasium's own environments, which say so when they are to draw
+    env = BilliardsEnv(render_mode=mode)  # no error yet, as in Gymnasium's environments
     if mode != "human":
         env.reset(seed=0)
     with pytest.raises(DependencyNotInstalled, match=re.escape("pip install 'billiards-env[render]'")):
         env.reset(seed=0) if mode == "human" else env.render()
 
 
-def test_a_scene_of_one_s_own_is_drawn():
+def test_a_custom_scene_is_drawn():
     data = Scene.named("pool", 2).to_dict()
     data["balls"] = {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}
     env = BilliardsEnv(scene=data, render_mode="rgb_array")

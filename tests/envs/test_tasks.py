@@ -28,7 +28,7 @@ SAMPLE: dict[str, Any] = {
 
 
 def one(task, targets=BOTH, **changes: Any):
-    """What the last of three shots is worth, the others being other ones."""
+    """Returns the result of the last of three shots. The other two shots have different values."""
     shot = {**SAMPLE, **changes}
     goals, before, after = np.full((3, 1, 2), 9.0), np.ones((3, 3), np.bool_), np.zeros((3, 3), np.bool_)
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
@@ -58,7 +58,7 @@ def test_pot(before, after, points, over, success):
     assert one(judge_pot, before=balls(*before), after=balls(*after)) == (points, over, success)
 
 
-def test_pot_asks_for_the_targets_only():
+def test_only_targets_count_in_pot():
     assert one(judge_pot, balls(2), after=balls(2)) == (1, True, True)
     assert one(judge_pot, balls(2), after=balls(1)) == (0, False, False)
 
@@ -92,12 +92,12 @@ def test_carom(before_hit, potted, points, over):
         ([9, 0, 0], 0),
     ],
 )
-def test_three_cushion_asks_for_three_contacts_before_the_last_ball(before_hit, points):
+def test_three_cushion_needs_three_contacts_before_the_last_ball(before_hit, points):
     assert one(judge_three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
 
 
 @pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_three_cushion_ends_as_carom_does(before_hit, potted, points, over):
+def test_three_cushion_ends_like_carom(before_hit, potted, points, over):
     later = np.where(np.array(before_hit) >= 0, 3, -1)
     assert one(judge_three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
 
@@ -144,12 +144,12 @@ def test_place(cue, before_hit, before, after, points, over):
     assert one(judge_place, **shot) == (points, over, points == 1)
 
 
-def test_place_asks_for_no_touch_where_there_is_no_ball_to_touch():
+def test_place_needs_no_touch_without_object_balls():
     assert one(judge_place, NONE, cue=GOAL) == (1, True, True)
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_each_task_is_judged_by_its_kernel(task):
+def test_judge_calls_the_kernel_of_the_task(task):
     kernel = {
         "pot": judge_pot,
         "carom": judge_carom,
@@ -164,9 +164,9 @@ def test_each_task_is_judged_by_its_kernel(task):
         {"before_hit": (-1, 0, -1), "cushions": (1, 2, 0)},
         {"before_hit": (-1, 0, -1), "cue": GOAL},
     ]
-    told = set()
+    all_points = set()
     for shot in shots:
         outcome = one(lambda *shot: judge(TASKS.index(task), *shot), **shot)
         assert outcome == one(kernel, **shot)
-        told.add(outcome[0])
-    assert told == {0, 1}
+        all_points.add(outcome[0])
+    assert all_points == {0, 1}

@@ -1,4 +1,4 @@
-"""The native vector environment says what Gymnasium's SyncVectorEnv of single environments says."""
+"""The native vector environment has the results of Gymnasium's SyncVectorEnv of single environments."""
 
 import copy
 import itertools
@@ -49,11 +49,11 @@ VARIANTS = [
     {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
 ]
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values()))[:60])
-SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}  # some episodes end by a scratch, some by the limit
+SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}  # some episodes end with a scratch, some at the limit
 
 
 def pair(num_envs, autoreset, threads=None, **kwargs):
-    """The native vector environment, and one of single environments."""
+    """Returns the native vector environment and a SyncVectorEnv with the same arguments."""
     sync = SyncVectorEnv(
         [lambda: gym.make("Billiards-v0", **kwargs) for _ in range(num_envs)], autoreset_mode=autoreset
     )
@@ -61,7 +61,7 @@ def pair(num_envs, autoreset, threads=None, **kwargs):
 
 
 def same(one: Any, other: Any) -> None:
-    """Fails unless both are equal to the bit: values, types, shapes and keys."""
+    """Fails unless both are equal bit for bit: values, types, shapes and keys."""
     assert type(one) is type(other)
     if isinstance(one, dict):
         assert one.keys() == other.keys()
@@ -83,31 +83,31 @@ def same(one: Any, other: Any) -> None:
 
 
 def compare(native, sync, steps, seed: Any = 0):
-    """Plays both alike at random; in the mode "Disabled" finished episodes are reset by a mask."""
+    """Plays the same random shots in both. In the mode "Disabled" a mask resets finished episodes."""
     same(native.reset(seed=seed), sync.reset(seed=seed))
     rng = np.random.default_rng(0)
     for _ in range(steps):
         actions = rng.uniform(-1, 1, (native.num_envs, 2)).astype(np.float32)
-        told = native.step(actions)
-        same(told, sync.step(actions))
-        if native.autoreset_mode is AutoresetMode.DISABLED and told[2].any():
-            same(*(envs.reset(options={"reset_mask": told[2].copy()}) for envs in (native, sync)))
+        results = native.step(actions)
+        same(results, sync.step(actions))
+        if native.autoreset_mode is AutoresetMode.DISABLED and results[2].any():
+            same(*(envs.reset(options={"reset_mask": results[2].copy()}) for envs in (native, sync)))
 
 
 @modes
 @variants
-def test_it_plays_what_single_environments_play(kwargs, mode):
+def test_results_equal_those_of_single_environments(kwargs, mode):
     compare(*pair(5, mode, **kwargs), steps=7, seed=11)
 
 
 @modes
-def test_it_does_so_over_threads_and_many_episodes(mode):
+def test_results_are_equal_with_several_threads_and_many_episodes(mode):
     compare(*pair(150, mode, threads=4, **SOFT), steps=12)
 
 
 @modes
 @pytest.mark.parametrize("seed", [5, [3, 1, 4, 1, 5]])
-def test_seeds_are_those_of_single_environments(mode, seed):
+def test_seeds_equal_those_of_single_environments(mode, seed):
     native, sync = pair(5, mode)
     compare(native, sync, 3, seed)
     assert native.np_random_seed == sync.np_random_seed
@@ -119,7 +119,7 @@ def test_seeds_are_those_of_single_environments(mode, seed):
     same(native.reset(), sync.reset())
 
 
-def test_environments_without_a_seed_play_different_layouts_that_their_seeds_give_again():
+def test_unseeded_environments_have_different_layouts_which_np_random_seed_reproduces():
     envs = BilliardsVectorEnv(20)
     first, _ = envs.reset()
     assert len(np.unique(first, axis=0)) == 20
@@ -130,7 +130,7 @@ def test_environments_without_a_seed_play_different_layouts_that_their_seeds_giv
 
 
 @modes
-def test_a_masked_reset_leaves_the_others_alone(mode):
+def test_a_masked_reset_does_not_change_the_others(mode):
     native, sync = pair(6, mode, **SOFT)
     compare(native, sync, steps=2)
     rng = np.random.default_rng(1)
@@ -147,7 +147,7 @@ def test_a_masked_reset_leaves_the_others_alone(mode):
         same(native.step(actions), sync.step(actions))
 
 
-def test_positions_are_placed_by_hand_and_draw_nothing():
+def test_positions_from_options_draw_nothing():
     envs, single = BilliardsVectorEnv(2), BilliardsEnv()
     envs.reset(seed=0)
     states = [rng.bit_generator.state for rng in envs.np_random]
@@ -156,21 +156,21 @@ def test_positions_are_placed_by_hand_and_draw_nothing():
     for observation, places in zip(observations, positions, strict=True):
         assert np.array_equal(observation, single.reset(options={"positions": places})[0])
     assert [rng.bit_generator.state for rng in envs.np_random] == states
-    positions[0] = 9.0  # out of the mask, so never looked at
+    positions[0] = 9.0  # not in the mask, so not used
     positions[1, 0, 0] = 0.25
     again, _ = envs.reset(options={"positions": positions, "reset_mask": np.array([False, True])})
     assert np.array_equal(again[0], observations[0])
     assert again[1, 0] == np.float32(0.25 / 1.27)
 
 
-def test_goals_are_placed_by_hand_or_drawn():
+def test_goals_from_options():
     envs, single = BilliardsVectorEnv(2, task="place"), BilliardsEnv(task="place")
     goals = np.array([[0.1, 0.2], [-0.3, 0.4]])
     observations, _ = envs.reset(seed=3, options={"goal": goals})
     for i, goal in enumerate(goals):
         assert np.array_equal(observations[i], single.reset(seed=3 + i, options={"goal": goal})[0])
     assert np.array_equal(envs.goals, goals[:, None])
-    goals[0] = 9.0  # out of the mask, so never looked at
+    goals[0] = 9.0  # not in the mask, so not used
     again, _ = envs.reset(options={"goal": goals, "reset_mask": np.array([False, True])})
     assert np.array_equal(again[0], observations[0])
     assert np.array_equal(again[1, -2:], observations[1, -2:])
@@ -180,12 +180,12 @@ def test_goals_are_placed_by_hand_or_drawn():
 
 
 @modes
-def test_no_array_given_out_shares_memory_with_another(mode):
+def test_returned_arrays_share_no_memory(mode):
     envs = BilliardsVectorEnv(40, autoreset_mode=mode, **SOFT)
     rng = np.random.default_rng(0)
 
-    def arrays(told):
-        for value in told.values() if isinstance(told, dict) else told:
+    def arrays(results):
+        for value in results.values() if isinstance(results, dict) else results:
             if isinstance(value, dict):
                 yield from arrays(value)
             elif isinstance(value, np.ndarray) and value.dtype != object:
@@ -197,12 +197,12 @@ def test_no_array_given_out_shares_memory_with_another(mode):
     for _ in range(4):
         actions = rng.uniform(-1, 1, (40, 2))
         kept = actions.copy()
-        told = envs.step(actions)
+        results = envs.step(actions)
         assert np.array_equal(actions, kept)
-        given += list(arrays(told))
-        same(told, twin.step(actions))
-        if mode is AutoresetMode.DISABLED and told[2].any():
-            mask = told[2].copy()
+        given += list(arrays(results))
+        same(results, twin.step(actions))
+        if mode is AutoresetMode.DISABLED and results[2].any():
+            mask = results[2].copy()
             given += list(arrays(envs.reset(options={"reset_mask": mask})))
             twin.reset(options={"reset_mask": mask})
     for a, b in itertools.combinations(given, 2):
@@ -222,7 +222,7 @@ def test_next_step_resets_ignore_the_action():
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED])
-def test_a_bad_action_is_refused_and_changes_nothing(mode):
+def test_a_bad_action_raises_and_changes_nothing(mode):
     envs, twin = (BilliardsVectorEnv(3, autoreset_mode=mode) for _ in range(2))
     envs.reset(seed=0)
     twin.reset(seed=0)
@@ -237,7 +237,7 @@ def test_a_bad_action_is_refused_and_changes_nothing(mode):
 
 
 @modes
-def test_step_needs_episodes_under_way(mode):
+def test_step_without_episodes_raises(mode):
     envs = BilliardsVectorEnv(2, autoreset_mode=mode)
     with pytest.raises(ResetNeeded, match="call reset"):
         envs.step(np.zeros((2, 2)))
@@ -276,7 +276,7 @@ TWO_APART = [[0.0, 0.0], [0.5, 0.0]]
         ({"options": {"reset_mask": np.zeros(2, bool)}}, ValueError, "expected at least one environment to reset"),
     ],
 )
-def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
+def test_bad_resets_raise_and_the_episodes_continue(kwargs, error, message):
     envs = BilliardsVectorEnv(2)
     observations, _ = envs.reset(seed=0)
     states = [rng.bit_generator.state for rng in envs.np_random]
@@ -299,14 +299,14 @@ def test_bad_resets_are_refused_and_the_episodes_go_on(kwargs, error, message):
         ({"render_mode": "ansi"}, ValueError, "render_mode = 'ansi'"),
     ],
 )
-def test_bad_arguments_are_refused(kwargs, error, message):
+def test_bad_arguments_raise(kwargs, error, message):
     with pytest.raises(error, match=message):
         BilliardsVectorEnv(**kwargs)
 
 
 @modes
 @variants
-def test_gymnasium_makes_it(kwargs, mode):
+def test_make_vec(kwargs, mode):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         envs = gym.make_vec("Billiards-v0", num_envs=3, autoreset_mode=mode.value, **kwargs)
@@ -332,11 +332,11 @@ def test_gymnasium_makes_it(kwargs, mode):
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_gymnasium_s_wrappers_work_on_it(mode):
+def test_wrappers_of_gymnasium(mode):
     logs = []
     for plain in pair(4, mode, **SOFT):
         envs: Any = wrappers.RecordEpisodeStatistics(plain)
-        if mode is AutoresetMode.NEXT_STEP:  # the only mode that wrappers of observations take
+        if mode is AutoresetMode.NEXT_STEP:  # wrappers of observations support this mode only
             envs = wrappers.FlattenObservation(envs)
         envs = wrappers.DictInfoToList(wrappers.ClipReward(envs, -1.0, 0.5))
         envs.reset(seed=0)
@@ -349,18 +349,18 @@ def test_gymnasium_s_wrappers_work_on_it(mode):
     assert logs[0] == logs[1]
 
 
-@pytest.mark.parametrize("twin_of", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
-def test_a_copy_goes_on_as_its_original(twin_of):
+@pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
+def test_a_copy_continues_like_its_original(copy_of):
     envs = BilliardsVectorEnv(64, autoreset_mode="SameStep", **SOFT)
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, (3, 64, 2))
     envs.step(actions[0])
-    twin = twin_of(envs)
+    twin = copy_of(envs)
     for action in actions[1:]:
         same(envs.step(action), twin.step(action))
 
 
-def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
+def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
     envs = BilliardsVectorEnv(2)
     positions = [[-0.5, 0.0], [0.5, 0.0]]
@@ -370,7 +370,7 @@ def test_a_shot_cut_off_at_the_limit_on_events_is_loud(monkeypatch):
     assert infos["status"].tolist() == ["rest", "event_limit"]
 
 
-def test_a_layout_without_room_is_refused_in_a_thread_too(monkeypatch):
+def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
     envs = BilliardsVectorEnv(128, threads=2)
     hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
     monkeypatch.setattr(envs._episodes, "plan", envs._episodes.plan._replace(pockets=hole))
@@ -379,7 +379,7 @@ def test_a_layout_without_room_is_refused_in_a_thread_too(monkeypatch):
 
 
 @pytest.mark.slow
-def test_ten_million_steps_take_no_more_memory_than_a_million():
+def test_ten_million_steps_need_no_more_memory_than_a_million():
     resource = pytest.importorskip("resource")
     envs = BilliardsVectorEnv(4096, autoreset_mode="SameStep")
     envs.reset(seed=0)
@@ -392,9 +392,7 @@ def test_ten_million_steps_take_no_more_memory_than_a_million():
     assert most[1] <= 1.01 * most[0]
 
 
-def test_a_seed_may_be_a_whole_number_of_numpy():
-    """Before, `reset(seed=np.int64(3))` failed."""
-
+def test_seeds_may_be_numpy_integers():
     def first(wrap=lambda envs: envs, **given):
         return wrap(gym.make_vec("Billiards-v0", num_envs=2)).reset(**given)[0].tobytes()
 
