@@ -1,8 +1,7 @@
 """The schema of a training configuration and its strict reading from YAML.
 
-Every key is checked against the dataclasses below and every value against its field's type: an unknown or misspelt
-key, or a value of the wrong kind, is refused by name. The mapping `env` holds the arguments of
-`gym.make("Billiards-v0", ...)` and is checked against that environment's own signature.
+Every key must be a field of the dataclasses below, and every value must have the type of its field. The mapping `env`
+holds the arguments of `gym.make("Billiards-v0", ...)`, whose signature its keys must match.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ T = TypeVar("T")
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """The action frame that the policy plays in: `billiards_env.envs.wrappers.ActionFrame`.
+    """The action frame of the policy: `billiards_env.envs.wrappers.ActionFrame`.
 
     Attributes:
         name: "polar", "cut" or "sum_to_three".
-        ball: The ball that a shot is aimed at: "nearest", "first" or its number.
+        ball: The ball to aim at: "nearest", "first" or its number.
         least_speed: The slowest shot of "polar" and "cut", m/s.
     """
 
@@ -53,7 +52,7 @@ class Frame:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """The execution noise, in training and in evaluation: `billiards_env.envs.wrappers.ExecutionNoise`.
+    """The execution noise in training and evaluation: `billiards_env.envs.wrappers.ExecutionNoise`.
 
     Attributes:
         angle_std: Standard deviation of the direction, degrees.
@@ -70,14 +69,14 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Std:
-    """A schedule of the Gaussian's standard deviations, one for each of an action's two numbers, in units of these.
+    """A schedule of the Gaussian's standard deviations, one for each of the two numbers of an action, in their units.
 
-    They shrink geometrically from `first` to `last` over the first part of the training, and stay there.
+    They fall geometrically from `first` to `last` in the first part of the training and then stay constant.
 
     Attributes:
-        first: Before training.
-        last: At the end of that part.
-        until: How long the part is, as a share of all steps.
+        first: The values before the training.
+        last: The values after the first part.
+        until: The length of the first part as a share of all steps.
     """
 
     first: tuple[float, ...]
@@ -93,7 +92,7 @@ class Std:
             raise ValueError(f"policy.std.until = {self.until!r}: expected a number > 0, at most 1")
 
     def at(self, share: float) -> list[float]:
-        """The standard deviations after a share of all steps.
+        """Returns the standard deviations after a share of all steps.
 
         Example:
             >>> Std(first=(0.4, 1.0), last=(0.1, 1.0), until=0.5).at(0.25)
@@ -108,13 +107,13 @@ class Policy:
     """The policy and value networks: two separate multilayer perceptrons of the same shape.
 
     Attributes:
-        features: What they see: the "raw" observation or, in the task "pot" and the action frame "cut", the "geometry"
-            of the nearest ball's shots (`agents.policy.Geometry` and `GeometryPolicy`).
-        hidden: Units of each hidden layer.
+        features: The inputs: the "raw" observation or, with the task "pot" and the action frame "cut", the "geometry"
+            of the shots at the nearest ball (`agents.policy.Geometry` and `GeometryPolicy`).
+        hidden: The number of units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
-        log_std_init: Logarithm of the Gaussian's standard deviation before training, in units of the action, where it
-            is learnt.
-        std: Its schedule; None for it to be learnt.
+        log_std_init: If the Gaussian's standard deviation is learned: its logarithm before the training, in units of
+            the action.
+        std: The schedule of the standard deviation; None if it is learned.
     """
 
     features: str = "raw"
@@ -142,11 +141,11 @@ class PPO:
         final_learning_rate: Adam's step size at the end, reached linearly; None keeps `learning_rate`.
         gamma: Discount factor.
         gae_lambda: Trade of bias against variance in the advantage (Schulman et al. 2016); 1 is unbiased.
-        clip_range: How far the ratio of probabilities may move from 1 before the objective is cut off.
+        clip_range: The largest distance of the ratio of probabilities from 1; the objective is clipped beyond.
         ent_coef: Weight of the entropy bonus.
         vf_coef: Weight of the value function's loss.
-        max_grad_norm: Length to which a gradient is clipped.
-        target_kl: An update ends early once the policy has moved so far; None for no such limit.
+        max_grad_norm: The largest norm of a gradient; longer gradients are clipped.
+        target_kl: An update stops when the policy has changed by this divergence; None for no limit.
     """
 
     n_steps: int = 2048
@@ -183,14 +182,15 @@ class Config:
     """A training run.
 
     Attributes:
-        timesteps: Environment steps (shots) in all, rounded up to whole updates.
-        env: Arguments of `gym.make("Billiards-v0", ...)`; those left out are filled in with their defaults.
-        frame: The action frame; None for the environment's own actions, the cue ball's velocity.
+        timesteps: The number of environment steps (shots), rounded up to whole updates.
+        env: Arguments of `gym.make("Billiards-v0", ...)`; missing ones have their defaults.
+        frame: The action frame; None for the actions of the environment, which are velocities of the cue ball.
         noise: The execution noise; None for none.
-        n_envs: Environments stepped together.
-        seed: Seed of everything that is drawn; the same seed gives the same run.
+        n_envs: The number of environments that are stepped together.
+        seed: The seed of all random numbers; equal seeds give equal runs.
         checkpoint_every: Steps between two checkpoints, and between two points of the learning curve.
-        evaluation_episodes: Episodes on fresh layouts by which the policy is measured, then and by `agents.evaluate`.
+        evaluation_episodes: The number of episodes on new layouts that measure the policy at each point of the learning
+            curve and in `agents.evaluate`.
         policy: The networks.
         ppo: The learning algorithm.
     """
@@ -220,11 +220,11 @@ class Config:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """The configuration as plain data: dicts, lists, strings and numbers."""
+        """Returns the configuration as plain data: dicts, lists, strings and numbers."""
         return _plain(dataclasses.asdict(self))
 
     def to_yaml(self) -> str:
-        """The configuration as YAML, every default written out; `from_dict` reads it back."""
+        """Returns the configuration as YAML, with all defaults; `from_dict` reads it."""
         return yaml.safe_dump(self.to_dict(), sort_keys=False)
 
     def is_saved_as(self, data: Any) -> bool:
@@ -236,17 +236,14 @@ class Config:
 
     @classmethod
     def from_dict(cls, data: Any) -> Config:
-        """A configuration from plain data, as read from YAML.
+        """Returns a configuration from plain data, such as the content of a YAML file.
 
         Args:
-            data: A mapping of the fields of `Config`; `frame`, `noise`, `policy` and `ppo` are mappings of theirs.
-
-        Returns:
-            The configuration.
+            data: A mapping of the fields of `Config`; `frame`, `noise`, `policy` and `ppo` are mappings, too.
 
         Raises:
             ValueError: If a key is unknown or missing, or a value impossible.
-            TypeError: If a value is of the wrong type.
+            TypeError: If a value has the wrong type.
 
         Example:
             >>> Config.from_dict({"timesteps": 1000, "ppo": {"n_step": 8}})
@@ -257,35 +254,26 @@ class Config:
 
 
 def load(path: Path) -> Config:
-    """The configuration in a YAML file.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The configuration.
+    """Returns the configuration in a YAML file.
 
     Raises:
         ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
-        TypeError: If a value is of the wrong type.
+        TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
     return read(Config, path)
 
 
 def read(kind: type[T], path: Path) -> T:
-    """A dataclass from a YAML file, read as strictly as `Config` is.
+    """Returns a dataclass from a YAML file.
 
     Args:
         kind: The dataclass.
         path: The file.
 
-    Returns:
-        What the file says.
-
     Raises:
         ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
-        TypeError: If a value is of the wrong type.
+        TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
     try:
@@ -296,21 +284,21 @@ def read(kind: type[T], path: Path) -> T:
 
 
 def at_least(name: str, value: float, least: float) -> None:
-    """Raises a ValueError that names the field if its value is less than `least`."""
+    """Raises a ValueError if the value of a field is less than `least`."""
     if value < least:
         raise ValueError(f"{name} = {value!r}: expected a number >= {least}")
 
 
 def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The environment's arguments with the defaults of those not given."""
+    """Returns the arguments of the environment, with the defaults of the missing ones."""
     entry_point = gym.spec(ENV_ID).entry_point
     creator = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
     if creator is None:
-        raise ValueError(f"{ENV_ID} has no entry point: expected it to be registered with one")
+        raise ValueError(f"{ENV_ID} has no entry point: expected a registered environment")
     parameters = {
         name: parameter
         for name, parameter in inspect.signature(creator).parameters.items()
-        if name != "render_mode"  # a training run draws nothing
+        if name != "render_mode"  # training does not render
     }
     for key in given:
         choose("key of env", key, tuple(parameters))
@@ -318,19 +306,16 @@ def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_dataclass(kind: type[T], name: str, data: Any) -> T:
-    """A dataclass from plain data, as read from YAML.
+    """Returns a dataclass from plain data, such as the content of a YAML file.
 
     Args:
         kind: The dataclass; its fields are numbers, strings, tuples of these, or dataclasses.
-        name: What the data is called in messages; "" for the whole of it.
-        data: A mapping of the dataclass's fields.
-
-    Returns:
-        The instance.
+        name: The name of the data in messages; "" for a whole configuration.
+        data: A mapping of the fields of the dataclass.
 
     Raises:
         ValueError: If a key is unknown or missing, or a value impossible.
-        TypeError: If a value is of the wrong type.
+        TypeError: If a value has the wrong type.
     """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name or 'the configuration'} = {data!r}: expected a mapping")
@@ -342,12 +327,12 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
     for field in fields:
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if required and field.name not in data:
-            raise ValueError(f"{prefix}{field.name} is missing: expected a value, it has no default")
+            raise ValueError(f"{prefix}{field.name} is missing: expected a value, because it has no default")
     return kind(**{key: _read(hints[key], f"{prefix}{key}", value) for key, value in data.items()})
 
 
 def _read(hint: Any, name: str, value: Any) -> Any:
-    """`value` as the type `hint`; an int may stand for a float, nothing else is converted."""
+    """Returns `value` if it has the type `hint`; an int is converted to a float, and a list to a tuple."""
     if dataclasses.is_dataclass(hint):
         return read_dataclass(typing.cast(Any, hint), name, value)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)

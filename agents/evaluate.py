@@ -1,4 +1,4 @@
-"""Measures a trained policy on fresh layouts beside a random one: `python -m agents.evaluate runs/pot`."""
+"""Measures a trained policy and a random one on new layouts: `python -m agents.evaluate runs/pot`."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from billiards_env.files import write_json
 def play(
     env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]], seeds: Iterable[int]
 ) -> dict[str, Any]:
-    """Plays one episode a seed.
+    """Plays one episode for each seed.
 
     Args:
-        env: The environment; the last `info` of an episode holds `success` and `score`, its points.
-        act: The action for an observation.
-        seeds: Seeds of the environment, one an episode.
+        env: The environment; the last `info` of an episode has `success` and `score`.
+        act: A function that returns the action for an observation.
+        seeds: The seeds of the episodes.
 
     Returns:
-        `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` (points of an episode)
-        and its `score_interval_95` (see `mean_interval`), and `mean_reward` (sum of an episode's rewards, averaged over
-        the episodes).
+        `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` and its
+        `score_interval_95` (see `mean_interval`), and `mean_reward`, the mean over the episodes of the sum of the
+        rewards.
     """
     successes, scores, rewards = [], [], []
     for seed in seeds:
@@ -53,15 +53,15 @@ def play_together(
     act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]],
     seeds: Sequence[int],
 ) -> dict[str, Any]:
-    """Plays one episode a seed, all at once: the episodes that `play` plays one after the other.
+    """Plays one episode for each seed, all at the same time. The episodes are those of `play`.
 
     Args:
-        envs: As many environments as there are seeds, with same-step autoreset.
-        act: The actions for observations.
-        seeds: Seeds of the environments.
+        envs: One environment for each seed, with same-step autoreset.
+        act: A function that returns the actions for the observations.
+        seeds: The seeds of the episodes.
 
     Returns:
-        As `play`.
+        The same as `play`.
     """
     observations, _ = envs.reset(seed=[int(seed) for seed in seeds])  # pyright: ignore[reportArgumentType]
     over = np.zeros(len(seeds), np.bool_)
@@ -78,7 +78,7 @@ def play_together(
 
 
 def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
-    """What `play` returns, from the outcome of each episode."""
+    """Returns the result of `play`, from the outcome of each episode."""
     return {
         "episodes": len(successes),
         "successes": sum(successes),
@@ -91,20 +91,20 @@ def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequenc
 
 
 def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
-    """A policy's actions without its exploration noise, for `play` and `play_together`."""
+    """Returns a function for `play` and `play_together`: a policy without exploration noise."""
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
 def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
-    """Evaluates a run's policy, without its exploration noise, and a random policy on the same layouts.
+    """Evaluates the policy of a run, without exploration noise, and a random policy on the same layouts.
 
     Args:
         run_dir: The folder of a finished run.
-        episodes: Number of episodes; None for the configuration's.
-        seed: Seed of the layouts, which are never those of the training; None for the configuration's.
+        episodes: The number of episodes; None for that of the configuration.
+        seed: The seed of the layouts, which the training does not use; None for that of the configuration.
 
     Returns:
-        `seed` and, under `policy` and `random`, what `play` returns; also written to `run_dir/evaluation.json`.
+        `seed`, and the results of `play` under `policy` and `random`; also written to `run_dir/evaluation.json`.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -131,19 +131,19 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m agents.evaluate --help`."""
+    """Runs the command line; see `python -m agents.evaluate --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m agents.evaluate", description="Measure a trained policy on fresh layouts beside a random one."
+        prog="python -m agents.evaluate", description="Measure a trained policy and a random one on new layouts."
     )
     parser.add_argument("run_dir", type=Path, help="folder of a finished run, e.g. runs/pot")
-    parser.add_argument("--episodes", type=int, help="number of episodes (default: the config's)")
-    parser.add_argument("--seed", type=int, help="seed of the layouts (default: the config's)")
+    parser.add_argument("--episodes", type=int, help="number of episodes (default: that of the config)")
+    parser.add_argument("--seed", type=int, help="seed of the layouts (default: that of the config)")
     args = parser.parse_args(arguments)
     try:
         result = evaluate(args.run_dir, args.episodes, args.seed)
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
-    print(f"{result['policy']['episodes']} episodes on layouts not trained on, seed {result['seed']}:")
+    print(f"{result['policy']['episodes']} episodes on new layouts, seed {result['seed']}:")
     for name in ("policy", "random"):
         r = result[name]
         low, high = r["confidence_interval_95"]

@@ -1,4 +1,4 @@
-"""95 % confidence intervals, each for what it is asked of: a share, a mean of many, a mean of few."""
+"""95 % confidence intervals of a share, of a mean of many values and of a mean of few values."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _T += (2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.0
 
 
 def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
-    """The 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
+    """Returns the 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
 
     Args:
-        successes: Number of successes, 0 to `episodes`.
-        episodes: Number of independent episodes, at least 1.
+        successes: The number of successes, 0 to `episodes`.
+        episodes: The number of independent episodes, at least 1.
 
     Returns:
-        The interval's lower and upper end.
+        The lower and upper end of the interval.
 
     Example:
         >>> [round(end, 4) for end in wilson_interval(15, 100)]
@@ -35,15 +35,15 @@ def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
 
 
 def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """The 95 % confidence interval of a mean, by the central limit theorem.
+    """Returns the 95 % confidence interval of a mean, by the central limit theorem.
 
-    It takes some dozens of values, not nearly all of them equal, to be worth its name.
+    It needs some dozens of values that are not nearly all equal.
 
     Args:
         values: Independent values of one distribution, at least one.
 
     Returns:
-        The interval's lower and upper end; None for a single value, whose spread nobody knows.
+        The lower and upper end of the interval; None for a single value, which has no standard deviation.
 
     Example:
         >>> [round(end, 2) for end in mean_interval([0.0, 2.0] * 50)]
@@ -57,7 +57,7 @@ def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
 
 
 def t_quantile(freedom: int) -> float:
-    """The quantile 0.975 of Student's t distribution; from 31 degrees of freedom on by Fisher's expansion.
+    """Returns the quantile 0.975 of Student's t distribution; from 31 degrees of freedom on by Fisher's expansion.
 
     Example:
         >>> t_quantile(2), round(t_quantile(60), 3)
@@ -70,7 +70,7 @@ def t_quantile(freedom: int) -> float:
 
 
 def over_seeds(values: Sequence[float]) -> dict[str, Any]:
-    """The mean over seeds and Student's 95 % interval of it, None for a single seed.
+    """Returns the mean over seeds and its Student 95 % interval, which is None for a single seed.
 
     Example:
         >>> over_seeds([0.5, 0.6, 0.7])["interval"]
@@ -84,14 +84,14 @@ def over_seeds(values: Sequence[float]) -> dict[str, Any]:
 
 
 def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
-    """The mean of a less that of b, and Student's 95 % interval of it for two samples of one variance.
+    """Returns the mean of a less that of b, and its Student 95 % interval for two samples of equal variance.
 
     Args:
-        a: Values, one a seed.
-        b: Others, of other runs.
+        a: One value for each seed.
+        b: One value for each seed of other runs.
 
     Returns:
-        `mean` and `interval`, None unless there are at least two values of each.
+        `mean` and `interval`; the interval is None if a or b has fewer than two values.
 
     Example:
         >>> difference([0.5, 0.6, 0.7], [0.4, 0.5, 0.6])["interval"]

@@ -1,4 +1,4 @@
-"""The networks: what a policy computes from the observed positions before its first layer, and what feeds its last."""
+"""The policy with geometric features: the features, and how they enter the networks."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from billiards_env.envs import BilliardsEnv
 
 _THINNEST = 0.05  # cosine of the thinnest cut that counts as a shot
 _PER_POCKET = 6  # features
-# Adam moves all weights alike, whatever they are multiplied by: the larger the inputs of a layer, the more an update
-# changes what it gives. What is linear in the features is learnt first; what the hidden layers add to it jitters less
-# (Yang et al. 2022, "Tensor programs V", on such factors).
+# Adam changes all weights at the same rate, so larger inputs of a layer mean larger changes of its output. With these
+# factors the part that is linear in the features is learned first, and the part of the hidden layers varies less (see
+# Yang et al. 2022, "Tensor programs V").
 _DIRECT, _HIDDEN = 2.0, 0.3
 
 
 class Shape(NamedTuple):
-    """What `Geometry` knows of a table, lengths in metres.
+    """The table that `Geometry` computes features of; lengths in m.
 
     Attributes:
-        n_balls: How many balls are observed, the cue ball among them.
-        targets: Numbers of the balls to pot.
+        n_balls: The number of observed balls, with the cue ball.
+        targets: The numbers of the balls to pot.
         half: Half the table's length and width.
-        radius: Of every ball.
+        radius: The radius of every ball.
         pockets: (x, y, radius) of each pocket.
     """
 
@@ -41,24 +41,18 @@ class Shape(NamedTuple):
 
 
 def shape(env: BilliardsEnv) -> Shape:
-    """What `Geometry` needs to know of an environment.
-
-    Args:
-        env: The environment.
-
-    Returns:
-        Its shape.
+    """Returns the table of an environment.
 
     Raises:
-        ValueError: If the task is not to pot, the pockets are not those of a table that is its own mirror image, or the
-            balls are not of one size.
+        ValueError: If the task is not "pot", the pockets are not symmetric about both axes, or the balls have different
+            radii.
     """
     scene = env.scene
     if env.task != "pot":
         raise ValueError(f"policy.features = 'geometry' in the task {env.task!r}: expected 'raw'")
     pockets = {(p.x, p.y, p.radius) for p in scene.table.pockets}
     if pockets != {(-x, y, r) for x, y, r in pockets} or pockets != {(x, -y, r) for x, y, r in pockets}:
-        raise ValueError("policy.features = 'geometry' with pockets that are no mirror images: expected 'raw'")
+        raise ValueError("policy.features = 'geometry' with asymmetric pockets: expected 'raw'")
     if len(set(scene.balls.radius)) > 1:
         raise ValueError(f"policy.features = 'geometry' with balls of radii {scene.balls.radius}: expected one radius")
     return Shape(
@@ -71,20 +65,19 @@ def shape(env: BilliardsEnv) -> Shape:
 
 
 class Geometry(BaseFeaturesExtractor):
-    """The observation, and how the nearest ball to pot could be sent into each pocket.
+    """The observation, and the shots that send the nearest ball to pot into each pocket.
 
-    The balls to pot come in the order of their distance from the cue ball, as the action frames choose them, those off
-    the table last. For each pocket the shot at the nearest one is described by the cut that sends it there (what the
-    action frame "cut" takes), the cosine of that, the room for error in units of that action, the ways of the object
-    ball and of the cue ball, and the room for error of the cue ball's direction (see
-    `billiards_env.players.pots.direct_pots`). The pockets come in the order of the last, the easiest first. Of a shot
-    that is thinner than a graze, or with a cushion where the cue ball would have to be, only the ways are told; these
-    come last, the nearest pocket first. What stands in the way, how fast a shot has to be and where the cue ball goes
-    is not told: that is left to be learnt.
+    The balls to pot are in the order of their distance from the cue ball, as for the action frames; balls off the table
+    are last. Each pocket has six features: the cut that sends the nearest ball into it (the action of the frame "cut"),
+    its cosine, its tolerance in units of that action, the distances of the object ball and of the cue ball, and the
+    tolerance of the cue ball's direction (see `billiards_env.players.pots.direct_pots`). The pockets are in the order
+    of the last feature, easiest first. If the cut is too thin, or a cushion is in the place of the cue ball, only the
+    distances are not 0; such pockets are last, the nearest first. The features do not contain obstacles, the speed of
+    a shot and the path of the cue ball after it.
 
-    A table is its own mirror image. Each layout is shown in the one of its four images in which the cut into the first
-    pocket is not negative and the cue ball is in the half x >= 0, so that what is learnt of one is known of all. The
-    first column of the features is -1 where the image is a mirrored one, in which a cut has the other sign, else 1.
+    A table is symmetric about both axes. Of the four images of a layout, the features describe the one in which the cut
+    into the first pocket is not negative and the cue ball is in the half x >= 0. So the policy learns the same for all
+    four. The first feature is -1 if a cut has the opposite sign in the image, else 1.
 
     Args:
         space: The space of observations, `(size,)`.
@@ -105,11 +98,11 @@ class Geometry(BaseFeaturesExtractor):
         centres, radii = pockets[:, :2], pockets[:, 2]
         room = half - shape.radius
         walls = centres.abs() > room
-        # A ball drops once its centre is within the pocket's radius, but that comes no nearer to a cushion than the
-        # ball's radius: along the cushion this leaves a chord open. One that meets a cushion beside a corner pocket is
-        # led into it, so that both chords count there.
+        # A ball is potted when its centre is within the pocket's radius. The centre keeps the ball's radius from a
+        # cushion, so the opening along the cushion is a chord. A cushion next to a corner pocket guides a ball into it,
+        # so both chords of a corner pocket count.
         chords = torch.sqrt((radii**2 - shape.radius**2).clamp(min=0.0))
-        # They follow from the configuration, so they are not saved with the weights.
+        # These follow from the configuration, so they are not saved with the weights.
         for name, value in (
             ("sides", half),
             ("room", room),
@@ -119,10 +112,10 @@ class Geometry(BaseFeaturesExtractor):
             self.register_buffer(name, value, persistent=False)
 
     def forward(self, observations: Tensor) -> Tensor:
-        """(m, features_dim) features of (m, size) observations."""
+        """Returns the features of observations (m, size), (m, features_dim)."""
         balls = observations[:, : 2 * self.n_balls].reshape(len(observations), self.n_balls, 2)
         targets = balls[:, self.targets]
-        gone = (targets.abs() >= 1.0).any(-1)  # in a pocket: no ball in play has its centre on a cushion line
+        gone = (targets.abs() >= 1.0).any(-1)  # potted: the centre of a ball in play is never on a cushion line
         ways = (targets - balls[:, :1]) * self.sides
         order = (ways.norm(dim=-1) + 100.0 * gone).argsort(1)
         targets, gone = targets.gather(1, order[..., None].expand_as(targets)), gone.gather(1, order)
@@ -143,7 +136,7 @@ class Geometry(BaseFeaturesExtractor):
         return torch.cat(parts, 1)
 
     def _pots(self, cue: Tensor, ball: Tensor) -> Tensor:
-        """(m, k, 6) features of the shots at a ball (m, 2) into k pockets."""
+        """Returns the features of the shots that send a ball (m, 2) into k pockets, (m, k, 6)."""
         way = self.mouths - ball[:, None]
         run = way.norm(dim=-1) + 1e-6
         line = way / run[..., None]
@@ -159,17 +152,17 @@ class Geometry(BaseFeaturesExtractor):
         possible = (cosine > _THINNEST) & (ghost.abs() <= self.room + 1e-3).all(-1)
         room = torch.where(possible, opening / run * cosine, 0.0).clamp(max=1.0)
         angle = room * reach / distance.clamp(min=reach)
-        told = (offset * possible, cosine * possible, 2 * room, run, distance, 10 * angle)
-        features = torch.stack(told, -1)
+        parts = (offset * possible, cosine * possible, 2 * room, run, distance, 10 * angle)
+        features = torch.stack(parts, -1)
         order = torch.where(possible, angle, -run).argsort(1, descending=True)
         return features.gather(1, order[..., None].expand_as(features))
 
 
 class GeometryPolicy(ActorCriticPolicy):
-    """A policy in the action frame "cut" that sees the features of `Geometry`.
+    """A policy with the action frame "cut" and the features of `Geometry`.
 
-    They feed its last layer, too ("wide and deep learning", Cheng et al. 2016): what is linear in them, such as "aim at
-    the easiest pocket", need not be learnt through the layers. The cut is that of the image that they show.
+    The features are also inputs of the last layer ("wide and deep learning", Cheng et al. 2016), which represents
+    linear functions of them, such as "aim at the easiest pocket". The cut refers to the image of the layout.
     """
 
     def _build_mlp_extractor(self) -> None:
@@ -180,7 +173,7 @@ class GeometryPolicy(ActorCriticPolicy):
         sign, latent = latent_pi[:, :1], latent_pi[:, 1:]
         cut, speed = self.action_net(latent).split(1, 1)
         distribution = cast(DiagGaussianDistribution, self.action_dist)
-        # Beyond the fastest shot all are the same: a mean that got there would learn nothing more.
+        # tanh keeps the mean below the fastest shot: all actions beyond it are equal, so the gradient is 0 there.
         return distribution.proba_distribution(torch.cat((sign * cut, speed.tanh()), 1), self.log_std)
 
 
@@ -195,8 +188,8 @@ class _Latent(nn.Module):
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: Tensor) -> Tensor:
-        sign, seen = features[:, :1], features[:, 1:]
-        return torch.cat((sign, _DIRECT * seen, _HIDDEN * self.layers.forward_actor(seen)), 1)
+        sign, inputs = features[:, :1], features[:, 1:]
+        return torch.cat((sign, _DIRECT * inputs, _HIDDEN * self.layers.forward_actor(inputs)), 1)
 
     def forward_critic(self, features: Tensor) -> Tensor:
         return self.layers.forward_critic(features[:, 1:])

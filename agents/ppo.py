@@ -1,4 +1,4 @@
-"""Environments, the PPO model and the loading of a trained policy, all from a `Config`."""
+"""Makes environments and PPO models from a configuration, and saves and loads policies."""
 
 from __future__ import annotations
 
@@ -27,22 +27,21 @@ from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
-# Layouts are drawn from environment seeds below this number in training, from it upwards in evaluation.
+# Environment seeds are below this number in training, and not below it in evaluation.
 _FIRST_EVALUATION_SEED = 2**31
 
 
 def training_seed(config: Config, timesteps: int) -> int:
-    """The seed from which training goes on after `timesteps` steps; environment i adds i to it.
+    """Returns the seed of the training after `timesteps` steps; environment i adds i to it.
 
-    Returns:
-        A whole number such that all environments' seeds are below 2^31.
+    The seeds of all environments are below 2^31.
     """
     state = np.random.SeedSequence((config.seed, timesteps)).generate_state(1)[0]
     return int(state) % (_FIRST_EVALUATION_SEED - config.n_envs)
 
 
 def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
-    """(episodes,) environment seeds, one an episode, none of which training ever uses.
+    """Returns one environment seed for each episode, (episodes,); training uses none of them.
 
     Example:
         >>> bool((evaluation_seeds(0, 1000) >= 2**31).all())
@@ -52,11 +51,11 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
 
 
 def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]]:
-    """One environment, with the configuration's execution noise and in its action frame.
+    """Returns one environment, with the execution noise and the action frame of the configuration.
 
     Raises:
         ValueError: If an argument of the environment, its noise or its frame is impossible.
-        TypeError: If one is of the wrong type.
+        TypeError: If one has the wrong type.
     """
     env: gym.Env[Any, Any] = gym.make(ENV_ID, **config.env)
     if config.noise is not None:
@@ -67,7 +66,7 @@ def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]
 
 
 def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
-    """`num_envs` environments as `make_env` makes them, stepped together, with same-step autoreset."""
+    """Returns a vector of `num_envs` environments as in `make_env`, with same-step autoreset."""
     envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", **config.env)
     if config.noise is not None:
         envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
@@ -77,12 +76,12 @@ def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
 
 
 def make_vec_env(config: Config) -> VecEnv:
-    """`config.n_envs` environments for Stable-Baselines3."""
+    """Returns `config.n_envs` environments for Stable-Baselines3."""
     return SameStepVecEnv(make_vector(config, config.n_envs))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
-    """An untrained PPO model on `envs`."""
+    """Returns an untrained PPO model."""
     s = config.ppo
     return PPO(
         _policy_class(config),
@@ -101,19 +100,19 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
         policy_kwargs=_policy_arguments(config),
         seed=config.seed,
         stats_window_size=1000,
-        device="cpu",  # such small networks gain nothing from an accelerator
+        device="cpu",  # such small networks are not faster on an accelerator
     )
 
 
 def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
-    """Gives the policy the standard deviations that are due after `timesteps` steps, if there is a schedule."""
+    """Sets the standard deviations of the policy after `timesteps` steps, if the configuration has a schedule."""
     if config.policy.std is not None:
         std = config.policy.std.at(timesteps / config.timesteps)
         policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
 
 
 def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
-    """Writes what it takes to play, the weights of the policy without those of the value function."""
+    """Writes the weights of a policy without those of the value function."""
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
     torch.save(weights, buffer)
@@ -121,13 +120,13 @@ def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
 
 
 def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
-    """The trained policy of a run.
+    """Returns the trained policy of a run.
 
-    It is rebuilt from the run's configuration and only weights are read: unlike `PPO.load`, which unpickles what it
-    finds, this runs no code from the file.
+    The policy is built from the configuration of the run, and only weights are read from the file. Unlike `PPO.load`,
+    which unpickles, this runs no code from the file.
 
     Args:
-        run_dir: The run's folder, with its `config.yaml` and `policy.pt`.
+        run_dir: The folder of the run, with `config.yaml` and `policy.pt`.
 
     Returns:
         The configuration, and the policy; its value function is untrained.
@@ -135,15 +134,14 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If the configuration is impossible, the file holds anything but weights, or the policy is not one
-            of the configuration.
-        TypeError: If a value of the configuration is of the wrong type.
+        ValueError: If the configuration is impossible, or the file does not hold the weights of its policy.
+        TypeError: If a value of the configuration has the wrong type.
     """
     path = run_dir / "policy.pt"
     if not (run_dir / "config.yaml").exists():
-        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of one made by agents.train")
+        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of a run of agents.train")
     if not path.exists():
-        raise FileNotFoundError(f"{run_dir} holds no policy.pt: its training has not ended, resume it first")
+        raise FileNotFoundError(f"{run_dir} holds no policy.pt: expected a finished run; resume its training")
     config = load(run_dir / "config.yaml")
     env = make_env(config)
     policy = _policy_class(config)(
@@ -155,7 +153,12 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
     env.close()
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
-    except (EOFError, RuntimeError, ValueError, pickle.UnpicklingError) as error:  # empty, cut off, or no such file
+    except (
+        EOFError,
+        RuntimeError,
+        ValueError,
+        pickle.UnpicklingError,
+    ) as error:  # empty, incomplete or foreign
         why = str(error).split("\n", 1)[0] or type(error).__name__
         raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
     try:
@@ -170,7 +173,7 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
 
 
 def _is_value(name: str) -> bool:
-    """Whether weights of that name belong to the value function."""
+    """Returns whether weights of this name belong to the value function."""
     return "value_net" in name
 
 
@@ -194,5 +197,5 @@ def _learning_rate(config: Config) -> Schedule:
     first, last = config.ppo.learning_rate, config.ppo.final_learning_rate
     if last is None:
         return lambda remaining: first
-    # The share of steps that remain falls from 1 to 0, and below 0 where the last update goes beyond them.
+    # `remaining`, the share of steps to come, falls from 1 to 0, and below 0 if the last update has more steps.
     return lambda remaining: last + (first - last) * max(remaining, 0.0)

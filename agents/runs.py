@@ -1,4 +1,4 @@
-"""Many training runs, several at a time, each in a process of its own and none of them twice."""
+"""Trains many runs, several at a time, each in its own process."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from agents.train import learning_curve, open_run
 
 
 def train_all(runs: Mapping[Path, Config], jobs: int) -> None:
-    """Trains what is not trained yet, resuming what was interrupted.
+    """Trains the runs that are not finished, from their newest checkpoints.
 
     Args:
-        runs: The configuration of each run's folder.
-        jobs: How many runs go on at a time, at least 1.
+        runs: The configuration of each run, by its folder.
+        jobs: The number of runs at a time, at least 1.
 
     Raises:
         ValueError: If `jobs` is less than 1, or a folder holds a run of another configuration.
-        RuntimeError: If a run fails; the others that are under way are stopped, and resume the next time.
+        RuntimeError: If a run fails. The other running ones are stopped; the next call resumes them.
         OSError: If a folder cannot be written.
     """
     if jobs < 1:

@@ -1,10 +1,11 @@
 """Trains PPO on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
 
-A run's folder holds `config.yaml` (every setting, the seed among them), `versions.json`, `training.csv` (the learning
-curve, see `Point`), `tensorboard/`, `checkpoints/` and, once training has ended, `model.zip`, which Stable-Baselines3
-loads, and `policy.pt`, the weights that it takes to play, read without running code from it. The same command resumes
-an interrupted run from its newest checkpoint. At each checkpoint everything random is seeded anew from the seed and the
-number of steps done, so a resumed run ends with the very weights of one that was never interrupted.
+The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
+curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
+Stable-Baselines3 loads, and `policy.pt`, the weights of the policy, which can be read without running code.
+
+The same command resumes an interrupted run from its newest checkpoint. At each checkpoint all random generators are
+seeded from the seed and the number of steps, so a resumed run ends with the same weights as an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -47,24 +48,24 @@ from agents.ppo import (
 )
 from billiards_env.files import write_json, write_whole
 
-# What a run puts into its folder beside config.yaml, which marks the folder as a run's.
+# The files and folders of a run, apart from config.yaml, which marks the folder as one of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
 
 def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
-    """Checks that `config` may be trained in a folder and writes it there.
+    """Prepares a folder for the training of a configuration.
 
     Args:
         config: The configuration.
-        run_dir: The run's folder; made if missing.
-        fresh: Whether to delete the run that the folder holds, if any.
+        run_dir: The folder of the run; created if missing.
+        fresh: Whether to delete the run that is in the folder, if any.
 
     Raises:
-        ValueError: If the folder holds a run of another configuration, or something else than a run, or if the
-            environment refuses its arguments.
-        TypeError: If an argument of the environment is of the wrong type.
+        ValueError: If the folder holds a run of another configuration or other files, or if an argument of the
+            environment is impossible.
+        TypeError: If an argument of the environment has the wrong type.
         OSError: If the folder cannot be written.
     """
     make_env(config).close()
@@ -77,27 +78,27 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
                 shutil.rmtree(run_dir / name, ignore_errors=True)
         elif differences := _differences(load(saved).to_dict(), config.to_dict()):
             raise ValueError(
-                f"{run_dir} holds a run of another configuration; choose another folder with --run-dir or start over "
+                f"{run_dir} holds a run of another configuration; choose another folder with --run-dir or start again "
                 "with --fresh:\n" + "\n".join(f"  {line}" for line in differences)
             )
     elif run_dir.exists() and any(run_dir.iterdir()):
-        raise ValueError(f"{run_dir} is not empty and holds no run: expected a new folder or a run's")
+        raise ValueError(f"{run_dir} is not empty and holds no run: expected a new folder or that of a run")
     write_whole(saved, config.to_yaml().encode())
-    if not (run_dir / "policy.pt").exists():  # what made that policy stays on record
+    if not (run_dir / "policy.pt").exists():  # a finished run keeps the versions that made it
         write_json(run_dir / "versions.json", versions())
 
 
 def train(config: Config, run_dir: Path) -> None:
-    """Trains `config` in `run_dir`, from the newest checkpoint there if any; does nothing if the run has ended.
+    """Trains a configuration, from the newest checkpoint if there is one. Does nothing if the run is finished.
 
     Args:
         config: The configuration.
-        run_dir: The run's folder, prepared by `open_run`.
+        run_dir: The folder of the run, prepared by `open_run`.
     """
     if (run_dir / "policy.pt").exists():
-        print(f"{run_dir} is trained already ({config.timesteps} steps); --fresh trains it anew")
+        print(f"{run_dir} is trained already ({config.timesteps} steps); --fresh trains it again")
         return
-    # Sums over several threads would round differently on another machine, and networks this small gain little by them.
+    # Sums over several threads round differently on another machine, and such small networks gain little.
     torch.set_num_threads(1)
     envs = make_vec_env(config)
     model = make_model(config, envs)
@@ -109,7 +110,7 @@ def train(config: Config, run_dir: Path) -> None:
             model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
         except (KeyError, RuntimeError, ValueError) as error:
             envs.close()
-            raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts over: {error}") from error
+            raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
         model.num_timesteps = int(checkpoint.stem)
         print(f"{run_dir}: resuming after {model.num_timesteps} of {config.timesteps} steps")
     try:
@@ -130,11 +131,12 @@ class Point(NamedTuple):
     """A line of `training.csv`.
 
     Attributes:
-        steps: Environment steps done.
-        seconds: Spent on them, without these measurements.
-        training_success: Share of the last 1000 episodes of training, played with exploration, that were a success.
-        success: Share of `config.evaluation_episodes` episodes without it, on layouts never trained on.
-        score: Their mean score.
+        steps: The number of environment steps.
+        seconds: The time that they took, without the evaluations.
+        training_success: Success in the last 1000 episodes of the training, with exploration.
+        success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that the training does
+            not use.
+        score: The mean score of these episodes.
     """
 
     steps: int
@@ -145,7 +147,7 @@ class Point(NamedTuple):
 
 
 def learning_curve(run_dir: Path) -> list[Point]:
-    """The learning curve of a run, from before the first step to the last; empty if nothing was measured yet."""
+    """Returns the learning curve of a run; it is empty before the first measurement."""
     path = run_dir / "training.csv"
     if not path.exists():
         return []
@@ -156,12 +158,12 @@ def learning_curve(run_dir: Path) -> list[Point]:
 
 
 def newest_checkpoint(run_dir: Path) -> Path | None:
-    """The checkpoint of `run_dir` after the most steps; None if there is none."""
+    """Returns the checkpoint of a run with the most steps; None if there is none."""
     return max((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), default=None)
 
 
 def versions() -> dict[str, str]:
-    """The versions of Python, of this package and of the packages that results depend on."""
+    """Returns the versions of Python, of this package and of the packages that affect the results."""
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -171,7 +173,7 @@ def versions() -> dict[str, str]:
 
 
 class _Callback(BaseCallback):
-    """Seeds, saves checkpoints, shows progress and logs the rate of success."""
+    """Seeds the training, saves checkpoints, shows the progress and logs the success."""
 
     def __init__(self, config: Config, run_dir: Path, bar: tqdm) -> None:
         super().__init__()
@@ -182,21 +184,21 @@ class _Callback(BaseCallback):
         self.clock = 0.0
 
     def begin(self, timesteps: int) -> None:
-        """Takes up the learning curve as it was after `timesteps` steps."""
+        """Loads the learning curve up to `timesteps` steps."""
         self.curve = [point for point in learning_curve(self.run_dir) if point.steps <= timesteps]
         self.clock = time.perf_counter()
 
     def measure(self) -> None:
-        """Adds a point to the learning curve; draws nothing that the training would draw."""
+        """Adds a point to the learning curve. It does not advance the random generators of the training."""
         seconds = time.perf_counter() - self.clock + (self.curve[-1].seconds if self.curve else 0.0)
         if not self.curve or self.curve[-1].steps < self.num_timesteps:
             envs = make_vector(self.config, self.config.evaluation_episodes)
             seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
-            told = play_together(envs, deterministic(cast(ActorCriticPolicy, self.model.policy)), seeds)
+            result = play_together(envs, deterministic(cast(ActorCriticPolicy, self.model.policy)), seeds)
             envs.close()
             trained = sum(self.successes) / max(len(self.successes), 1)
             self.curve.append(
-                Point(self.num_timesteps, round(seconds, 2), trained, told["success_rate"], told["mean_score"])
+                Point(self.num_timesteps, round(seconds, 2), trained, result["success_rate"], result["mean_score"])
             )
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.curve])
@@ -215,14 +217,14 @@ class _Callback(BaseCallback):
         self._reseed()
 
     def _reseed(self) -> None:
-        """Makes all that follows depend on nothing but the weights, the seed and the number of steps done."""
+        """Seeds all generators, so that the rest depends only on the weights, the seed and the number of steps."""
         model = self.model
         assert isinstance(model, PPO)
         assert model.env is not None
         seed = training_seed(self.config, self.num_timesteps)
         set_random_seed(seed)
         model.env.seed(seed)
-        # Nothing of an unfinished episode is kept; the rollout that starts now begins with a reset.
+        # Unfinished episodes are dropped: the next rollout begins with a reset.
         model._last_obs = model.env.reset()  # type: ignore[assignment]
         model._last_episode_starts = np.ones(self.config.n_envs, dtype=bool)
 
@@ -247,25 +249,25 @@ def _save(model: BaseAlgorithm, path: Path) -> None:
 
 
 def _differences(saved: dict, asked: dict, prefix: str = "") -> list[str]:
-    """One line for each setting that differs between two configurations given as plain data."""
+    """Returns one line for each setting that differs between two configurations, which are plain data."""
     lines = []
     for key in {**saved, **asked}:
         old, new = saved.get(key), asked.get(key)
         if isinstance(old, dict) and isinstance(new, dict):
             lines += _differences(old, new, f"{prefix}{key}.")
         elif old != new:
-            lines.append(f"{prefix}{key}: {old!r} there, {new!r} asked for")
+            lines.append(f"{prefix}{key}: {old!r} in the folder, {new!r} requested")
     return lines
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m agents.train --help`."""
+    """Runs the command line; see `python -m agents.train --help`."""
     parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train PPO on Billiards-v0.")
     parser.add_argument("config", type=Path, help="YAML file of settings, e.g. configs/ppo/pot.yaml")
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME OF THE CONFIG)")
-    parser.add_argument("--seed", type=int, help="instead of the config's")
-    parser.add_argument("--timesteps", type=int, help="instead of the config's")
-    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start over")
+    parser.add_argument("--seed", type=int, help="default: that of the config")
+    parser.add_argument("--timesteps", type=int, help="default: that of the config")
+    parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / args.config.stem
     try:

@@ -1,4 +1,4 @@
-"""Gymnasium's vector environments for Stable-Baselines3, which has an interface of its own for them."""
+"""An adapter from Gymnasium's vector environments to those of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 class SameStepVecEnv(VecEnv):
     """A Gymnasium vector environment with same-step autoreset as a `VecEnv` of Stable-Baselines3.
 
-    A thousand environments have a thousand `info` dicts a step, so only those of finished episodes hold anything:
-    `terminal_observation`, `TimeLimit.truncated`, `episode` and, where the environment tells them, `success` and
-    `is_success`. All else that the last step told is in `infos`, as Gymnasium lays it out. `episode` is what
-    `VecMonitor` adds, which takes longer for it than the shots do: "r", "l" and "t", the episode's return, its length
-    and the seconds since the adapter was made.
+    Stable-Baselines3 has one `info` dict for each environment and step. To save time, only those of finished episodes
+    have entries: `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the environment has them, `success`
+    and `is_success`. The other infos of the last step are in `infos`, in Gymnasium's layout. `episode` has the entries
+    of `VecMonitor`, which is slower than the shots: "r", "l" and "t", the return and the length of the episode, and the
+    seconds since the adapter was created.
 
-    The environments are one object: attributes are those of all of them, and methods are called once for all.
+    The environments are one object. They share their attributes, and a method is called once for all.
 
     Attributes:
         envs: The vector environment.
@@ -40,10 +40,10 @@ class SameStepVecEnv(VecEnv):
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Resets all environments, with what `seed` and `set_options` have set, if they were called since the last.
+        """Resets all environments, with the arguments of `seed` and `set_options` since the last reset.
 
         Raises:
-            ValueError: If options are set for some environments only, or another option than `positions`.
+            ValueError: If only some environments have options, or there is another option than `positions`.
         """
         options = None
         if any(self._options):
@@ -51,7 +51,7 @@ class SameStepVecEnv(VecEnv):
             if keys != {("positions",)}:
                 raise ValueError(f"options = {self._options[:2]} ...: expected positions for every environment")
             options = {"positions": np.stack([option["positions"] for option in self._options])}
-        # Without a seed the environments go on with the random streams that they have.
+        # Without a seed the environments continue their random streams.
         observations, _ = self.envs.reset(seed=self._seeds, options=options)  # pyright: ignore[reportArgumentType]
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._returns[:], self._lengths[:] = 0.0, 0
@@ -60,16 +60,16 @@ class SameStepVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Takes the actions for `step_wait`, which does the work."""
+        """Stores the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Plays a step; see the class for what the infos hold."""
+        """Plays a step and returns observations, rewards, dones and infos, see the class."""
         observations, rewards, terminated, truncated, self.infos = self.envs.step(self._actions)
         dones = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         done = np.flatnonzero(dones)
         if len(done):
             final, now = self.infos["final_info"], round(time.perf_counter() - self._begun, 6)
@@ -82,26 +82,26 @@ class SameStepVecEnv(VecEnv):
             self._returns[done], self._lengths[done] = 0.0, 0
             rows = [
                 {
-                    "terminal_observation": seen,
+                    "terminal_observation": last,
                     "TimeLimit.truncated": cut,
                     "episode": {"r": total, "l": length, "t": now},
                 }
-                for seen, cut, total, length in zip(*(column.tolist() for column in columns), strict=True)
+                for last, cut, total, length in zip(*(column.tolist() for column in columns), strict=True)
             ]
             for key in ("success", "is_success"):
                 if key in final:
                     for row, value in zip(rows, final[key][done].tolist(), strict=True):
                         row[key] = value
             for i, row in zip(done.tolist(), rows, strict=True):
-                told[i] = row
-        return observations, rewards.astype(np.float32), dones, told  # pyright: ignore[reportReturnType]
+                infos[i] = row
+        return observations, rewards.astype(np.float32), dones, infos  # pyright: ignore[reportReturnType]
 
     def close(self) -> None:
         """Closes the environments."""
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the vector environment or, if it has none of the name, of its `single_env`, once an index."""
+        """Returns an attribute of the vector environment, or else of its `single_env`, once for each index."""
         owner = self._owner(attr_name)
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
@@ -109,23 +109,23 @@ class SameStepVecEnv(VecEnv):
         """Sets an attribute of all environments.
 
         Raises:
-            ValueError: If `indices` leaves some out.
+            ValueError: If `indices` does not contain all environments.
         """
         self._expect_all(f"set_attr({attr_name!r})", indices)
         setattr(self._owner(attr_name), attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Calls a method of the vector environment or of its `single_env` once, and gives its result once an index.
+        """Calls a method of the vector environment, or else of its `single_env`, and returns its result for each index.
 
         Raises:
-            ValueError: If `indices` leaves some environments out.
+            ValueError: If `indices` does not contain all environments.
         """
         self._expect_all(f"env_method({method_name!r})", indices)
         result = getattr(self._owner(method_name), method_name)(*args, **kwargs)
         return [result] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """False for each index: there are no single environments that could be wrapped."""
+        """Returns False for each index: there are no single environments with wrappers."""
         return [False for _ in self._get_indices(indices)]
 
     def _owner(self, name: str) -> Any:
@@ -136,4 +136,4 @@ class SameStepVecEnv(VecEnv):
     def _expect_all(self, call: str, indices: VecEnvIndices) -> None:
         given = sorted(set(self._get_indices(indices)))
         if given != list(range(self.num_envs)):
-            raise ValueError(f"{call} for environments {given}: expected all {self.num_envs}, they are one object")
+            raise ValueError(f"{call} for environments {given}: expected all {self.num_envs}, which are one object")

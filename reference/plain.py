@@ -1,4 +1,4 @@
-"""A queue without any saving for the event loop of `engine.pic`: it solves every prediction and compares all of them.
+"""A queue without optimisations for the event loop of `engine.pic`: it solves and compares all predictions.
 
 Tests compare the engine with it bit for bit. The functions have the arguments and results of those in
 `engine.all_pairs`.

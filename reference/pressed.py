@@ -1,4 +1,4 @@
-"""A reference for balls that stay pressed together, in floats: constrained motion, integrated in small steps.
+"""A reference for balls that stay pressed together, in floats: it integrates the constrained motion in small steps.
 
 The 50-digit reference ends a shot when two bodies press against each other without a normal velocity. This module
 continues it in two cases:
@@ -61,19 +61,19 @@ STEP = 1e-3
 FREE_STEP = 2e-3
 """The step of the history in free motion, and of the search for a later impact, s."""
 FRACTION = 0.1
-"""A step changes no slip by more than about this fraction."""
+"""The largest relative change of a slip in a step, approximately."""
 SHORTEST = 1e-10
 """The shortest step, s."""
 STILL = 4e-9
-"""m/s. A slip or a speed that falls below is taken for zero; it would be in less than a nanosecond."""
+"""m/s. A decreasing slip or speed below this value is set to zero, which it would reach within a nanosecond."""
 TOUCHING = 1e-9
-"""m. Bodies no further apart at the start count as touching."""
+"""m. Bodies at most this far apart at the start count as touching."""
 DEEP = 1e-7
-"""m. After the separation, two balls that overlap by as much have met again."""
+"""m. After the separation, an overlap of this size is a new contact of two balls."""
 
 
 class Instant(NamedTuple):
-    """The balls at one time.
+    """The state of the balls at one time.
 
     Attributes:
         time: s.
@@ -99,9 +99,8 @@ class PressedShot:
         positions: (n, 2) m at the end.
         velocities: (n, 2) m/s at the end.
         spins: (n, 3) rad/s at the end.
-        separation_time: s, when the contact force ended, or the run where it had not.
-        status: "rest", "max_time", or "impact" where the run ended because a ball reached another cushion, or the
-            balls met again.
+        separation_time: s, the end of the contact force, or of the run if the force has not ended.
+        status: "rest", "max_time", or "impact" if a ball reaches another cushion or the balls meet again.
         history: The steps from the start to the end.
     """
 
@@ -116,7 +115,7 @@ class PressedShot:
 
 @dataclasses.dataclass(frozen=True)
 class _World:
-    """A scene's constants: accelerations in m/s^2, spin_decay in rad/s^2, lengths in m, inverse masses in 1/kg."""
+    """The constants of a scene: accelerations in m/s^2, spin_decay in rad/s^2, lengths in m, inverse masses in 1/kg."""
 
     slide: float
     roll: float
@@ -127,10 +126,12 @@ class _World:
 
     @classmethod
     def of(cls, scene: Scene) -> _World:
-        """The constants of `scene`."""
+        """Returns the constants of a scene."""
         physics, balls, table = scene.physics, scene.balls, scene.table
         if physics.motion != "sliding":
-            raise ValueError(f"physics.motion = {physics.motion!r}: expected 'sliding', only spin keeps balls pressed")
+            raise ValueError(
+                f"physics.motion = {physics.motion!r}: expected 'sliding', because only spin keeps balls pressed"
+            )
         return cls(
             slide=physics.mu_slide * physics.g,
             roll=physics.mu_roll * physics.g,
@@ -156,11 +157,11 @@ def press_cushion(
         positions: (1, 2) m; the ball touches one cushion.
         velocities: (1, 2) m/s, without a component towards that cushion.
         spins: (1, 3) rad/s.
-        max_time: The run ends after so many seconds.
+        max_time: The largest duration of the run, s.
         refinement: Divides the steps.
 
     Returns:
-        The run; the force ended at once where the spin does not press the ball.
+        The run. If the spin does not press the ball, the force ends at time 0.
 
     Raises:
         ValueError: If the ball does not touch one cushion, moves along its normal, or the cushion is so low and rough
@@ -189,7 +190,7 @@ def press_cushion(
 
     if abs(dot(n, state[VX], state[VY])) > STILL:
         raise ValueError(f"velocities = {velocities!r}: expected no component along the cushion's normal")
-    # The pressed ball's own state: place along t, vt, un, ut, R wz; its vn is zero.
+    # The state of the pressed ball: position along t, vt, un, ut, R wz; its vn is zero.
     pressed = [
         dot(t, state[X], state[Y]),
         dot(t, state[VX], state[VY]),
@@ -199,7 +200,7 @@ def press_cushion(
     ]
 
     def load(s: Sequence[float]) -> tuple[float, float, float, float, float]:
-        """N, fx, fy, cloth_n and cloth_t, m/s^2."""
+        """Returns N, fx, fy, cloth_n and cloth_t, m/s^2."""
         _, vt, un, ut, rwz = s
         slip = math.hypot(un, ut)
         cloth_n, cloth_t = -world.slide * un / slip, -world.slide * ut / slip
@@ -264,7 +265,7 @@ def press_cushion(
             pressed[4] = 0.0
     state = ball(pressed)
     if ends == "separation":
-        return _go_on(world, time, [state], max_time, history)
+        return _continue_freely(world, time, [state], max_time, history)
     history.append(_instant(world, time, [state], mass * load(pressed)[0]))
     return _shot(time, ends, history)
 
@@ -285,14 +286,14 @@ def press_pair(
         positions: (2, 2) m; the balls touch.
         velocities: (2, 2) m/s, without a relative component along the line of centres.
         spins: (2, 3) rad/s.
-        max_time: The run ends after so many seconds.
+        max_time: The largest duration of the run, s.
         refinement: Divides the steps.
         resistance: The rolling resistance of a pushed ball that rolls. "between impacts" is the limit of small impacts
-            under the free laws: each impact p dt has the ball slide for 2/7 p dt / (mu_slide g), in which time no
-            rolling resistance acts, so mu_roll g acts for the rest of the time. "always" is mu_roll g at all times.
+            under the free laws: after each impact p dt the ball slides for 2/7 p dt / (mu_slide g) without rolling
+            resistance, and mu_roll g acts for the rest of the time. "always" is mu_roll g at all times.
 
     Returns:
-        The run; the force ended at once where nothing presses the balls together.
+        The run. If nothing presses the balls together, the force ends at time 0.
 
     Raises:
         ValueError: If the balls do not touch, or move along their line of centres relative to each other.
@@ -311,7 +312,7 @@ def press_pair(
     share = 2.0 / (7.0 * world.slide) if resistance == "between impacts" else 0.0
 
     def opening(s: State, force: float) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
-        """The second derivative of the distance under a force, m/s^2, and the accelerations of the two balls."""
+        """Returns the second derivative of the distance under a force, m/s^2, and the accelerations of the balls."""
         dx, dy = s[WIDTH + X] - s[X], s[WIDTH + Y] - s[Y]
         distance = math.hypot(dx, dy)
         dx, dy = dx / distance, dy / distance
@@ -322,7 +323,7 @@ def press_pair(
         return dx * (j[0] - i[0]) + dy * (j[1] - i[1]) + around * around / distance, i, j
 
     def load(s: State) -> float:
-        """The force that keeps the distance, N; 0 where that would have to pull."""
+        """Returns the force that keeps the distance, N; 0 if this force would pull."""
         low, below = 0.0, opening(s, 0.0)[0]
         if below >= 0.0:
             return 0.0
@@ -333,7 +334,7 @@ def press_pair(
             low, below = high, above
             high *= 2.0
             above = opening(s, high)[0]
-        # The opening rises with the force in straight pieces: the false position, after Illinois, meets it soon.
+        # The opening is piecewise linear in the force, so the Illinois method (false position) converges quickly.
         for _ in range(200):
             if abs(above) <= small or high - low <= 1e-15 * high:
                 break
@@ -380,7 +381,7 @@ def press_pair(
     while True:
         change = rate(pair)
         for b in (0, WIDTH):
-            for c in (UX, VX):  # the slip first, then the speed of a ball that does not slide
+            for c in (UX, VX):  # first the slip, then the speed of a ball without slip
                 x, y = pair[b + c], pair[b + c + 1]
                 falls = x * change[b + c] + y * change[b + c + 1] < 0.0
                 if 0.0 < math.hypot(x, y) <= STILL and falls and not (c == VX and (pair[b + UX] or pair[b + UY])):
@@ -401,7 +402,7 @@ def press_pair(
             ends = "impact"
             break
     if ends == "separation":
-        return _go_on(world, time, balls(pair, time), max_time, history)
+        return _continue_freely(world, time, balls(pair, time), max_time, history)
     history.append(_instant(world, time, balls(pair, time), load(pair)))
     return _shot(time, ends, history)
 
@@ -409,7 +410,7 @@ def press_pair(
 def _start(
     scene: Scene, positions: ArrayLike, velocities: ArrayLike, spins: ArrayLike, n: int
 ) -> tuple[_World, list[State]]:
-    """The constants, and the states of `n` balls."""
+    """Returns the constants and the states of `n` balls."""
     world = _World.of(scene)
     if scene.n_balls != n:
         raise ValueError(f"scene.n_balls = {scene.n_balls}: expected {n}")
@@ -424,11 +425,11 @@ def _start(
 
 
 def _pushed(world: _World, s: State, px: float, py: float, share: float) -> tuple[float, float, float, float]:
-    """Acceleration (ax, ay) of a ball, and of its slip (ux, uy), under a push (px, py) through its centre, m/s^2."""
+    """Returns the acceleration of a ball and of its slip under a push (px, py) through its centre, m/s^2."""
     slip = math.hypot(s[UX], s[UY])
     push = math.hypot(px, py)
     if slip or push > 3.5 * world.slide:
-        # A ball that the push has slide starts to slip along it.
+        # The push is too strong for rolling: the ball starts to slip along it.
         fx, fy = (-world.slide * s[UX] / slip, -world.slide * s[UY] / slip) if slip else (0.0, 0.0)
         if not slip:
             fx, fy = -world.slide * px / push, -world.slide * py / push
@@ -445,12 +446,12 @@ def _pushed(world: _World, s: State, px: float, py: float, share: float) -> tupl
 
 
 def _longest(scale: float, refinement: int) -> float:
-    """The step, s, where the slip would take about `scale` seconds to end."""
+    """Returns the step, s, if the slip ends in about `scale` seconds."""
     return max(SHORTEST, min(STEP, FRACTION * scale) / refinement)
 
 
 def _runge_kutta(rate: Callable[[State], State], s: State, h: float) -> State:
-    """One step of the classical method."""
+    """Returns the state after one step of the classical method."""
     a = rate(s)
     b = rate([x + 0.5 * h * d for x, d in zip(s, a, strict=True)])
     c = rate([x + 0.5 * h * d for x, d in zip(s, b, strict=True)])
@@ -461,10 +462,10 @@ def _runge_kutta(rate: Callable[[State], State], s: State, h: float) -> State:
 def _step(
     rate: Callable[[State], State], s: State, h: float, guards: Sequence[Callable[[State], float]]
 ) -> tuple[float, State, int | None]:
-    """A step of h seconds, or a shorter one to where the first guard turns negative.
+    """Makes a step of h seconds, or a shorter one that ends when the first guard turns negative.
 
     Returns:
-        What the step took, the state after it, and which guard fell, if any.
+        The duration of the step, the state after it, and the number of the negative guard or None.
     """
     after = _runge_kutta(rate, s, h)
     if all(guard(after) >= 0.0 for guard in guards):
@@ -482,12 +483,12 @@ def _step(
 
 
 def _decayed(wz: float, decay: float, time: float) -> float:
-    """The spin about z after so many seconds of free decay, rad/s."""
+    """Returns the spin about z after some seconds of free decay, rad/s."""
     return math.copysign(max(0.0, abs(wz) - decay * time), wz)
 
 
 def _free(world: _World, s: State, time: float) -> State:
-    """A ball's state after so many seconds of free motion."""
+    """Returns the state of a ball after some seconds of free motion."""
     x, y, vx, vy, ux, uy, _ = s
     left = time
     slip = math.hypot(ux, uy)
@@ -510,14 +511,16 @@ def _free(world: _World, s: State, time: float) -> State:
 
 
 def _lasts(world: _World, s: State) -> float:
-    """How long a ball moves or spins, if nothing is in its way, s."""
+    """Returns the time until a ball without contacts is at rest, s."""
     slide = math.hypot(s[UX], s[UY]) / (3.5 * world.slide)
     rolling = _free(world, s, slide)
     return max(slide + math.hypot(rolling[VX], rolling[VY]) / world.roll, abs(s[WZ]) / world.spin_decay)
 
 
-def _go_on(world: _World, time: float, states: list[State], max_time: float, history: list[Instant]) -> PressedShot:
-    """The free motion of the balls from the end of the contact force on."""
+def _continue_freely(
+    world: _World, time: float, states: list[State], max_time: float, history: list[Instant]
+) -> PressedShot:
+    """Returns the run with the free motion of the balls after the end of the contact force."""
     for i, s in enumerate(states):
         if not world.inverse_mass[i]:
             s[VX:] = [0.0] * 5
@@ -548,7 +551,7 @@ def _go_on(world: _World, time: float, states: list[State], max_time: float, his
 
 
 def _instant(world: _World, time: float, states: Sequence[State], force: float) -> Instant:
-    """The balls' states as positions, velocities and spins."""
+    """Returns the states of the balls as positions, velocities and spins."""
     spins = [
         ((s[UY] - s[VY]) / radius, (s[VX] - s[UX]) / radius, s[WZ])
         for radius, s in zip(world.radius, states, strict=True)
@@ -563,6 +566,6 @@ def _instant(world: _World, time: float, states: Sequence[State], force: float) 
 
 
 def _shot(separation_time: float, status: str, history: list[Instant]) -> PressedShot:
-    """The run that ends with the last instant of `history`."""
+    """Returns the run that ends with the last instant of `history`."""
     time, positions, velocities, spins, _ = history[-1]
     return PressedShot(time, positions, velocities, spins, separation_time, status, tuple(history))

@@ -24,13 +24,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.failures import FAILURES
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
-
-Floats = NDArray[np.float64]
 
 CAUSES = (*FAILURES, "cushion", "pocket", "small_errors")
 
@@ -150,7 +147,8 @@ def _cause_of_difference(
         if any(math.ceil(c.time / dt) == test and set(c.balls) & set(true.balls) for c in before):
             return "multiple_collisions"
         times = true.time + dt * np.linspace(-_NEAR, _NEAR, 64 * _NEAR)
-        apart = _positions(stepped, true.other, times) - _positions(stepped, true.ball, times)
+        assert stepped.trajectory is not None
+        apart = stepped.trajectory.path(true.other, times) - stepped.trajectory.path(true.ball, times)
         reach = scene.balls.radius[true.ball] + scene.balls.radius[true.other]
         if np.hypot(apart[:, 0], apart[:, 1]).min() < 0.999 * reach:  # deeper than the rest of a resolved overlap
             return "missed_collision"
@@ -167,12 +165,7 @@ def _degrees_off(exact: ShotResult, true: Contact, stepped: ShotResult, found: C
 
 def _depth(stepped: ShotResult, found: Contact, scene: Scene) -> float:
     """Returns the depth of a ball beyond a cushion when PIT finds it, before PIT moves it, in radii."""
-    x, y = _positions(stepped, found.ball, np.array([found.time]), before=True)[0]
+    assert stepped.trajectory is not None
+    x, y = stepped.trajectory.path(found.ball, [found.time], before=True)[0]
     radius = scene.balls.radius[found.ball]
     return max(abs(x) - scene.table.length / 2, abs(y) - scene.table.width / 2) / radius + 1.0
-
-
-def _positions(shot: ShotResult, ball: int, times: Floats, before: bool = False) -> Floats:
-    """Returns the positions of a ball at some times, see `Trajectory.path`."""
-    assert shot.trajectory is not None
-    return shot.trajectory.path(ball, times, before)

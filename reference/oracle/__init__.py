@@ -1,8 +1,8 @@
-"""A high-precision reference simulator, written from the laws of motion and impact alone.
+"""A 50-digit simulator, written from the laws of motion and impact.
 
-It shares no code with the engine: every number is an `mpmath.mpf`, every event time comes from isolating all real
-roots of the gap polynomial, and the next event is the earliest at which a pair touches *and approaches*. Floats only
-ever serve to show, with a margin far above their rounding, that a pair cannot meet before some time.
+It shares no code with the engine. Every number is an `mpmath.mpf`. Event times are found by isolating all real roots of
+the gap polynomial, and the next event is the earliest at which a pair touches *and approaches*. Floats are used only to
+show, with a margin far above their rounding, that a pair cannot meet before some time.
 
 >>> from billiards_env.scene import Scene
 >>> shot = run(Scene.named("carom", 0), [[0.0, 0.0]], [1.0, 0.0])

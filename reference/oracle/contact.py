@@ -1,8 +1,8 @@
-"""When balls, cushions and pockets next touch and approach.
+"""The next times at which balls, cushions and pockets touch and approach.
 
-Every gap is a polynomial in the time since some base time, up to a positive factor: distance squared less reach squared
-for two balls or for a ball and a pocket (of degree 4), the distance to the cushion (of degree 2). It is positive while
-apart. The functions that form it take floats as well as mpf numbers.
+Every gap is a polynomial in the time since a base time, up to a positive factor. For two balls, or a ball and a pocket,
+it is the squared distance less the squared reach (degree 4); for a cushion it is the distance (degree 2). It is
+positive if the bodies are apart. The functions that form it accept floats and mpf numbers.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from reference.oracle.laws import Segment, Vector, World, norm
 from reference.oracle.roots import Real, first_entry, first_possible_entry
 
 Contact: TypeAlias = "tuple[Real, bool] | None"
-"""Time of a contact and whether it is a resting one."""
+"""The time of a contact, and whether it is a resting contact."""
 
 MARGIN = 1e-10
-"""Floats must clear a contact by so much of the squared extent of the motion: a hundred thousand times their error."""
+"""The margin of floats, as a share of the squared extent of the motion: 100,000 times their error."""
 
 
 def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Sequence[Real], reach: Real) -> list[Real]:
-    """|offset + velocity t + acceleration t^2 / 2|^2 - reach^2 as a polynomial in t."""
+    """Returns |offset + velocity t + acceleration t^2 / 2|^2 - reach^2 as a polynomial in t."""
     (x, y), (vx, vy), (ax, ay) = offset, velocity, acceleration
     return [
         x * x + y * y - reach * reach,
@@ -36,29 +36,30 @@ def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Seq
 
 
 def wall_gap(sign: int, room: Real, position: Real, velocity: Real, acceleration: Real) -> list[Real]:
-    """Distance to the cushion at `sign * room` along one axis as a polynomial in t."""
+    """Returns the distance to the cushion at `sign * room` along one axis as a polynomial in t."""
     return [room - sign * position, -sign * velocity, -sign * acceleration / 2]
 
 
 def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, high: Real) -> Contact:
-    """The next time of touching and approaching.
+    """Returns the next time at which two surfaces touch and approach.
 
-    Within `touch` the surfaces are in contact. What they do next is the sign of the first derivative that does not
-    vanish. If they approach the contact is now; if they part, the root at 0 is divided out of a gap that is zero.
+    If the gap is at most `touch`, the surfaces are in contact, and the sign of the first derivative that does not
+    vanish decides. If they approach, the contact is now. If they separate, the root at 0 is divided out of a gap of
+    zero.
 
     Args:
-        gap: Coefficients of the gap, positive apart.
-        rounding: The size below which each coefficient vanishes.
-        touch: A constant coefficient up to this size is a contact.
-        high: End of the interval [0, high].
+        gap: The coefficients of the gap.
+        rounding: The size below which each coefficient counts as zero.
+        touch: The largest constant coefficient that is a contact.
+        high: The end of the interval [0, high].
 
     Returns:
-        The time and whether it is a resting contact: surfaces that press against each other with no normal velocity.
-        None if there is no contact.
+        The time, and whether it is a resting contact, in which surfaces press against each other without normal
+        velocity. None if there is no contact.
     """
     gap = list(gap)
     if gap[0] <= touch:
-        # An overlap (placed balls may have one as small as their rounding) is a gap of zero.
+        # An overlap counts as a gap of zero; placed balls may overlap by their rounding.
         gap[0] = max(gap[0], mpmath.mpf(0))
         order = 1
         while order < len(gap) and abs(gap[order]) <= rounding[order]:
@@ -75,7 +76,7 @@ def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, hig
 
 
 def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, base: Real, high: Real) -> Contact:
-    """`next_contact` of two balls in [base, base + high], in the time since `base`."""
+    """Returns `next_contact` of two balls in [base, base + high]; times are relative to `base`."""
     offset = tuple(q - p for p, q in zip(a.position_at(base), b.position_at(base), strict=True))
     velocities = a.velocity_at(base), b.velocity_at(base)
     velocity = tuple(q - p for p, q in zip(*velocities, strict=True))
@@ -96,7 +97,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
 
 
 def wall_contact(world: World, ball: int, a: Segment, side: int, base: Real, high: Real) -> Contact:
-    """`next_contact` of a ball and a cushion."""
+    """Returns `next_contact` of a ball and a cushion."""
     axis, sign = side // 2, 1 if side % 2 else -1
     velocity = a.velocity_at(base)
     gap = wall_gap(sign, world.room[ball][axis], a.position_at(base)[axis], velocity[axis], a.acceleration[axis])
@@ -105,7 +106,7 @@ def wall_contact(world: World, ball: int, a: Segment, side: int, base: Real, hig
 
 
 def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real, high: Real) -> Contact:
-    """`next_contact` of a ball's centre and a pocket's circle."""
+    """Returns `next_contact` of the centre of a ball and the circle of a pocket."""
     x, y, radius = world.pockets[pocket]
     px, py = a.position_at(base)
     velocity = a.velocity_at(base)
@@ -116,7 +117,7 @@ def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real,
 
 
 class FloatMotion:
-    """A segment's motion from a base time on, in floats."""
+    """The motion of a segment after a base time, in floats."""
 
     __slots__ = ("acceleration", "position", "velocity")
 
@@ -132,14 +133,14 @@ class FloatMotion:
         self.acceleration = (ax, ay)
 
     def extent(self, high: float) -> float:
-        """Above every coordinate within `high` seconds."""
+        """Returns an upper bound for the coordinates within `high` seconds, m."""
         return sum(map(abs, self.position)) + high * (
             sum(map(abs, self.velocity)) + high * sum(map(abs, self.acceleration))
         )
 
 
 def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: float) -> float | None:
-    """A lower bound for `pair_contact`'s time, in floats; None if there can be no contact."""
+    """Returns a lower bound for the time of `pair_contact`, in floats; None if there can be no contact."""
     (x, y), (vx, vy), (ax, ay) = (
         (q[0] - p[0], q[1] - p[1])
         for p, q in ((a.position, b.position), (a.velocity, b.velocity), (a.acceleration, b.acceleration))
@@ -151,7 +152,7 @@ def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: fl
 
 
 def possible_wall_contact(a: FloatMotion, side: int, room: float, high: float) -> float | None:
-    """A lower bound for `wall_contact`'s time."""
+    """Returns a lower bound for the time of `wall_contact`, in the same way."""
     axis, sign = side // 2, 1 if side % 2 else -1
     gap = wall_gap(sign, room, a.position[axis], a.velocity[axis] * high, a.acceleration[axis] * high * high)
     found = first_possible_entry([*gap, 0.0, 0.0], MARGIN * (a.extent(high) + room) + 2 * CONTACT_GAP)
@@ -159,7 +160,7 @@ def possible_wall_contact(a: FloatMotion, side: int, room: float, high: float) -
 
 
 def possible_pocket_contact(a: FloatMotion, pocket: Vector, high: float) -> float | None:
-    """A lower bound for `pocket_contact`'s time; the pocket's numbers are floats."""
+    """Returns a lower bound for the time of `pocket_contact`, in the same way; the pocket is given in floats."""
     x, y, radius = pocket
     (px, py), (vx, vy), (ax, ay) = a.position, a.velocity, a.acceleration
     gap = pair_gap((px - x, py - y), (vx * high, vy * high), (ax * high * high, ay * high * high), radius)

@@ -14,7 +14,7 @@ from reference.oracle.roots import Real
 Vector = tuple[Real, ...]
 
 ROUNDS = 10_000
-"""So many joint impulses at one instant are taken for an inelastic collapse."""
+"""The number of joint impulses at one instant that counts as an inelastic collapse."""
 
 
 class TooManyRoundsError(RuntimeError):
@@ -23,15 +23,14 @@ class TooManyRoundsError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class World:
-    """A scene's constants, converted exactly.
+    """The constants of a scene, converted exactly. Attributes that are not listed are those of `Scene`.
 
     Attributes:
-        radius: One a ball, m.
-        inverse_mass: One a ball, 1/kg; 0 for a ball of infinite mass.
-        room: Largest (|x|, |y|) of each ball's centre, m.
-        pockets: (x, y, radius) of each, m.
-        tiny: Relative size below which a difference counts as rounding.
-        (the others as in `Scene`)
+        radius: (n,) m.
+        inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
+        room: The largest (|x|, |y|) of each ball's centre, m.
+        pockets: (x, y, radius) of each pocket, m.
+        tiny: The relative size below which a difference counts as rounding.
     """
 
     motion: str
@@ -52,7 +51,7 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene, digits: int) -> World:
-        """The constants of `scene`, in the working precision of the caller."""
+        """Returns the constants of a scene in the working precision of the caller."""
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
         names = ("g", "mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion")
         half = mpf(table.length) / 2, mpf(table.width) / 2
@@ -71,15 +70,17 @@ class World:
 
 @dataclasses.dataclass(frozen=True)
 class Segment:
-    """One ball between two events: position quadratic, velocity and horizontal spin linear in the time since `start`.
+    """The motion of a ball between two events.
+
+    The position is quadratic in the time since `start`; velocity and horizontal spin are linear.
 
     Attributes:
         phase: "rest", "spinning", "rolling", "sliding", "free" or "potted".
-        start, end: s; the end is None if the phase does not end by itself.
+        start, end: s; the end is None if the phase has no end without a contact.
         position, velocity, acceleration: (2,) m, m/s, m/s^2 at the start.
         spin: (3,) rad/s at the start.
-        spin_rate: (3,) rad/s^2; the third slows the spin about z down and stops at zero.
-        noise: m/s; a speed that small is rounding left by a greater one.
+        spin_rate: (3,) rad/s^2; the third component is the decay of the spin about z, which ends at zero.
+        noise: m/s; a speed of at most this size is a rounding error of a larger speed.
     """
 
     phase: str
@@ -94,35 +95,35 @@ class Segment:
 
     @property
     def moving(self) -> bool:
-        """Whether the position changes."""
+        """Returns whether the position changes."""
         return self.phase in ("rolling", "sliding", "free")
 
     def position_at(self, time: Real) -> Vector:
-        """(2,) m."""
+        """Returns the position at a time, (2,) m."""
         t = time - self.start
         return tuple(
             r + t * (v + t * a / 2) for r, v, a in zip(self.position, self.velocity, self.acceleration, strict=True)
         )
 
     def velocity_at(self, time: Real) -> Vector:
-        """(2,) m/s."""
+        """Returns the velocity at a time, (2,) m/s."""
         t = time - self.start
         return tuple(v + t * a for v, a in zip(self.velocity, self.acceleration, strict=True))
 
     def spin_at(self, time: Real) -> Vector:
-        """(3,) rad/s."""
+        """Returns the spin at a time, (3,) rad/s."""
         t = time - self.start
         wx, wy, wz = (w + t * b for w, b in zip(self.spin, self.spin_rate, strict=True))
         return (wx, wy, wz if wz * self.spin[2] > 0 else mpmath.mpf(0))
 
 
 def norm(v: Sequence[Real]) -> Real:
-    """Euclidean length."""
+    """Returns the Euclidean norm."""
     return mpmath.sqrt(sum(x * x for x in v))
 
 
 def slip(world: World, ball: int, velocity: Vector, spin: Vector) -> Vector:
-    """Velocity (2,) of the ball's point of contact with the cloth, u = v + R z x omega, m/s."""
+    """Returns the velocity of a ball's point of contact with the cloth, u = v + R z x omega, (2,) m/s."""
     radius = world.radius[ball]
     return (velocity[0] - radius * spin[1], velocity[1] + radius * spin[0])
 
@@ -130,7 +131,7 @@ def slip(world: World, ball: int, velocity: Vector, spin: Vector) -> Vector:
 def segment(
     world: World, ball: int, start: Real, position: Vector, velocity: Vector, spin: Vector, noise: Real
 ) -> Segment:
-    """The motion of a ball from a state on, in the phase which that state implies; `noise` as in `Segment`."""
+    """Returns the motion of a ball that starts in a state; the state determines the phase. `noise`: see `Segment`."""
     zero = mpmath.mpf(0)
     still = (zero, zero)
     speed = norm(velocity)
@@ -156,7 +157,7 @@ def segment(
     u = slip(world, ball, velocity, spin)
     sliding = norm(u)
     if sliding > noise:
-        # Friction acts against the slip, whose direction it keeps; its torque turns the ball 5/2 as fast as it slows.
+        # Friction acts against the slip and keeps its direction. Its torque changes R omega by 5/2 of the change of v.
         deceleration = world.mu_slide * world.g
         ax, ay = (-deceleration * x / sliding for x in u)
         turn = 5 / (2 * radius)
@@ -199,7 +200,7 @@ def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
 
 
 def bounce(world: World, ball: int, side: int, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
-    """Velocity and spin after the cushion `side` (0 is -x, 1 +x, 2 -y, 3 +y)."""
+    """Returns velocity and spin after the cushion `side` (0 is -x, 1 +x, 2 -y, 3 +y)."""
     # n points into the cushion, t = z x n; (vn, vt) and (wn, wt) are the components along them.
     sign = 1 if side % 2 else -1
     n = (sign, 0) if side < 2 else (0, sign)
@@ -214,7 +215,10 @@ def bounce(world: World, ball: int, side: int, velocity: Vector, spin: Vector) -
 
 
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
-    """Han (2005), Dynamics in Carom and Three Cushion Billiards, for a unit mass; x points into the cushion."""
+    """Returns the state after a cushion by Han (2005), Dynamics in Carom and Three Cushion Billiards.
+
+    The mass is 1, and x points into the cushion.
+    """
     radius = world.radius[ball]
     sin = world.cushion_height / radius - 1
     cos = mpmath.sqrt(1 - sin * sin)
@@ -229,7 +233,7 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
 
     normal = (1 + world.e_cushion) * vx * cos
     if friction(normal)[0] * sin + normal * cos < vx:
-        # The restitution alone would not stop the ball: the cushion pushes until it does.
+        # The normal impulse of the restitution does not stop the ball: the cushion pushes until the ball stops.
         low, high = normal, vx / cos + slipping
         for _ in range(4 * mpmath.mp.dps):
             middle = (low + high) / 2
@@ -257,20 +261,23 @@ def collide(
     contacts: Sequence[tuple[int, int]],
     noise: Real,
 ) -> tuple[dict[int, Vector], list[tuple[int, int]]]:
-    """Velocities after the impacts of one instant.
+    """Returns the velocities after the impacts of one instant.
 
-    All contacts that approach take one joint impulse, the generalised reflection of Smith, Kaufman, Vouga, Tamstorf
-    and Grinspun (2012) with restitution; so do those which then approach, until none does.
+    All approaching contacts get one joint impulse, the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and
+    Grinspun (2012) with restitution. This is repeated until no contact approaches.
 
     Args:
         world: The constants.
-        positions: (2,) m of each ball that takes part.
-        velocities: (2,) m/s of each before.
+        positions: (2,) m of each ball in contact.
+        velocities: (2,) m/s of each before the impacts.
         contacts: Pairs (i, j) of touching balls.
-        noise: m/s; a slower approach is none.
+        noise: m/s; a slower approach does not count.
 
     Returns:
-        The velocities after, and the pairs that exchanged an impulse, in the order in which they did.
+        The velocities after the impacts, and the pairs with an impulse in their order.
+
+    Raises:
+        TooManyRoundsError: If contacts still approach after `ROUNDS` joint impulses.
     """
     velocities = dict(velocities)
     hits: list[tuple[int, int]] = []
@@ -301,7 +308,7 @@ def collide(
 
 
 def _coupling(world: World, p: tuple[int, int], q: tuple[int, int], normals: dict[tuple[int, int], Vector]) -> Real:
-    """Change of contact p's normal velocity by a unit impulse at contact q."""
+    """Returns the change of the normal velocity of contact p by a unit impulse at contact q."""
     shared = mpmath.mpf(0)
     for a, ball in enumerate(p):
         for b, other in enumerate(q):
@@ -313,8 +320,8 @@ def _coupling(world: World, p: tuple[int, int], q: tuple[int, int], normals: dic
 def plastic_impulses(coupling: Sequence[Sequence[Real]], rates: Sequence[Real], noise: Real) -> list[Real]:
     """Solves w + A x >= 0, x >= 0, x (w + A x) = 0 for x by the active sets of Lawson and Hanson (1974), ch. 23.
 
-    It is the non-negative least-squares problem of the smallest change of velocity, so A (positive semidefinite) may
-    be singular: the active contacts stay independent, and the velocities that follow from x are unique.
+    This is the non-negative least-squares problem of the smallest change of velocity. A is positive semidefinite and
+    may be singular: the active contacts stay independent, and the velocities are unique.
     """
     count = len(rates)
     x = [mpmath.mpf(0)] * count
@@ -329,7 +336,7 @@ def plastic_impulses(coupling: Sequence[Sequence[Real]], rates: Sequence[Real], 
             trial = _solve(coupling, rates, active)
             if min(trial) > 0:
                 break
-            # Go as far towards the trial as no impulse turns negative, and drop the contacts that stop it.
+            # Go towards the trial until an impulse becomes zero, and remove its contact from the active set.
             fraction, blocking = min((x[c] / (x[c] - y), c) for c, y in zip(active, trial, strict=True) if y <= 0)
             for c, y in zip(active, trial, strict=True):
                 x[c] += fraction * (y - x[c])

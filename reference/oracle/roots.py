@@ -1,9 +1,9 @@
 """Real roots of polynomials on an interval, in mpmath arithmetic.
 
-A polynomial is a sequence of coefficients, the constant first. All its real roots are isolated by its derivative's:
-between two neighbouring roots of the derivative it is monotone, so it has one root there if its sign changes and none
-otherwise. Applied to the derivative in turn this ends at a straight line. Nothing is divided by a leading coefficient,
-so vanishing ones need no special case, and a multiple root is a root of the derivative at which the value vanishes.
+A polynomial is a sequence of coefficients, the constant first. Its real roots are isolated by those of its derivative:
+between two neighbouring roots of the derivative it is monotone, so it has one root there if its sign changes and no
+root otherwise. The recursion over derivatives ends at a straight line. There is no division by a leading coefficient,
+so a zero one is no special case. A multiple root is a root of the derivative at which the value vanishes.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import mpmath
 Real: TypeAlias = Any  # an mpmath.mpf; mpmath has no type stubs
 
 ZERO_DIGITS = 15
-"""A value counts as zero once all but so many of the working digits have cancelled."""
+"""A value counts as zero if cancellation leaves at most this number of the working digits."""
 
 _DEPTH = 8  # halvings of the interval in `first_possible_entry`
 _BERNSTEIN = [[comb(j, k) / comb(4, k) for k in range(j + 1)] for j in range(5)]
 
 
 def real_roots(coefficients: Sequence[Real], low: Real, high: Real) -> list[Real]:
-    """All distinct real roots in [low, high], ascending; a polynomial that is zero throughout has none."""
+    """Returns all distinct real roots in [low, high], ascending; none for the zero polynomial."""
     points = _monotone_pieces(coefficients, low, high)
     signs = [_sign(coefficients, t) for t in points]
     roots = []
@@ -37,9 +37,9 @@ def real_roots(coefficients: Sequence[Real], low: Real, high: Real) -> list[Real
 
 
 def first_entry(coefficients: Sequence[Real], high: Real) -> Real | None:
-    """The first t in [0, high] at which the polynomial, positive before, turns negative; None if it never does.
+    """Returns the first t in [0, high] at which the polynomial changes from positive to negative, or None.
 
-    A root where it touches zero and stays positive is none. At `high` the sign after it is taken from the slope.
+    A root at which it touches zero and stays positive does not count. At `high` the slope decides on the sign after it.
     """
     points = _monotone_pieces(coefficients, mpmath.mpf(0), high)
     outside, root = False, None
@@ -57,17 +57,17 @@ def first_entry(coefficients: Sequence[Real], high: Real) -> Real | None:
 
 
 def first_possible_entry(coefficients: Sequence[float], margin: float) -> float | None:
-    """A lower bound, in floats, for the first t in [0, 1] at which a quartic is no greater than `margin`.
+    """Returns a lower bound, in floats, for the first t in [0, 1] at which a quartic is at most `margin`.
 
     The values of a polynomial lie between its smallest and its largest Bernstein coefficient (Cargo and Shisha 1966),
-    so a piece of the interval whose coefficients all exceed the margin holds no such t.
+    so there is no such t in a piece of the interval whose coefficients all exceed the margin.
 
     Args:
         coefficients: Five floats, the constant first.
-        margin: Above the error of the coefficients and of the arithmetic here.
+        margin: More than the error of the coefficients and of this function.
 
     Returns:
-        The bound, or None if the quartic exceeds the margin on all of [0, 1].
+        The bound; None if the quartic exceeds the margin on all of [0, 1].
     """
     bernstein = [sum(w * c for w, c in zip(row, coefficients, strict=False)) for row in _BERNSTEIN]
     return _search(bernstein, margin, 0.0, 1.0, _DEPTH)
@@ -78,7 +78,7 @@ def _search(b: list[float], margin: float, low: float, width: float, depth: int)
         return None
     if depth == 0 or b[0] <= margin:
         return low
-    # de Casteljau: the coefficients of both halves
+    # de Casteljau's algorithm: the coefficients of both halves
     c01, c12, c23, c34 = (b[0] + b[1]) / 2, (b[1] + b[2]) / 2, (b[2] + b[3]) / 2, (b[3] + b[4]) / 2
     c012, c123, c234 = (c01 + c12) / 2, (c12 + c23) / 2, (c23 + c34) / 2
     c0123, c1234 = (c012 + c123) / 2, (c123 + c234) / 2
@@ -94,13 +94,13 @@ def _derivative(coefficients: Sequence[Real]) -> list[Real]:
 
 
 def _monotone_pieces(coefficients: Sequence[Real], low: Real, high: Real) -> list[Real]:
-    """The ends of the interval and, between them, the roots of the derivative."""
+    """Returns the ends of the interval and the roots of the derivative between them, ascending."""
     inner = real_roots(_derivative(coefficients), low, high) if len(coefficients) > 2 else []
     return [low, *(t for t in inner if low < t < high), high] if low < high else [low]
 
 
 def _sign(coefficients: Sequence[Real], t: Real) -> int:
-    """The sign of the value at t; 0 if it is lost in the rounding of its terms."""
+    """Returns the sign of the value at t; 0 if the value is smaller than the rounding of its terms."""
     value, size, distance = mpmath.mpf(0), mpmath.mpf(0), abs(t)
     for c in reversed(coefficients):
         value = value * t + c
@@ -111,7 +111,7 @@ def _sign(coefficients: Sequence[Real], t: Real) -> int:
 
 
 def _bracketed_root(coefficients: Sequence[Real], low: Real, high: Real) -> Real:
-    """The root between two points of opposite sign, by Newton steps that fall back on halving the bracket."""
+    """Returns the root between two points of opposite sign, by Newton steps and bisection."""
     rising = _sign(coefficients, high) > 0
     precision = mpmath.ldexp(1, 8 - mpmath.mp.prec)
     t = _float_root(coefficients, low, high, rising)
@@ -129,7 +129,7 @@ def _bracketed_root(coefficients: Sequence[Real], low: Real, high: Real) -> Real
             low = t
         step = value / slope if slope else last
         after = t - step
-        # A Newton step that leaves the bracket, or does not halve the last one, is not converging.
+        # Bisection replaces a Newton step that leaves the bracket or is longer than half the last step.
         if not low <= after <= high or 2 * abs(step) > last:
             after = (low + high) / 2
         last = abs(after - t)
@@ -139,7 +139,7 @@ def _bracketed_root(coefficients: Sequence[Real], low: Real, high: Real) -> Real
 
 
 def _float_root(coefficients: Sequence[Real], low: Real, high: Real, rising: bool) -> Real:
-    """A starting point inside the bracket: the root in floats, by halving."""
+    """Returns a starting point inside the bracket: the root in floats, by bisection."""
     unit = max(abs(low), abs(high))
     scaled, power = [], mpmath.mpf(1)
     for c in coefficients:

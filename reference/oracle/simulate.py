@@ -1,4 +1,4 @@
-"""The event loop: one shot from event to event until every ball rests."""
+"""The event loop: runs one shot from event to event until every ball rests."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from reference.oracle.roots import Real
 Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
 
 GUARD_DIGITS = 20
-"""Working digits beyond those asked for."""
+"""Working digits in addition to the requested ones."""
 
 POCKET, BALL, CUSHION_X, CUSHION_Y, PHASE, RESTING = range(6)
-"""What may come next; at one instant in this order."""
+"""The kinds of predictions, in their order at one instant."""
 
-_ROUNDS = 100_000  # so many events without time going on are a collapse
+_ROUNDS = 100_000  # the number of events at one instant that counts as a collapse
 
 
 class Event(NamedTuple):
-    """What happened when, and to which ball.
+    """An event of a shot.
 
     `other` is the other ball, the cushion (0 is -x, 1 +x, 2 -y, 3 +y), the pocket, or -1. `kind` is "ball_ball",
     "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or
@@ -44,17 +44,17 @@ class Event(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class OracleShot:
-    """What became of a shot. All numbers are mpf; convert with `float`, or compute with them in `mpmath.workdps`.
+    """The result of a shot. All numbers are mpf; convert them with `float`, or compute in `mpmath.workdps`.
 
     Attributes:
-        events: The events in the order in which they happened.
+        events: The events in the order of time.
         positions, velocities, spins: (n, 2) m, (n, 2) m/s, (n, 3) rad/s at the end. A potted ball is at its pocket.
         potted: (n,) bool.
-        time: s, of the last event, or the time limit.
-        status: "rest", "max_time", "event_limit", "stopped" (by `stop_after`) or "resting_contact" or "collapse", on
-            the partial shot of an error.
-        segments: The pieces of each ball's motion.
-        digits: Decimal digits asked for.
+        time: The time of the last event, or the time limit, s.
+        status: "rest", "max_time", "event_limit", "stopped" (by `stop_after`), or "resting_contact" or "collapse" for
+            the incomplete shot of an error.
+        segments: The segments of each ball's motion.
+        digits: The requested decimal digits.
     """
 
     events: list[Event]
@@ -68,28 +68,28 @@ class OracleShot:
     digits: int
 
     def positions_at(self, time: Real) -> list[Vector]:
-        """(n, 2) m at a time; at an event, after it, and from the shot's end on, as then."""
+        """Returns the positions after the events at a time, (n, 2) m; after the shot they are constant."""
         return [segment.position_at(t) for segment, t in self._segments_at(time)]
 
     def velocities_at(self, time: Real) -> list[Vector]:
-        """(n, 2) m/s at a time, as above."""
+        """Returns the velocities at a time, (n, 2) m/s."""
         return [segment.velocity_at(t) for segment, t in self._segments_at(time)]
 
     def spins_at(self, time: Real) -> list[Vector]:
-        """(n, 3) rad/s at a time, as above."""
+        """Returns the spins at a time, (n, 3) rad/s."""
         return [segment.spin_at(t) for segment, t in self._segments_at(time)]
 
     def _segments_at(self, time: Real) -> Iterable[tuple[Segment, Real]]:
         with mpmath.workdps(self.digits + GUARD_DIGITS):
             if not time >= 0:
-                raise ValueError(f"time = {time!r}: expected a time from 0 s on")
+                raise ValueError(f"time = {time!r}: expected a time >= 0 s")
             t = min(mpmath.mpf(time), self.time)
             for pieces in self.segments:
                 yield next(piece for piece in reversed(pieces) if piece.start <= t), t
 
 
 class OracleError(RuntimeError):
-    """The laws do not say how the shot goes on; `shot` holds it up to that point."""
+    """The laws do not determine the rest of the shot; `shot` is the shot up to this time."""
 
     def __init__(self, message: str, shot: OracleShot) -> None:
         super().__init__(message)
@@ -101,7 +101,7 @@ class RestingContactError(OracleError):
 
 
 class CollapseError(OracleError):
-    """Impacts follow each other without end at one instant."""
+    """The impacts at one instant have no end."""
 
 
 def run(
@@ -118,22 +118,22 @@ def run(
 
     Args:
         scene: The scene.
-        positions: (n, 2) m, floats (taken exactly) or mpf numbers, as are the next two.
-        velocities: (n, 2) m/s, or (2,): the cue ball's.
-        spins: (n, 3) rad/s, or (3,): the cue ball's; none by default. Only "sliding" motion heeds them.
-        max_time: The shot ends after so many seconds; the scene's own limit by default.
-        max_events: It ends after so many events.
-        stop_after: It ends after so many ball-ball impacts.
-        digits: Decimal digits; `GUARD_DIGITS` more are carried. A collision multiplies an error by ten and more, so a
-            long shot needs as many digits more as it has collisions one after another.
+        positions: (n, 2) m. These and the next two are floats, which are converted exactly, or mpf numbers.
+        velocities: (n, 2) m/s, or (2,) for the cue ball.
+        spins: (n, 3) rad/s, or (3,) for the cue ball; zero by default. Only "sliding" motion uses them.
+        max_time: The largest duration of the shot, s; the limit of the scene by default.
+        max_events: The largest number of events.
+        stop_after: The number of ball-ball impacts after which the shot stops.
+        digits: Decimal digits; the computation uses `GUARD_DIGITS` more. A collision multiplies an error by ten or
+            more, so a long shot needs one more digit for each collision of a sequence.
 
     Returns:
         The shot.
 
     Raises:
-        ValueError: If the input does not suit the scene.
+        ValueError: If the input does not fit the scene.
         RestingContactError: If two bodies press against each other without normal velocity.
-        CollapseError: If impacts follow each other without end at one instant.
+        CollapseError: If the impacts at one instant have no end.
     """
     check_positions(scene, [[float(x) for x in row] for row in positions])
     with mpmath.workdps(digits + GUARD_DIGITS):
@@ -152,14 +152,14 @@ def run(
 
 
 def _rows(name: str, values: Rows, n: int, width: int) -> list[Vector]:
-    """(n, width) mpf; one row alone is the cue ball's, the others are zero."""
+    """Returns (n, width) mpf; a single row is that of the cue ball, and the others are zero."""
     rows = list(values)
     if len(rows) == width and not hasattr(rows[0], "__len__"):
         rows = [rows]
     if name != "positions" and len(rows) <= 1:
         rows += [[0.0] * width] * (n - len(rows))
     if len(rows) != n or any(len(row) != width for row in rows):
-        raise ValueError(f"{name} = {values!r}: expected ({n}, {width}), a row a ball")
+        raise ValueError(f"{name} = {values!r}: expected ({n}, {width}), a row for each ball")
     vectors = [tuple(x + 0 if isinstance(x, mpmath.mpf) else mpmath.mpf(float(x)) for x in row) for row in rows]
     if not all(mpmath.isfinite(x) for row in vectors for x in row):
         raise ValueError(f"{name} = {values!r}: expected finite numbers")
@@ -167,22 +167,23 @@ def _rows(name: str, values: Rows, n: int, width: int) -> list[Vector]:
 
 
 class _Prediction(NamedTuple):
-    """A contact or phase change to come, void once a ball has been given another segment.
+    """A future contact or phase change. It is void if one of its balls has a newer segment.
 
-    A bound says that nothing happens before its time; it is solved for only when it comes to the top of the queue.
+    A bound is a time before which the contact cannot occur. The contact is computed when the bound is first in the
+    queue.
     """
 
     time: Real
-    order: int  # of being made; it settles ties in the queue
+    order: int  # of creation; it decides ties in the queue
     kind: int
     ball: int
     other: int
-    versions: tuple[int, int | None]  # of the ball and, if there is one, of the other ball
-    base: Real | None  # of a bound: where its interval starts
+    versions: tuple[int, int | None]  # of the ball and of the other ball, if there is one
+    base: Real | None  # the start of the interval of a bound
 
 
 class _Table:
-    """The state of a shot: each ball's current segment, and a queue of what may come next."""
+    """The state of a shot: the current segment of each ball, and a queue of predictions."""
 
     def __init__(
         self,
@@ -217,7 +218,7 @@ class _Table:
         self.predict(range(scene.n_balls))
 
     def play(self, max_events: float, stop_after: float) -> OracleShot:
-        """Goes from event to event until the shot ends."""
+        """Runs from event to event until the shot ends."""
         standstill = 0
         while True:
             if len(self.events) >= max_events:
@@ -233,11 +234,11 @@ class _Table:
             standstill = 0 if event.time > self.now else standstill + 1
             self.now = max(self.now, event.time)
             if standstill > _ROUNDS:
-                raise CollapseError(f"no end of impacts at {float(self.now)} s", self.shot("collapse"))
+                raise CollapseError(f"endless impacts at {float(self.now)} s", self.shot("collapse"))
             self.process(event)
 
     def shot(self, status: str) -> OracleShot:
-        """The result, as of now."""
+        """Returns the result at the current time."""
         return OracleShot(
             self.events,
             [segment.position_at(self.now) for segment in self.current],
@@ -250,10 +251,10 @@ class _Table:
             self.digits,
         )
 
-    # What comes next
+    # Predictions
 
     def predict(self, balls: Iterable[int]) -> None:
-        """Queues whatever may happen to balls that have just been given a new segment."""
+        """Queues the predictions of balls with new segments."""
         balls = list(balls)
         motions = {}
         for i, segment in enumerate(self.current):
@@ -282,7 +283,7 @@ class _Table:
                     self.push_bound(POCKET, i, k, contact.possible_pocket_contact(motions[i], pocket, high))
 
     def last(self, ball: int) -> Real:
-        """When a ball's segment ends; a free ball's once it would have crossed the table."""
+        """Returns the end of a ball's segment; for a free ball a time at which it would be beyond the table."""
         segment = self.current[ball]
         if segment.phase != "free":
             return mpmath.inf if segment.end is None else segment.end
@@ -290,11 +291,11 @@ class _Table:
         return segment.start + min((2 * r + 1) / abs(v) for r, v in zip(room, segment.velocity, strict=True) if v)
 
     def end(self, *balls: int) -> Real:
-        """When the first of the balls' segments ends, or the shot."""
+        """Returns the earliest end of the balls' segments and of the shot."""
         return min(self.max_time, *(self.lasts[i] for i in balls))
 
     def horizon(self, *balls: int) -> float:
-        """At least the seconds from now to `end`."""
+        """Returns an upper bound for the time from now to `end`, s."""
         return float(self.end(*balls) - self.now) * (1 + 1e-9)
 
     def push(self, time: Real, kind: int, ball: int, other: int = -1, base: Real | None = None) -> None:
@@ -303,17 +304,17 @@ class _Table:
         heapq.heappush(self.queue, _Prediction(time, next(self.order), kind, ball, other, versions, base))
 
     def push_bound(self, kind: int, ball: int, other: int, delay: float | None) -> None:
-        """Queues what cannot happen within `delay` seconds, or at all if that is None."""
+        """Queues a bound: the contact cannot occur within `delay` seconds. If `delay` is None, it cannot occur."""
         if delay is not None:
             self.push(self.now + delay * (1 - 1e-9), kind, ball, other, self.now)
 
     def is_void(self, p: _Prediction) -> bool:
-        """Whether a ball has been given another segment since."""
+        """Returns whether a ball of the prediction has a newer segment."""
         ball, other = p.versions
         return ball != self.versions[p.ball] or (other is not None and other != self.versions[p.other])
 
     def next_event(self) -> _Prediction | None:
-        """Takes the earliest prediction from the queue; of those at one instant the first by kind and ball."""
+        """Removes the earliest prediction from the queue; at one instant, kind and ball decide."""
         due: list[_Prediction] = []
         while self.queue and (not due or self.queue[0].time <= due[0].time * (1 + self.world.tiny)):
             p = heapq.heappop(self.queue)
@@ -332,7 +333,7 @@ class _Table:
         return first
 
     def solve(self, p: _Prediction, base: Real) -> None:
-        """Replaces a bound by the event itself, if there is one."""
+        """Replaces a bound by its contact, if there is one."""
         world, a = self.world, self.current[p.ball]
         if p.kind == BALL:
             high = self.end(p.ball, p.other) - base
@@ -346,7 +347,7 @@ class _Table:
             kind = RESTING if resting else p.kind
             heapq.heappush(self.queue, p._replace(time=base + delay, kind=kind, base=None))
 
-    # What happens
+    # Events
 
     def process(self, p: _Prediction) -> None:
         """Applies an event."""
@@ -376,11 +377,11 @@ class _Table:
             self.replace({i: laws.segment(self.world, i, self.now, position, velocity, spin, noise)})
 
     def log(self, kind: str, ball: int, other: int = -1) -> None:
-        """Adds an event now."""
+        """Adds an event at the current time."""
         self.events.append(Event(self.now, kind, ball, other))
 
     def replace(self, segments: dict[int, Segment]) -> None:
-        """Gives balls a new segment each."""
+        """Starts new segments of balls."""
         for i, segment in segments.items():
             self.versions[i] += 1
             self.segments[i].append(segment)
@@ -389,12 +390,12 @@ class _Table:
         self.predict(segments)
 
     def surface_speed(self, ball: int) -> Real:
-        """A bound for the speed of every point of a ball, m/s."""
+        """Returns an upper bound for the speed of every point of a ball, m/s."""
         segment = self.current[ball]
         return laws.norm(segment.velocity_at(self.now)) + self.world.radius[ball] * laws.norm(segment.spin_at(self.now))
 
     def collide(self, i: int, j: int) -> None:
-        """The impact of two balls and of all others that they touch, directly or through each other."""
+        """Resolves the impact of two balls and of all balls in contact with them, directly or through others."""
         contacts = self.touching(i, j)
         balls = sorted({ball for pair in contacts for ball in pair})
         positions = {k: self.current[k].position_at(self.now) for k in balls}
@@ -406,13 +407,13 @@ class _Table:
             after, hits = laws.collide(self.world, positions, before, contacts, noise)
         except laws.TooManyRoundsError as error:
             raise CollapseError(
-                f"no end of impacts among balls {balls} at {float(self.now)} s", self.shot("collapse")
+                f"endless impacts among balls {balls} at {float(self.now)} s", self.shot("collapse")
             ) from error
         for a, b in hits:
             self.log("ball_ball", a, b)
         self.impacts += len(hits)
-        # Contacts that only just approach, by less than the rounding of a faster ball, are left without an impulse;
-        # their balls still get a segment with that noise, so that they are not found again.
+        # Contacts that approach more slowly than the rounding of a faster ball get no impulse. Their balls get a
+        # segment with that noise, so that the contact is not found again.
         changed = {ball for pair in hits for ball in pair} | {i, j}
         spins = {k: self.current[k].spin_at(self.now) for k in changed}
         self.replace(
@@ -420,13 +421,13 @@ class _Table:
         )
 
     def touching(self, i: int, j: int) -> list[tuple[int, int]]:
-        """Pairs of touching balls, of which a chain leads to balls i and j."""
+        """Returns the pairs of touching balls that are connected with balls i and j by contacts."""
         motions = {
             k: contact.FloatMotion(segment, self.now)
             for k, segment in enumerate(self.current)
             if segment.phase != "potted"
         }
-        pairs, seen, frontier = {(i, j)}, {i, j}, [i, j]
+        pairs, reached, frontier = {(i, j)}, {i, j}, [i, j]
         while frontier:
             a = frontier.pop()
             for b, motion in motions.items():
@@ -444,7 +445,7 @@ class _Table:
                 )
                 if laws.norm(offset) - self.world.radius[a] - self.world.radius[b] <= CONTACT_GAP:
                     pairs.add(pair)
-                    if b not in seen:
-                        seen.add(b)
+                    if b not in reached:
+                        reached.add(b)
                         frontier.append(b)
         return sorted(pairs)

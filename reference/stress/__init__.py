@@ -1,1 +1,1 @@
-"""Shots by the million: what must hold of every one of them, whatever the scene."""
+"""Random scenes and shots, and the checks that every shot must pass."""

@@ -1,6 +1,6 @@
-"""Runs shots with their logs on, and looks at every event of each: overlap, energy, momentum, places.
+"""Runs shots and checks every event of each: overlap, energy, momentum, positions.
 
-The checks read the log of trajectories alone, so they judge what the engine says happened, not how it got there.
+The checks use only the log of the shot, which does not depend on how the engine finds the events.
 """
 
 from __future__ import annotations
@@ -62,20 +62,20 @@ from billiards_env.physics.state import (
 from billiards_env.scene import Scene
 
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
-"""Columns of what is found of a shot: the deepest overlap, the farthest beyond a cushion or into a pocket (m), the
-largest rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the largest
-change of momentum in an impact relative to the sum of the balls' momenta, whether something is not a number or out of
-order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of what they changed
-the momentum by (kg m/s)."""
+"""Columns of the findings: the deepest overlap, the largest distance beyond a cushion or into a pocket (m), the largest
+rise of the energy relative to the energy before it, the sum of the rises above `ENERGY_RISE` (J), the largest change of
+momentum in an impact relative to the sum of the balls' momenta, whether a number is not finite or a time is out of
+order (0 or 1), whether the log was too short (0 or 1), the number of ball-ball impacts, the sum of their changes of the
+momentum (kg m/s)."""
 N_FOUND = 10
 
-ENERGY_RISE = 1e-12  # relative; above it a rise has to be the contact-time rule's
-DEPTH = 1e-12  # m, of overlaps and beyond cushions
+ENERGY_RISE = 1e-12  # relative; larger rises must be acts of the contact-time rule
+DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushion
 
 
 @kernel
 def _at(row, phase, t):
-    """Position and velocity of a ball t seconds after its row's time."""
+    """Returns the position and velocity of a ball t seconds after the time of its row."""
     if ROLLING <= phase < POTTED:
         x = row[X] + t * (row[VX] + 0.5 * t * row[AX])
         y = row[Y] + t * (row[VY] + 0.5 * t * row[AY])
@@ -217,7 +217,7 @@ def _run_checked(scene, limit, max_events, shots, log, found):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Checked:
-    """What became of m shots, each with a row.
+    """The results of m shots.
 
     Attributes:
         positions: (m, n, 2) float64, m, at the end.
@@ -228,7 +228,7 @@ class Checked:
         n_events: (m,) int64.
         n_contact_rule: (m,) int64.
         found: (m, N_FOUND) float64; the columns are named above.
-        rise_bound: The most energy that one act of the contact-time rule may add, J.
+        rise_bound: The largest energy that one act of the contact-time rule may add, J.
     """
 
     positions: NDArray[np.float64]
@@ -242,7 +242,7 @@ class Checked:
     rise_bound: float
 
     def bad(self, may_time_out: bool = False) -> NDArray[np.bool_]:
-        """(m,) bool: shots that did not end, or broke one of the rules."""
+        """Returns (m,) bool: the shots that did not end or violate a rule."""
         f = self.found
         return (
             (self.status > (1 if may_time_out else 0))
@@ -273,10 +273,7 @@ def check_shots(
         spins: (m, n, 3) or (m, 3) rad/s.
         max_time: As in `simulate`.
         max_events: As in `simulate`.
-        log_rows: Room for so many events; a shot with more is run again with room for all of its own.
-
-    Returns:
-        What was found.
+        log_rows: The number of events that the log holds; a shot with more is run again with a larger log.
     """
     given = check_shot(scene, positions, velocities, spins, None, max_time)
     m, n = given.positions.shape[:2]

@@ -1,4 +1,4 @@
-"""Random scenes and random shots: places in contact and apart, gentle and absurd speeds."""
+"""Random scenes and shots: balls in contact and apart, normal and extreme speeds."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from billiards_env.physics.jit import entry_point
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 
 _TRIES = 1000
-_FROZEN = 5e-13  # m; frozen balls overlap, and stick out of the table, by their rounding only
+_FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding
 
 
 @entry_point
 def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
-    """Fills out (m, n, 2) with m layouts: ball after ball in `order`, with probability `frozen` in contact.
+    """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
 
-    Returns the number of layouts filled; fewer than m if a ball finds no room.
+    Returns the number of layouts; it is less than m if there is no room for a ball.
     """
     for shot in range(len(out)):
         for placed in range(len(order)):
@@ -59,7 +59,10 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
 
 
 def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0) -> NDArray[np.float64] | None:
-    """(m, n, 2) random places, each ball with probability `frozen` in contact; None if the scene has no room."""
+    """Returns m random layouts, (m, n, 2) m; None if there is no room for a ball.
+
+    Each ball is in contact with probability `frozen`.
+    """
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
     _, radius, _, pockets = scene_arrays(scene)
     out = np.zeros((m, scene.n_balls, 2))
@@ -70,7 +73,7 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
 def cue_shots(
     scene: Scene, rng: np.random.Generator, m: int, low: float = 0.05, high: float = 12.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Velocities (m, 2) of cue balls in every direction, and their spins (m, 3) if the scene's balls spin."""
+    """Returns velocities (m, 2) of cue balls in all directions, and spins (m, 3) if the balls of the scene spin."""
     speed, angle = rng.uniform(low, high, m), rng.uniform(0, 2 * np.pi, m)
     velocities = speed[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     spins = None
@@ -80,7 +83,7 @@ def cue_shots(
 
 
 def wild_scene(rng: np.random.Generator) -> Scene:
-    """Any scene there may be: 1 to 12 balls, radii up to 1:50, any masses, laws and restitutions, pockets or none."""
+    """Returns a random scene: 1 to 12 balls, radii up to 1:50, any masses, laws and restitutions, pockets or none."""
     n = int(rng.choice([1, 2, 3, 4, 6, 9, 12]))
     motion = str(rng.choice(["ideal", "rolling", "sliding"], p=[0.2, 0.2, 0.6]))
     han = motion == "sliding" and rng.random() < 0.6
@@ -125,15 +128,16 @@ def wild_scene(rng: np.random.Generator) -> Scene:
 def wild_shots(
     scene: Scene, rng: np.random.Generator, m: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None] | None:
-    """Positions (m, n, 2), velocities (m, n, 2) and spins (m, n, 3) with frozen balls and speeds of 1e-300 to 100 m/s.
+    """Returns m shots with frozen balls and speeds of 1e-300 to 100 m/s; None if there is no room for a ball.
 
-    None if the scene has no room for its balls.
+    Returns:
+        Positions (m, n, 2), velocities (m, n, 2) and spins (m, n, 3), which are None if the balls do not spin.
     """
     places = layouts(scene, rng, m, float(rng.choice([0.0, 0.5, 0.9])))
     if places is None:
         return None
     n = scene.n_balls
-    fastest = 2.0 if n <= 4 else 1.0  # heaps that are hit so hard take a million events, and some time, to settle
+    fastest = 2.0 if n <= 4 else 1.0  # faster clusters have a million events
     extremes = rng.choice([-300.0, -100.0, -9.0, -4.0, fastest], m, p=[0.2, 0.2, 0.25, 0.3, 0.05])
     exponent = np.where(rng.random(m) < 0.7, rng.uniform(-2, 1, m), extremes)
     speed = (10.0**exponent)[:, None] * np.where(rng.random((m, n)) < 0.7, 1.0, rng.random((m, n)))

@@ -1,4 +1,4 @@
-"""The kinds of random shots that are run by the million: each is a scene, a layout and a way to strike."""
+"""Families of random shots for the stress test: each has a scene, a layout and a distribution of strokes."""
 
 from __future__ import annotations
 
@@ -81,9 +81,10 @@ def run(name: str, seed: int, shots: int) -> dict[str, Any]:
     """Runs shots of a family and checks every event of each.
 
     Returns:
-        How many there were, the deepest overlap and the farthest outside (m), the largest relative rise of the energy
-        and change of the momentum where the contact-time rule did not act, how many shots it acted in, the largest
-        number of events, the events in all, and of the bad ones (seed, index, status).
+        `shots`, their number; `overlap` and `outside`, the deepest overlap and the largest distance beyond a cushion,
+        m; `rise` and `momentum`, the largest relative rise of the energy and change of the momentum in shots without
+        acts of the contact-time rule; `contact_rule`, the number of shots with such acts; `most_events` and `events`,
+        the largest and the total number of events; and `bad`, (seed, index, status) of each bad shot.
     """
     rng = np.random.default_rng([seed, list(FAMILIES).index(name)])
     drawn = FAMILIES[name](rng, shots)

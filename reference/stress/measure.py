@@ -1,4 +1,4 @@
-"""Measurements that take a long run each: drift, time reversal, counts of collisions, chaos."""
+"""Measurements with long runs: drift, time reversal, numbers of collisions, chaos."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ LONG = 1e9  # s; longer than any run of an ideal gas here
 
 
 def gas(n: int, length: float = 1.0, width: float = 1.0, radius: float = 0.03, masses: Any = None) -> Scene:
-    """`n` elastic disks without friction between elastic cushions."""
+    """Returns a scene of n elastic disks without friction and elastic cushions."""
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=LONG)
     mass = (0.17,) * n if masses is None else tuple(masses)
     return Scene(Balls((radius,) * n, mass), Table(length, width), physics)
 
 
 def gas_state(scene: Scene, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(n, 2) random places and velocities, m and m/s."""
+    """Returns random positions and velocities, (n, 2) m and m/s."""
     places = draw.layouts(scene, rng, 1)
     assert places is not None
     return places[0], rng.normal(size=(scene.n_balls, 2))
 
 
 def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[str, Any]:
-    """What energy and momentum of an ideal gas have come to after so many ball-ball collisions.
+    """Returns the drift of the energy and momentum of an ideal gas after a number of ball-ball collisions.
 
-    The momentum is that which the collisions between balls have made, cushions apart: it should be none.
+    The momentum is the sum of the changes by collisions of balls, which should be zero.
     """
     rng = np.random.default_rng(seed)
     scene = {2: gas(2, 0.3, 0.25), 16: gas(16), 100: gas(100, 2.54, 1.27)}.get(n) or gas(n)
@@ -66,10 +66,11 @@ def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[s
 
 
 def reversal(seed: int, time: float = 1.0, n: int = 16) -> dict[str, float]:
-    """Runs an ideal gas, flips every velocity, runs it back.
+    """Runs an ideal gas, reverses all velocities and runs it back.
 
     Returns:
-        The error of the places it comes back to, m, the error that amplified roundoff predicts, m, and the collisions.
+        `error`, the largest error of a final position, m; `predicted`, the error that amplified roundoff predicts, m;
+        and `collisions`, their number.
     """
     rng = np.random.default_rng(seed)
     scene = gas(n)
@@ -85,12 +86,12 @@ def reversal(seed: int, time: float = 1.0, n: int = 16) -> dict[str, float]:
 
 
 def blocks(k: int, wall: str = "cushion") -> int:
-    """Collisions of Galperin's blocks (2003), Playing pool with pi: a mass of 100^k runs into a mass of 1 at a wall.
+    """Returns the number of collisions of Galperin's blocks (2003, Playing pool with pi), which is floor(pi 10^k).
 
-    The wall is a cushion or a ball of infinite mass. There are floor(pi 10^k) collisions.
+    A mass of 100^k hits a mass of 1 in front of a wall, which is a cushion or a ball of infinite mass.
     """
     radius, heavy = 0.03125, 1
-    unit = 2.0**-20  # kg, as `checks.RANGES` allows no 10^10; a power of two, so nothing is rounded otherwise
+    unit = 2.0**-20  # kg; a power of two is exact, and masses of 10^10 kg are outside `checks.RANGES`
     masses, x = (unit, unit * 100.0**k), [-31.5, -31.0]
     if wall == "ball":
         masses, x = (*masses, math.inf), [-0.5, 0.0, -1.0]
@@ -102,17 +103,17 @@ def blocks(k: int, wall: str = "cushion") -> int:
     )
     assert shot.events is not None
     kinds, ball, other = shot.events["kind"], shot.events["ball"], shot.events["other"]
-    far = np.flatnonzero((kinds == "cushion") & (other == 1))  # what comes after they have left for the far cushion
+    far = np.flatnonzero((kinds == "cushion") & (other == 1))  # the events after the collisions at the wall
     end = int(far[0]) if len(far) else len(kinds)
     near = (kinds == "ball_ball") | ((kinds == "cushion") & (other == 0) & (ball == 0))
     return int(near[:end].sum())
 
 
 def lyapunov(seed: int, n: int = 16, spans: int = 60, span: float = 0.1, size: float = 1e-8) -> dict[str, float]:
-    """The largest Lyapunov exponent of an ideal gas, 1/s, from two trajectories and from the sensitivity.
+    """Returns the largest Lyapunov exponent of an ideal gas, 1/s, from two trajectories and from the sensitivity.
 
-    Two trajectories: a small separation grows for a span of time and is scaled back, again and again (Benettin,
-    Galgani and Strelcyn 1976). Sensitivity: the slope of the logarithm of the norm of the positions' derivative.
+    Two trajectories: a small separation grows for a span of time and is scaled back repeatedly (Benettin, Galgani and
+    Strelcyn 1976). Sensitivity: the slope of the logarithm of the norm of the positions' derivative.
     """
     rng = np.random.default_rng(seed)
     scene = gas(n)
@@ -121,7 +122,7 @@ def lyapunov(seed: int, n: int = 16, spans: int = 60, span: float = 0.1, size: f
     first = simulate(scene, places, velocities, max_time=settle)
     places, velocities = first.positions, first.velocities
     shift = rng.normal(size=(2, n, 2))
-    for _ in range(10):  # places that overlap have to be drawn anew
+    for _ in range(10):  # overlapping positions are drawn again
         shift *= size / np.sqrt((shift**2).sum())
         try:
             simulate(scene, places + shift[0], velocities + shift[1], max_time=0.0)
@@ -151,16 +152,17 @@ def lyapunov(seed: int, n: int = 16, spans: int = 60, span: float = 0.1, size: f
 def predictability(
     scene: Scene, places: NDArray[np.float64], velocities: NDArray[np.float64], collisions: int, digits: int = 50
 ) -> dict[str, Any]:
-    """How a shot's error grows: the engine against the reference simulator.
+    """Returns the growth of the error of a shot: the engine against the 50-digit simulator.
 
     Returns:
-        `errors`, m: the largest error of a position at each ball-ball collision of the reference until the sequences
-        of events part, `predicted`, m: what amplified roundoff makes of it, as far as the engine's shot depends
-        smoothly on its beginning, `agree`: the ball-ball collisions until they part, and `all`: those there are.
+        `errors`, the largest error of a position at each ball-ball collision up to the first difference of the event
+        sequences, m; `predicted`, the errors that amplified roundoff predicts, up to the first event at which the shot
+        does not depend smoothly on its start, m; `agree`, the number of ball-ball collisions up to the first
+        difference; and `all`, the number of all.
     """
     try:
         exact = oracle.run(scene, places, velocities, stop_after=collisions, digits=digits, max_time=LONG)
-    except oracle.OracleError as error:  # balls that come to press against each other: no law for that
+    except oracle.OracleError as error:  # balls press against each other
         exact = error.shot
     limit = float(exact.time) if scene.physics.motion == "ideal" else None
     shot = simulate(scene, places, velocities, max_time=limit, record=True)
@@ -180,7 +182,7 @@ def predictability(
 
 
 def break_shot(kind: str, seed: int, balls: int = 15) -> tuple[Scene, NDArray[np.float64], NDArray[np.float64]]:
-    """A break: the pool scene, places with a "rack" or "tight_rack", and velocities (n, 2)."""
+    """Returns a break: the pool scene, positions (n, 2) of a "rack" or "tight_rack", and velocities (n, 2)."""
     rng = np.random.default_rng(seed)
     scene = Scene.named("pool", balls)
     places = layouts.draw(kind, scene, rng)
@@ -191,6 +193,6 @@ def break_shot(kind: str, seed: int, balls: int = 15) -> tuple[Scene, NDArray[np
 
 
 def closed_pool_break(seed: int) -> tuple[Scene, NDArray[np.float64], NDArray[np.float64]]:
-    """A loose 15-ball break as above, on a table without pockets."""
+    """Returns a 15-ball break of a loose rack on a table without pockets."""
     scene, places, velocities = break_shot("rack", seed)
     return dataclasses.replace(scene, table=dataclasses.replace(scene.table, pockets=())), places, velocities

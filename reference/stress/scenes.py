@@ -1,4 +1,4 @@
-"""Small scenes with round numbers, for tests that know what comes out."""
+"""Small scenes with round numbers, for tests with known results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def ideal(
     width: float = 2.0,
     max_time: float = 10.0,
 ) -> Scene:
-    """Frictionless balls of these masses, kg."""
+    """Returns a scene of balls of these masses, kg, without friction."""
     physics = Physics(motion="ideal", cushion="restitution", e_ball=e_ball, e_cushion=e_cushion, max_time=max_time)
     return Scene(Balls(radius or (R,) * len(masses), masses), Table(length, width), physics)
 
@@ -33,13 +33,13 @@ def ideal(
 def rough(
     *masses: float, length: float = 4.0, width: float = 2.0, pockets: tuple[Pocket, ...] = (), **physics: Any
 ) -> Scene:
-    """Balls that slide and roll, with cushions of simple restitution unless told otherwise."""
+    """Returns a scene of balls that slide and roll; cushions have simple restitution by default."""
     laws: dict[str, Any] = {"cushion": "restitution"} | physics
     return Scene(Balls((R,) * len(masses), masses), Table(length, width, 1.2 * R, pockets), Physics(**laws))
 
 
 def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options: Any) -> ShotResult:
-    """The recorded shot, once every rule has been checked at every event of it."""
+    """Returns the recorded shot after a check of all rules at every event."""
     shot = simulate(scene, places, velocities, spins=spins, record=True, **options)
     moving = np.zeros((scene.n_balls, 2))
     moving[...] = velocities if np.ndim(velocities) == 2 else moving
@@ -57,26 +57,26 @@ def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options
 
 
 def kinds(shot: ShotResult, *wanted: str) -> list[tuple[str, int, int]]:
-    """(kind, ball, other) of the events, of the wanted kinds only if any are named."""
+    """Returns (kind, ball, other) of the events, or only of those of the given kinds."""
     assert shot.events is not None
     names = [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
     return [name for name in names if not wanted or name[0] in wanted]
 
 
 def energy(scene: Scene, velocities: NDArray[np.float64]) -> float:
-    """Kinetic energy of the balls that can move, spin apart, J."""
+    """Returns the kinetic energy of the balls of finite mass, without spin, J."""
     masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
     return float(0.5 * (np.array(masses)[:, None] * velocities**2).sum())
 
 
 def momentum(scene: Scene, velocities: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2,) kg m/s."""
+    """Returns the momentum of the balls of finite mass, (2,) kg m/s."""
     masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
     return (np.array(masses)[:, None] * velocities).sum(axis=0)
 
 
 def triangle(rows: int, x: float = 0.5, radius: float = R) -> NDArray[np.float64]:
-    """(n, 2) places of a frozen rack with its apex at (x, 0)."""
+    """Returns the positions of a frozen rack with its apex at (x, 0), (n, 2) m."""
     return np.array(
         [
             [x + math.sqrt(3) * radius * row, (2 * place - row) * radius]

@@ -15,14 +15,14 @@ from billiards_env.envs.tasks import TASKS
 CONFIGS = sorted(Path(__file__).parents[2].glob("configs/ppo/*.yaml"))
 
 
-def test_fields_left_out_take_their_defaults():
+def test_missing_fields_have_their_defaults():
     config = Config.from_dict({"timesteps": 1000, "ppo": {"gamma": 1}})
     assert config.ppo == PPO(gamma=1.0)
     assert type(config.ppo.gamma) is float
     assert config.policy.hidden == (64, 64)
 
 
-def test_arguments_of_the_environment_left_out_are_filled_in():
+def test_missing_arguments_of_the_environment_have_their_defaults():
     config = Config.from_dict({"timesteps": 1, "env": {"max_speed": 3.0}})
     assert config.env["max_speed"] == 3.0
     assert config.env["scene"] == "pool"
@@ -75,7 +75,7 @@ def test_arguments_of_the_environment_left_out_are_filled_in():
         ({"timesteps": 1, "policy": {"hidden": [8, 0]}}, r"policy.hidden\[1\] = 0: expected a number >= 1"),
     ],
 )
-def test_unknown_keys_and_impossible_values_are_refused_by_name(data, message):
+def test_unknown_keys_and_impossible_values_are_refused(data, message):
     with pytest.raises(ValueError, match=message):
         Config.from_dict(data)
 
@@ -101,12 +101,12 @@ def test_unknown_keys_and_impossible_values_are_refused_by_name(data, message):
         ({"timesteps": 1, "policy": {"activation": 1}}, "policy.activation = 1: expected text, not int"),
     ],
 )
-def test_values_of_the_wrong_type_are_refused_by_name(data, message):
+def test_values_of_the_wrong_type_are_refused(data, message):
     with pytest.raises(TypeError, match=message):
         Config.from_dict(data)
 
 
-def test_yaml_is_read_back_as_it_was_written(tmp_path):
+def test_a_configuration_survives_yaml(tmp_path):
     config = Config.from_dict(
         {
             "timesteps": 1000,
@@ -128,14 +128,14 @@ def test_yaml_is_read_back_as_it_was_written(tmp_path):
     assert (config.frame, config.noise) == (Frame(name="cut", ball=2), Noise(angle_std=1.0))
 
 
-def test_a_file_that_is_no_yaml_is_refused(tmp_path):
+def test_a_file_that_is_not_yaml_is_refused(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text("ppo: [1")
     with pytest.raises(ValueError, match="is not valid YAML"):
         load(path)
 
 
-def test_yaml_that_would_run_code_is_refused(tmp_path):
+def test_yaml_with_code_is_refused(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text("timesteps: !!python/object/apply:os.getcwd []")
     with pytest.raises(ValueError, match="could not determine a constructor"):
@@ -143,7 +143,7 @@ def test_yaml_that_would_run_code_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-def test_the_configurations_that_come_along_train(path):
+def test_the_configurations_of_the_project_train(path):
     config = load(path)
     short = dataclasses.replace(config, n_envs=8, ppo=dataclasses.replace(config.ppo, n_steps=4, batch_size=16))
     env, envs = make_env(short), make_vec_env(short)
@@ -161,7 +161,7 @@ def test_every_task_has_a_configuration():
     assert {load(path).env["task"] for path in CONFIGS} == set(TASKS)
 
 
-def test_frame_and_noise_default_to_what_the_wrappers_do():
+def test_frame_and_noise_have_the_defaults_of_the_wrappers():
     frame, noise = Frame(name="cut"), Noise()
     for mine, wrapper, given in ((frame, wrappers.ActionFrame, ["cut"]), (noise, wrappers.ExecutionNoise, [])):
         bound = inspect.signature(wrapper).bind(None, *given)
@@ -170,7 +170,7 @@ def test_frame_and_noise_default_to_what_the_wrappers_do():
         assert list(dataclasses.astuple(mine)) == theirs
 
 
-def test_both_ways_of_making_environments_give_the_same_shots():
+def test_single_and_vector_environments_play_the_same_shots():
     config = Config.from_dict(
         {
             "timesteps": 1,
@@ -207,7 +207,7 @@ def test_both_ways_of_making_environments_give_the_same_shots():
 
 
 @pytest.mark.parametrize(("last", "rates"), [(None, [4e-3] * 4), (1e-3, [4e-3, 2.5e-3, 1e-3, 1e-3])])
-def test_the_learning_rate_falls_linearly_to_its_last_value_and_no_further(last, rates):
+def test_the_learning_rate_falls_linearly_to_its_last_value(last, rates):
     config = Config.from_dict(
         {"timesteps": 1, "n_envs": 64, "ppo": {"n_steps": 2, "learning_rate": 4e-3, "final_learning_rate": last}}
     )

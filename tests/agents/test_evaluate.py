@@ -25,7 +25,7 @@ class Pickled:
 
 
 class TwoShots(gym.Env):
-    """An episode of two steps; each pays its action, the second tells whether the seed was even."""
+    """An episode of two steps: the reward is the action, and the episode is a success if the seed is even."""
 
     observation_space = gym.spaces.Box(-1, 1, (1,), np.float32)
     action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
@@ -46,7 +46,7 @@ class TwoShots(gym.Env):
         )
 
 
-def test_play_sums_rewards_and_counts_the_successes_of_last_steps():
+def test_play_sums_rewards_and_counts_successes_at_the_last_step():
     result = play(TwoShots(), lambda observation: observation + 0.25, [2, 3, 4, 5, 6])
     assert result["episodes"] == 5
     assert result["successes"] == 3
@@ -58,7 +58,7 @@ def test_play_sums_rewards_and_counts_the_successes_of_last_steps():
     assert play(TwoShots(), lambda observation: observation, [2])["score_interval_95"] is None
 
 
-def test_the_evaluation_is_printed_written_and_repeatable(trained, tmp_path, capsys):
+def test_an_evaluation_is_printed_written_and_repeatable(trained, tmp_path, capsys):
     run_dir = tmp_path / "run"
     shutil.copytree(trained, run_dir)
     main([str(run_dir)])
@@ -92,7 +92,7 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
     assert result["random"]["success_rate"] < 0.3
 
 
-def test_a_run_in_a_frame_with_noise_is_trained_and_measured_so(tiny, tmp_path):
+def test_frame_and_noise_apply_to_training_and_evaluation(tiny, tmp_path):
     config = Config.from_dict(
         tiny(
             env={"task": "sum_to_three", "scene": "sum_to_three", "layout": "line", "max_shots": 10, "max_speed": 4.2},
@@ -115,7 +115,7 @@ def test_a_run_in_a_frame_with_noise_is_trained_and_measured_so(tiny, tmp_path):
     assert result["random"]["mean_score"] == result["random"]["mean_reward"]
 
 
-def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):
+def test_both_policies_play_the_same_layouts(trained, tmp_path, monkeypatch):
     shutil.copytree(trained, tmp_path / "run")
     met = []
 
@@ -136,7 +136,7 @@ def test_both_policies_meet_the_same_layouts(trained, tmp_path, monkeypatch):
         {"env": {"n_object_balls": 5, "max_shots": 2}, "noise": {"angle_std": 5.0}},
     ],
 )
-def test_episodes_played_together_are_those_played_one_by_one(tiny, changes):
+def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
     config = Config.from_dict(tiny(**changes))
     seeds = [3, 1, 4, 15, 9, 2, 6]
     act = np.array([0.02, 0.9], np.float32)
@@ -147,7 +147,7 @@ def test_episodes_played_together_are_those_played_one_by_one(tiny, changes):
 
 
 @pytest.mark.parametrize("policy", [{"hidden": [8]}, {"hidden": [8, 8], "features": "geometry"}])
-def test_the_policy_is_the_trained_one(tiny, tmp_path, policy):
+def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, policy):
     config = Config.from_dict(tiny(timesteps=128, policy=policy, frame={"name": "cut"}))
     open_run(config, tmp_path / "run")
     train(config, tmp_path / "run")
@@ -170,8 +170,7 @@ def test_loading_runs_no_code_from_the_file(trained, tmp_path):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
-def test_a_policy_that_is_cut_off_is_refused_with_its_file(trained, tmp_path, share):
-    """Before, an empty file ended in a bare EOFError."""
+def test_an_incomplete_policy_file_is_refused(trained, tmp_path, share):
     shutil.copytree(trained, tmp_path / "run")
     content = (trained / "policy.pt").read_bytes()
     (tmp_path / "run" / "policy.pt").write_bytes(content[: int(share * len(content))])
@@ -197,7 +196,7 @@ def test_a_policy_of_another_shape_is_refused(trained, tmp_path, change):
         load_policy(tmp_path / "run")
 
 
-def test_bad_arguments_end_with_their_message(trained, tmp_path):
+def test_bad_arguments_are_refused_with_a_message(trained, tmp_path):
     with pytest.raises(SystemExit, match=r"error: .* holds no run"):
         main([str(tmp_path)])
     with pytest.raises(SystemExit, match="error: episodes = 0: expected a whole number >= 1"):
@@ -206,5 +205,5 @@ def test_bad_arguments_end_with_their_message(trained, tmp_path):
         main([str(trained), "--seed", "-1"])
     shutil.copytree(trained, tmp_path / "run")
     (tmp_path / "run" / "policy.pt").unlink()
-    with pytest.raises(SystemExit, match=r"error: .* holds no policy.pt: its training has not ended"):
+    with pytest.raises(SystemExit, match=r"error: .* holds no policy.pt: expected a finished run"):
         main([str(tmp_path / "run")])

@@ -15,7 +15,7 @@ def test_the_interval_solves_wilsons_equation(successes, episodes):
         assert (rate - p) ** 2 == pytest.approx(1.959963984540054**2 * p * (1 - p) / episodes, abs=1e-12)
 
 
-def test_the_interval_of_a_mean_holds_it_nineteen_times_in_twenty():
+def test_the_interval_of_a_mean_contains_it_in_95_percent_of_samples():
     rng, held = np.random.default_rng(0), 0
     for _ in range(2000):
         low, high = mean_interval(rng.poisson(1.4, 100).tolist()) or (0.0, 0.0)
@@ -23,7 +23,7 @@ def test_the_interval_of_a_mean_holds_it_nineteen_times_in_twenty():
     assert 0.93 < held / 2000 < 0.97
 
 
-def test_students_intervals_hold_the_truth_nineteen_times_in_twenty():
+def test_student_intervals_contain_the_mean_in_95_percent_of_samples():
     rng, mean, both = np.random.default_rng(0), 0, 0
     for _ in range(4000):
         a, b = rng.normal(0.5, 0.1, 3).tolist(), rng.normal(0.4, 0.1, 3).tolist()
@@ -37,7 +37,7 @@ def test_students_intervals_hold_the_truth_nineteen_times_in_twenty():
     assert difference([0.5], [0.25, 0.25]) == {"mean": 0.25, "interval": None}
 
 
-def test_the_interval_over_seeds_is_students():
+def test_the_interval_over_seeds_is_that_of_student():
     told = over_seeds([1.0, 2.0, 4.0])  # standard deviation sqrt(7 / 3), t(2) = 4.303
     low, high = told["interval"]
     assert told["mean"] == pytest.approx(7 / 3)

@@ -21,13 +21,13 @@ def geometry(env: Any) -> tuple[Geometry, BilliardsEnv]:
 
 
 def pots(features: torch.Tensor) -> np.ndarray:
-    """(m, pockets, 6) the shots that features describe, the cuts as the action frame takes them."""
+    """Returns the features of the shots, (m, pockets, 6), with the cuts of the action frame."""
     shots = features[:, -6 * POCKETS :].reshape(len(features), POCKETS, 6).numpy().copy()
     shots[..., 0] *= features[:, :1].numpy()
     return shots
 
 
-def test_the_first_cut_told_pots_nearly_every_ball():
+def test_the_first_cut_pots_nearly_every_ball():
     envs = make_vector(Config.from_dict({"timesteps": 1, "frame": {"name": "cut"}}), 2000)
     observations, _ = envs.reset(seed=0)
     extractor, _ = geometry(cast(Any, envs.unwrapped).single_env)
@@ -38,7 +38,7 @@ def test_the_first_cut_told_pots_nearly_every_ball():
     assert infos["final_info"]["potted"][:, 1].mean() < 0.2
 
 
-def test_shots_are_those_of_the_ghost_ball_player():
+def test_features_agree_with_direct_pots():
     env = gym.make("Billiards-v0")
     extractor, game = geometry(env)
     ratios = {False: [], True: []}
@@ -60,7 +60,7 @@ def test_shots_are_those_of_the_ghost_ball_player():
     assert 3.0 < np.median(ratios[False]) < 6.0
 
 
-def test_balls_come_nearest_first_and_those_potted_last():
+def test_features_order_balls_by_distance_with_potted_balls_last():
     env = gym.make("Billiards-v0", n_object_balls=3, max_shots=4, observe_shots_left=True)
     extractor, _ = geometry(env)
     places = np.array([[0.0, 0.0], [0.5, 0.3], [-0.2, 0.1], [0.9, -0.2]])
@@ -84,7 +84,7 @@ def test_balls_come_nearest_first_and_those_potted_last():
 
 
 @pytest.mark.parametrize("mirror", [(1, -1), (-1, 1), (-1, -1)])
-def test_the_four_images_of_a_layout_look_alike(mirror):
+def test_the_four_images_of_a_layout_have_the_same_features(mirror):
     env = gym.make("Billiards-v0", n_object_balls=2, max_shots=3)
     extractor, _ = geometry(env)
     observations = np.stack([env.reset(seed=seed)[0] for seed in range(100)])
@@ -97,7 +97,7 @@ def test_the_four_images_of_a_layout_look_alike(mirror):
     np.testing.assert_allclose(one[aimed, 1:], other[aimed, 1:], atol=1e-6)
 
 
-def test_geometry_is_refused_where_it_does_not_apply():
+def test_geometry_is_refused_if_it_does_not_apply():
     config = {
         "timesteps": 1,
         "n_envs": 4,
@@ -115,11 +115,11 @@ def test_geometry_is_refused_where_it_does_not_apply():
         shape(env)
     table = dataclasses.replace(table, pockets=table.pockets[:1])
     env.scene = dataclasses.replace(env.scene, balls=balls, table=table)
-    with pytest.raises(ValueError, match=r"pockets that are no mirror images"):
+    with pytest.raises(ValueError, match=r"with asymmetric pockets"):
         shape(env)
 
 
-def test_a_geometry_policy_plays_mirror_images_alike_and_its_last_layer_is_fed_by_the_features():
+def test_a_geometry_policy_mirrors_its_actions_and_its_last_layer_has_the_features():
     config = Config.from_dict(
         {
             "timesteps": 1,
@@ -148,7 +148,7 @@ def test_a_geometry_policy_plays_mirror_images_alike_and_its_last_layer_is_fed_b
     np.testing.assert_allclose(actions, np.column_stack((0.5 * cuts, np.zeros(100))), atol=1e-6)
 
 
-def test_a_geometry_policy_aims_at_no_more_than_the_fastest_shot():
+def test_the_mean_speed_of_a_geometry_policy_is_at_most_the_largest():
     config = Config.from_dict(
         {
             "timesteps": 1,

@@ -27,7 +27,7 @@ def equal(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
 
 @pytest.fixture
 def command(tiny, tmp_path):
-    """A function that runs the command with the tiny settings, changed as told; its run folder is `tmp_path/run`."""
+    """A function that runs the command with the tiny settings, with some changes; its run folder is `tmp_path/run`."""
 
     def run(*arguments: str, **changes) -> None:
         path = tmp_path / "settings.yaml"
@@ -38,7 +38,7 @@ def command(tiny, tmp_path):
 
 
 def interrupt_after(timesteps: int, monkeypatch) -> None:
-    """Makes training stop as Ctrl-C does, in the middle of the rollout that reaches so many steps."""
+    """Interrupts the training in the middle of the rollout that reaches a number of steps."""
     on_step = module._Callback._on_step
 
     def stop(self):
@@ -49,7 +49,7 @@ def interrupt_after(timesteps: int, monkeypatch) -> None:
     monkeypatch.setattr(module._Callback, "_on_step", stop)
 
 
-def test_the_folder_holds_settings_versions_logs_checkpoints_and_the_model(trained, tiny):
+def test_a_run_folder_has_settings_versions_logs_checkpoints_and_model(trained, tiny):
     assert load(trained / "config.yaml") == Config.from_dict(tiny())
     assert yaml.safe_load((trained / "config.yaml").read_text())["seed"] == 5
     versions = json.loads((trained / "versions.json").read_text())
@@ -77,7 +77,7 @@ def test_stable_baselines_loads_the_model(trained):
     assert equal(model.policy.state_dict(), weights(trained / "model.zip"))
 
 
-def test_the_learning_curve_says_what_the_policies_reached(trained):
+def test_the_learning_curve_agrees_with_evaluations(trained):
     curve = module.learning_curve(trained)
     assert [point.steps for point in curve] == [0, 256, 512]
     assert 0 == curve[0].training_success < curve[1].seconds < curve[2].seconds
@@ -86,7 +86,7 @@ def test_the_learning_curve_says_what_the_policies_reached(trained):
     assert module.learning_curve(trained / "elsewhere") == []
 
 
-def test_measuring_the_learning_curve_changes_nothing(trained, command, tmp_path, monkeypatch):
+def test_measuring_the_learning_curve_does_not_change_the_training(trained, command, tmp_path, monkeypatch):
     monkeypatch.setattr(module._Callback, "measure", lambda self: None)
     command()
     assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
@@ -100,13 +100,15 @@ def test_the_standard_deviations_follow_their_schedule(command, tmp_path):
     assert ended["log_std"].exp().tolist() == pytest.approx([0.4 * 0.25**0.75, 0.5**0.75])  # as the fourth does
 
 
-def test_a_checkpoint_that_does_not_fit_is_refused(command, trained, tmp_path, monkeypatch):
+def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         interrupt_after(320, patch)
         with pytest.raises(SystemExit):
             command(policy={"hidden": [8]})
     shutil.copy(trained / "checkpoints" / "000000256.zip", tmp_path / "run" / "checkpoints")
-    with pytest.raises(SystemExit, match=r"error: .*000000256.zip does not fit the configuration; --fresh starts over"):
+    with pytest.raises(
+        SystemExit, match=r"error: .*000000256.zip does not fit the configuration; --fresh starts again"
+    ):
         command(policy={"hidden": [8]})
 
 
@@ -114,9 +116,7 @@ def test_training_changes_the_weights(trained):
     assert not equal(weights(trained / "checkpoints" / "000000256.zip"), weights(trained / "model.zip"))
 
 
-def test_an_interrupted_run_resumes_to_the_weights_of_one_never_interrupted(
-    trained, command, tmp_path, monkeypatch, capsys
-):
+def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(trained, command, tmp_path, monkeypatch, capsys):
     with monkeypatch.context() as patch:
         interrupt_after(320, patch)
         with pytest.raises(SystemExit) as stopped:
@@ -139,7 +139,7 @@ def test_another_seed_gives_other_weights(trained, command, tmp_path):
     assert not equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
 
 
-def test_a_finished_run_is_not_trained_again_unless_asked_to(command, tmp_path, capsys):
+def test_a_finished_run_is_trained_again_only_with_fresh(command, tmp_path, capsys):
     command("--timesteps", "128")
     model = tmp_path / "run" / "model.zip"
     first = model.read_bytes()
@@ -155,16 +155,18 @@ def test_a_finished_run_is_not_trained_again_unless_asked_to(command, tmp_path, 
     assert "torch" in json.loads(versions.read_text())
 
 
-def test_a_folder_with_another_configuration_is_refused_and_left_alone(command, tmp_path):
+def test_a_folder_with_another_configuration_is_refused_and_unchanged(command, tmp_path):
     command("--timesteps", "128")
     before = {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()}
-    with pytest.raises(SystemExit, match=r"(?s)another configuration.*--fresh.*ppo.n_epochs: 2 there, 3 asked for"):
+    with pytest.raises(
+        SystemExit, match=r"(?s)another configuration.*--fresh.*ppo.n_epochs: 2 in the folder, 3 requested"
+    ):
         command("--timesteps", "128", ppo={"n_steps": 32, "n_epochs": 3, "final_learning_rate": 1e-4})
     assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.parametrize("arguments", [[], ["--fresh"]])
-def test_a_folder_that_holds_something_else_is_refused_and_left_alone(command, tmp_path, arguments):
+def test_a_folder_with_other_files_is_refused_and_unchanged(command, tmp_path, arguments):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "model.zip").write_text("precious")
     with pytest.raises(SystemExit, match="is not empty and holds no run"):
@@ -172,7 +174,7 @@ def test_a_folder_that_holds_something_else_is_refused_and_left_alone(command, t
     assert (tmp_path / "run" / "model.zip").read_text() == "precious"
 
 
-def test_half_written_checkpoints_are_not_taken_for_one(tmp_path):
+def test_incomplete_checkpoints_are_ignored(tmp_path):
     for name in ("000000128.zip", "000001024.zip", ".000002048.zip.17.tmp"):
         path = tmp_path / "checkpoints" / name
         path.parent.mkdir(exist_ok=True)
@@ -192,18 +194,18 @@ def test_half_written_checkpoints_are_not_taken_for_one(tmp_path):
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
     ],
 )
-def test_a_bad_configuration_ends_with_its_message_and_leaves_no_folder(command, tmp_path, changes, message):
+def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path, changes, message):
     with pytest.raises(SystemExit, match=message):
         command(**changes)
     assert not (tmp_path / "run").exists()
 
 
-def test_a_missing_configuration_ends_with_its_message(tmp_path):
+def test_a_missing_configuration_is_refused(tmp_path):
     with pytest.raises(SystemExit, match=r"error: .*No such file"):
         module.main([str(tmp_path / "none.yaml"), "--run-dir", str(tmp_path / "run")])
 
 
-def test_no_seed_serves_training_and_evaluation(tiny):
+def test_training_and_evaluation_share_no_seeds(tiny):
     for seed in range(50):
         config = Config.from_dict(tiny(seed=seed))
         training = {training_seed(config, steps) + i for steps in range(0, 5000, 100) for i in range(config.n_envs)}

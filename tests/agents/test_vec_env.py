@@ -1,4 +1,4 @@
-"""The adapter says what Stable-Baselines3's own DummyVecEnv of single environments says."""
+"""The adapter agrees with the DummyVecEnv of Stable-Baselines3."""
 
 from typing import Any, cast
 
@@ -21,14 +21,14 @@ KEPT = ("terminal_observation", "TimeLimit.truncated", "success", "is_success")
 
 
 def pair(num_envs, **kwargs) -> tuple[Any, Any]:
-    """The adapter, and Stable-Baselines3's own."""
+    """The adapter and a DummyVecEnv."""
     native = gym.make_vec("Billiards-v0", num_envs=num_envs, autoreset_mode="SameStep", **kwargs)
     return SameStepVecEnv(native), DummyVecEnv([lambda: gym.make("Billiards-v0", **kwargs)] * num_envs)
 
 
 @pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])
 @pytest.mark.parametrize("wrapper", [lambda envs: envs, VecMonitor, VecNormalize])
-def test_it_plays_what_dummy_vec_env_plays(kwargs, wrapper):
+def test_it_agrees_with_dummy_vec_env(kwargs, wrapper):
     native, dummy = (wrapper(envs) for envs in pair(7, **kwargs))
     rng = np.random.default_rng(0)
     for start in range(2):
@@ -60,7 +60,7 @@ def test_it_plays_what_dummy_vec_env_plays(kwargs, wrapper):
         assert finished > 6
 
 
-def test_episodes_are_told_of_as_vec_monitor_does():
+def test_episode_infos_agree_with_vec_monitor():
     native, dummy = pair(5, **SOFT)
     monitored = VecMonitor(dummy)
     rng = np.random.default_rng(1)
@@ -82,7 +82,7 @@ def test_episodes_are_told_of_as_vec_monitor_does():
                     assert type(info["episode"]["r"]) is float
 
 
-def test_all_that_the_last_step_told_is_at_hand():
+def test_the_infos_of_the_last_step_are_available():
     native, dummy = pair(3)
     for envs in (native, dummy):
         envs.seed(0)
@@ -93,7 +93,7 @@ def test_all_that_the_last_step_told_is_at_hand():
         assert native.infos["final_info"][key].tolist() == [info[key] for info in infos]
 
 
-def test_nothing_that_was_given_out_changes_later():
+def test_returned_arrays_do_not_change_later():
     native, _ = pair(4)
     native.reset()
     *arrays, infos = native.step(np.zeros((4, 2)))
@@ -106,7 +106,7 @@ def test_nothing_that_was_given_out_changes_later():
     assert "mine" not in native.step(np.zeros((4, 2)))[3][0]
 
 
-def test_a_seed_serves_one_reset_only():
+def test_a_seed_applies_to_one_reset():
     native, _ = pair(3)
     native.seed(5)
     first = native.reset()
@@ -117,7 +117,7 @@ def test_a_seed_serves_one_reset_only():
     assert not np.array_equal(first, second)
 
 
-def test_positions_may_be_set_as_options_of_every_environment():
+def test_positions_are_options_of_every_environment():
     native, dummy = pair(2)
     options = [{"positions": [[0.1, 0.2], [0.3, 0.4]]}, {"positions": [[0.5, 0.0], [-0.5, 0.0]]}]
     native.set_options(options)
@@ -132,7 +132,7 @@ def test_positions_may_be_set_as_options_of_every_environment():
             native.reset()
 
 
-def test_attributes_and_methods_are_those_of_all_environments():
+def test_attributes_and_methods_belong_to_all_environments():
     native, dummy = pair(3)
     for name in ("max_speed", "scene", "layout", "render_mode", "max_shots"):
         for indices in (None, 1, [0, 2]):
@@ -148,7 +148,7 @@ def test_attributes_and_methods_are_those_of_all_environments():
         native.env_method("get_wrapper_attr", "task", indices=[0, 2])
 
 
-def test_an_attribute_that_is_set_takes_effect():
+def test_a_set_attribute_takes_effect():
     native, twin = pair(2)[0], pair(2, max_speed=1.0)[0]
     native.set_attr("max_speed", 1.0)
     assert native.get_attr("max_speed") == [1.0, 1.0]
@@ -165,7 +165,7 @@ def test_other_modes_of_resetting_are_refused(mode):
         SameStepVecEnv(gym.make_vec("Billiards-v0", num_envs=2, autoreset_mode=mode))
 
 
-def test_any_vector_environment_with_same_step_resets_will_do():
+def test_any_vector_environment_with_same_step_resets_is_accepted():
     envs = gym.make_vec(
         "CartPole-v1",
         num_envs=2,
@@ -182,7 +182,7 @@ def test_any_vector_environment_with_same_step_resets_will_do():
     assert [info["TimeLimit.truncated"] for info in infos] == [True, True]
 
 
-def test_training_gives_the_weights_that_dummy_vec_env_gives(trained, tiny, tmp_path, monkeypatch):
+def test_training_gives_the_same_weights_as_with_dummy_vec_env(trained, tiny, tmp_path, monkeypatch):
     config = Config.from_dict(tiny())
     assert isinstance(make_vec_env(config).unwrapped, SameStepVecEnv)
 

@@ -47,7 +47,7 @@ def kinds(shot: OracleShot, *wanted: str) -> list[tuple]:
 
 
 def close(a, b, digits=40, scale=1.0) -> bool:
-    """Whether numbers, or the components of nested sequences of them, agree to so many digits."""
+    """Returns whether numbers, or nested sequences of numbers, agree to some digits."""
     if hasattr(a, "__len__"):
         return len(a) == len(b) and all(close(x, y, digits, scale) for x, y in zip(a, b, strict=True))
     return abs(a - b) <= scale * mpf(10) ** -digits
@@ -63,7 +63,7 @@ def energy(scene: Scene, shot: OracleShot, time) -> Real:
 
 
 def scattered(rng: np.random.Generator, scene: Scene) -> np.ndarray:
-    """Positions without overlap, off the pockets."""
+    """Returns positions without overlap and outside the pockets."""
     room = np.array([scene.table.length, scene.table.width]) / 2 - max(scene.balls.radius)
     balls: list[np.ndarray] = []
     while len(balls) < scene.n_balls:
@@ -86,7 +86,7 @@ factors = st.tuples(
 
 
 def expand(roots, pairs, leading) -> list[Real]:
-    """leading (t - r) ... ((t - a)^2 + b) ..., exact and then rounded; b > 0 leaves a pair of complex roots."""
+    """Returns leading (t - r) ... ((t - a)^2 + b) ..., exact and then rounded; b > 0 has a pair of complex roots."""
     coefficients = [leading]
     for factor in [*([-r, 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
         product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
@@ -102,7 +102,7 @@ def exact(x: Fraction) -> Real:
 
 @settings(deadline=None)
 @given(factors, st.integers(0, 2))
-def test_all_real_roots_are_found_whatever_their_multiplicity(factor, vanishing):
+def test_real_roots_of_any_multiplicity_are_found(factor, vanishing):
     coefficients = expand(*factor) + [mpf(0)] * vanishing
     found = real_roots(coefficients, mpf(-2), mpf(2))
     expected = sorted({exact(r) for r in factor[0] if -2 <= r <= 2})
@@ -129,7 +129,7 @@ def test_a_vanishing_leading_coefficient_adds_no_root(leading):
     assert close(real_roots([mpf(-1), mpf(2), mpf(0), mpf(0), leading * mpf("1e-70")], mpf(0), mpf(1)), [mpf("0.5")])
 
 
-def test_a_polynomial_that_is_zero_throughout_has_no_roots():
+def test_the_zero_polynomial_has_no_roots():
     assert real_roots([mpf(0)] * 3, mpf(0), mpf(1)) == []
     assert real_roots([], mpf(0), mpf(1)) == []
 
@@ -141,7 +141,7 @@ def test_a_root_at_the_end_of_the_interval_counts_if_the_polynomial_falls_there(
 
 @settings(deadline=None)
 @given(st.lists(st.floats(-10, 10), min_size=5, max_size=5))
-def test_the_float_bound_never_lies_past_an_entry(coefficients):
+def test_the_float_bound_is_never_after_an_entry(coefficients):
     bound = first_possible_entry(coefficients, 1e-9)
     entry = first_entry([mpf(c) for c in coefficients], mpf(1))
     assert entry is None or (bound is not None and bound <= entry)
@@ -150,7 +150,7 @@ def test_the_float_bound_never_lies_past_an_entry(coefficients):
 # Motion
 
 
-def test_a_struck_ball_slides_rolls_and_stops_where_the_closed_form_says():
+def test_a_ball_slides_rolls_and_stops_as_in_the_closed_form():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64))
     p, v = scene.physics, mpf(3)
     shot = run(scene, [[0.0, 0.0]], [3.0, 0.0])
@@ -191,7 +191,7 @@ def test_a_rolling_ball_rolls_from_the_start():
     assert close(shot.positions[0], (mpf("0.6") * distance, mpf("-0.8") * distance))
 
 
-def test_a_spin_about_z_decays_by_itself_and_outlasts_the_roll():
+def test_a_spin_about_z_decays_and_outlasts_the_roll():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64), Physics(spin_decay=1.0))
     shot = run(scene, [[0.0, 0.0]], [0.5, 0.0], [0.0, 0.0, -40.0])
     assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1), ("spinning_rest", 0, -1)]
@@ -202,7 +202,7 @@ def test_a_spin_about_z_decays_by_itself_and_outlasts_the_roll():
     assert short.spins_at(0.5)[0][2] == 0
 
 
-def test_rolling_motion_heeds_no_spin():
+def test_rolling_motion_ignores_spin():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64), Physics(motion="rolling", cushion="restitution"))
     shot = run(scene, [[0.0, 0.0]], [0.5, 0.0], [0.0, -40.0, 9.0])
     assert kinds(shot) == [("rolling_rest", 0, -1)]
@@ -231,7 +231,7 @@ def test_head_on(masses, e, after):
     assert shot.status == "max_time"
 
 
-def test_a_ball_stopped_dead_rests_whatever_the_direction():
+def test_a_ball_stopped_by_an_impact_rests_for_every_direction():
     vx, vy = mpf(1) / 3, mpf(2) / 7
     shot = run(ideal(1.0, 1.0), [[-vx, -vy], [mpf(0), mpf(0)]], [vx, vy], max_time=2.0)
     assert kinds(shot) == [("ball_ball", 0, 1)]
@@ -239,7 +239,7 @@ def test_a_ball_stopped_dead_rests_whatever_the_direction():
     assert shot.segments[0][-1].phase == "rest"
 
 
-def test_equal_balls_part_at_a_right_angle():
+def test_equal_balls_separate_at_a_right_angle():
     shot = run(ideal(1.0, 1.0), [[-1.0, 0.013], [0.0, 0.0]], [2.0, 0.0], max_time=2.0)
     a, b = shot.velocities
     assert kinds(shot) == [("ball_ball", 0, 1)]
@@ -260,7 +260,7 @@ def test_a_grazing_ball_hits_if_it_would_overlap(parameter, hits):
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-13, -1e-13, 1e-17])
-def test_touching_balls_hit_at_once_or_part(gap):
+def test_touching_balls_hit_at_once_or_separate(gap):
     scene = ideal(1.0, 1.0)
     places = [[mpf(-2 * R) - mpf(gap), mpf(0)], [mpf(0), mpf(0)]]
     together = run(scene, places, [1.0, 0.0], max_time=1.0)
@@ -270,7 +270,7 @@ def test_touching_balls_hit_at_once_or_part(gap):
     assert run(scene, places, [0.0, 1.0], max_time=1.0).events == []
 
 
-def test_balls_that_part_and_meet_again_are_found():
+def test_balls_that_separate_and_meet_again_collide():
     # The cue ball, drawn back, leaves the ball it stood against and a topspin brings it back: the root at 0 is none.
     scene = Scene(Balls((R, R), (0.17, math.inf)), Table(64, 64))
     shot = run(scene, [[-2 * R, 0.0], [0.0, 0.0]], [-0.5, 0.0], [0.0, 100.0, 0.0], max_events=1)
@@ -316,7 +316,7 @@ def test_a_bank_off_restitution_cushions():
     assert close(shot.velocities[0], (-1, 1))
 
 
-def test_a_corner_takes_x_before_y():
+def test_in_a_corner_the_x_cushion_is_first():
     shot = run(ideal(1.0, length=2.0, width=2.0), [[0.0, 0.0]], [1.0, 1.0], max_time=1.5)
     assert kinds(shot) == [("cushion", 0, 1), ("cushion", 0, 3)]
     assert shot.events[0].time == shot.events[1].time == 1 - mpf(R)
@@ -341,7 +341,7 @@ def test_a_dead_han_cushion_leaves_no_speed_into_it():
 
 
 @pytest.mark.parametrize(("side", "n"), [(0, (-1, 0)), (1, (1, 0)), (2, (0, -1)), (3, (0, 1))])
-def test_han_cushions_take_speed_and_give_spin(side, n):
+def test_han_cushions_reduce_speed_and_add_spin(side, n):
     scene = Scene(Balls((R,), (0.17,)), Table(4.0, 4.0, cushion_height=0.04), Physics(mu_slide=1e-9, mu_cushion=1.0))
     shot = run(scene, [[0.0, 0.0]], [2.0 * x for x in n], max_events=1)
     # Straight on, without spin, and the ball grips the cushion: Han (2005) in the plane of the shot.
@@ -377,7 +377,7 @@ def test_a_ball_squeezed_between_another_and_a_cushion():
     assert close(shot.velocities, [(-1, 0), (0, 0)])
 
 
-def test_a_pocket_takes_a_ball_when_its_center_crosses_the_rim():
+def test_a_pocket_captures_a_ball_when_its_centre_crosses_the_rim():
     pocket = Pocket(1.0, 0.0, 0.125)
     scene = ideal(1.0, 1.0, length=2.0, width=2.0, pockets=(pocket,))
     shot = run(scene, [[0.0, 0.0], [0.5, 0.5]], [1.0, 0.0])
@@ -435,7 +435,7 @@ def test_newtons_cradle(moving):
 
 
 def pyramid(order: tuple[int, ...], mirror: int) -> tuple[list, list]:
-    """A ball on its way between two that touch, its partners numbered in some order."""
+    """Returns a shot of a ball towards two touching balls, which are numbered in some order."""
     depth = mpmath.sqrt(3) * R
     places = [(-depth - 1, mpf(0)), (mpf(0), mpf(R)), (mpf(0), mpf(-R))]
     velocities = [(mpf(1), mpf(0)), (mpf(0),) * 2, (mpf(0),) * 2]
@@ -444,7 +444,7 @@ def pyramid(order: tuple[int, ...], mirror: int) -> tuple[list, list]:
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 @pytest.mark.parametrize("mirror", [1, -1])
-def test_three_balls_hit_at_one_instant_whatever_their_numbers(order, mirror):
+def test_simultaneous_hits_of_three_balls_do_not_depend_on_their_numbers(order, mirror):
     shot = run(ideal(1.0, 1.0, 1.0), *pyramid(order, mirror), max_time=2.0)
     # Both contacts at 30 degrees: (2 + 1/2) x = 2 cos 30 of momentum each.
     impulse = 2 * mpmath.sqrt(3) / 5
@@ -489,7 +489,7 @@ def test_many_bounces_follow_the_unfolded_straight_line():
         assert close(x, min(folded, 4 * half - folded) - half)
 
 
-def test_a_gas_keeps_momentum_at_impacts_and_energy_throughout_and_runs_backwards():
+def test_a_gas_conserves_momentum_and_energy_and_is_reversible():
     rng = np.random.default_rng(1)
     scene = ideal(1.0, 2.0, 0.5, 1.0, 3.0, length=0.5, width=0.5, max_time=4.0)
     places, velocities = scattered(rng, scene), rng.normal(size=(5, 2))
@@ -528,7 +528,7 @@ def test_energy_never_rises_and_nothing_overlaps(name):
                 assert abs(y) < mpf(scene.table.width) / 2 - radius + mpf(10) ** -40
 
 
-def test_the_float_filter_changes_nothing(monkeypatch):
+def test_the_float_filter_does_not_change_a_shot(monkeypatch):
     rng = np.random.default_rng(3)
     scene = Scene.named("pool", 5)
     places, velocity = scattered(rng, scene), [2.5, 1.5]
@@ -541,7 +541,7 @@ def test_the_float_filter_changes_nothing(monkeypatch):
     assert close(filtered.positions, plain.positions)
 
 
-def test_more_digits_change_nothing_but_the_last():
+def test_more_digits_change_only_the_last_ones():
     rng = np.random.default_rng(4)
     scene = Scene.named("pool", 15)
     places = scattered(rng, scene)
@@ -622,7 +622,7 @@ def test_pressing_against_a_cushion_is_refused():
         run(scene, [[1 - R, 0.0]], [0.0, 0.0], [0.0, 50.0, 0.0])
 
 
-def test_bounces_that_pile_up_end_in_resting_contact():
+def test_accumulating_bounces_end_in_resting_contact():
     scene = Scene(Balls((R,), (0.17,)), Table(2.0, 2.0), Physics(cushion="restitution", e_cushion=0.5))
     with pytest.raises(RestingContactError, match="presses") as error:
         run(scene, [[0.5, 0.0]], [0.5, 0.0], [0.0, 900.0, 0.0])

@@ -43,7 +43,7 @@ def with_physics(case: Case, **constants) -> Case:
 
 
 @each_case
-def test_half_the_steps_change_nothing_that_matters(case):
+def test_half_the_step_changes_little(case):
     coarse = reference(case)
     fine = run(case, refinement=2, max_time=coarse.time if coarse.status == "max_time" else math.inf)
     assert fine.status == coarse.status
@@ -62,7 +62,7 @@ def test_energy_does_not_rise(case):
 
 
 @each_case
-def test_the_contact_stays_closed_while_its_force_lasts(case):
+def test_the_contact_stays_closed_while_there_is_a_force(case):
     shot = reference(case)
     scene = case.scene
     for now in shot.history:
@@ -79,7 +79,7 @@ def test_the_contact_stays_closed_while_its_force_lasts(case):
 
 
 @each_case
-def test_the_clock_goes_forward_to_the_end(case):
+def test_the_times_of_the_history_increase(case):
     shot = reference(case)
     times = [now.time for now in shot.history]
     assert times[0] == 0.0
@@ -103,7 +103,7 @@ def test_top_spin_decays_linearly_at_a_smooth_cushion(cushion):
         assert now.spins[0] == pytest.approx([-100.0 + rate * now.time, 0.0, 0.0], abs=1e-6)
 
 
-def test_a_rough_cushion_takes_top_spin_as_well():
+def test_a_rough_cushion_also_reduces_top_spin():
     # With the slip of the nose vertical, N = mu g / (cos + mu_c sin), and the spin falls by 5/2 (mu g + mu_c N) / R.
     shot = run(at_cushion((-100.0, 0.0, 0.0)))
     physics = Physics()
@@ -131,7 +131,7 @@ def test_side_spin_at_a_rough_cushion_moves_the_ball_along_it():
     )
 
 
-def test_a_ball_that_the_cloth_takes_away_from_the_cushion_leaves_at_once():
+def test_a_ball_that_the_cloth_pulls_off_the_cushion_leaves_at_once():
     shot = run(at_cushion((100.0, 0.0, 0.0)))
     assert shot.separation_time == 0.0
     assert shot.status == "impact"

@@ -42,7 +42,7 @@ def test_the_table_is_printed_and_written(tmp_path, capsys, monkeypatch):
     assert [r["case"] for r in json.loads(output.read_text())["results"]] == ["first", "last"]
 
 
-def test_bad_arguments_end_with_their_message(tmp_path):
+def test_bad_arguments_are_refused_with_a_message(tmp_path):
     for arguments, message in (
         (["--players", "nobody"], "player = 'nobody'"),
         (["--env", "{"], "Expecting property name"),

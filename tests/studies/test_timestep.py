@@ -152,7 +152,7 @@ def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes,
 
 def test_runs_of_another_study_are_refused(command, tmp_path):
     command()
-    with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 there, 128 asked for"):
+    with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 in the folder, 128 requested"):
         command(recipe_changes={"timesteps": 128})
 
 
