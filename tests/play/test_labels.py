@@ -28,7 +28,7 @@ def test_the_result_of_a_shot(make_model):
 
 
 def test_each_player_has_a_label(make_model):
-    model = make_model(positions=EIGHT[:3], players=("human", "search:500", "agents.opponents:geometric"))
+    model = make_model(positions=EIGHT[:3], players=("human", "search:500", "mine.players:geometric"))
     assert [labels.player_name(model, i) for i in range(3)] == ["Player 1", "Player 2 (search)", "Player 3 (geometric)"]
     assert labels.status(model).startswith("Player 1: 2.00 m/s")
 
