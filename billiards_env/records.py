@@ -12,8 +12,8 @@ True
 
 A file holds the input of a shot or a game and its result. `replay` compares its result with the recorded one and so
 checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to
-restore the same double. A file contains only data, no code. Any invalid content raises a `ValueError` that names the
-place.
+restore the same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the
+invalid value.
 """
 
 from __future__ import annotations
