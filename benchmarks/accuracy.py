@@ -136,14 +136,14 @@ def first_difference(
 def follow(task: tuple[str, int]) -> dict[str, Any]:
     """Runs one shot by the oracle and by every method.
 
-    The shot is followed to its end, or until balls at rest press against each other (the laws of impact then have no
-    unique solution), or until PIC's contact-time rule acts.
+    The shot is followed to its end, or until balls at rest press against each other, because the laws of impact do not
+    determine the motion after that, or until PIC's contact-time rule acts.
 
     Returns:
         `errors`: for each method the root mean square error over the balls, m, at `TIMES` and at the end; NaN at times
         to which the shot is not followed. `same`: for each method the number of contacts equal to the oracle's.
-        `until`: the oracle's time of the first other contact. `complete`: whether the shot is followed to its end.
-        `contacts`: the number of contacts. `outcome_as_oracle`: whether PIC has the outcome of the oracle.
+        `until`: the oracle's time of the first contact that differs. `complete`: whether the shot is followed to its
+        end. `contacts`: the number of contacts. `outcome_as_oracle`: whether PIC has the outcome of the oracle.
     """
     name, seed = task
     scene = PROBLEMS[name].scene

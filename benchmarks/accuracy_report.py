@@ -55,7 +55,7 @@ def _ratio(value: float) -> str:
 
 
 def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any] | None:
-    """Returns the first row, from coarse to fine, from which all rows are good."""
+    """Returns the coarsest row that is good together with all finer rows; None if there is none."""
     last_bad = max((k for k, fine in enumerate(good) if not fine), default=-1)
     return rows[last_bad + 1] if last_bad + 1 < len(rows) else None
 

@@ -175,9 +175,8 @@ def draw_panel(axes: Axes, case: Failure, shot: ShotResult, view: View, exact: b
         now, then = before(shot, k * case.dt), before(shot, (k + 1) * case.dt)
         for ball in range(2):
             moved = (now[ball] != case.positions[ball]).any()
-            if (
-                moved or k == last or (now[ball] != then[ball]).any()
-            ):  # a ball at rest is drawn once, at the last timestep
+            at_rest = (now[ball] == then[ball]).all()
+            if moved or k == last or not at_rest:  # a ball that never moves is drawn once
                 alpha = 0.12 + 0.7 * (k - first) / (last - first)
                 draw_ball(axes, case, ball, now[ball], alpha, str(k) if moved else "")
     for ball in range(2):

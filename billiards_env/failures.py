@@ -9,7 +9,7 @@ tests for overlap at 25 instants per second and gets all four scenes wrong:
 * penetration: the balls touch with their line of centres along (4, 3). PIT tests 16.5 ms later. The first ball is then
   33 mm deeper and the line of centres lies along (5, 12). Both balls leave in directions that are 30.5 degrees wrong.
 * multiple_collisions: near a cushion, ball 0 hits ball 1; ball 1 rebounds from the cushion and hits ball 0 again, all
-  between two tests. PIT finds one collision. Ball 0 should come back; in PIT ball 1 comes back.
+  between two tests. PIT finds one of the two collisions. Ball 0 should come back; in PIT ball 1 comes back.
 * wrong_bounce: the positions of penetration, with a ball of infinite mass. The first ball should bounce backwards. In
   PIT it continues forwards, 61.0 degrees wrong.
 

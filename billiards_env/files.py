@@ -73,7 +73,7 @@ def write_whole(path: Path, content: bytes) -> None:
 def write_json(path: Path, data: Any) -> None:
     """Writes plain data to `path` as JSON, completely or not at all.
 
-    A list or mapping that holds no other takes one line.
+    A list or mapping without nested lists or mappings takes one line.
     """
     write_whole(path, (_json(data) + "\n").encode())
 

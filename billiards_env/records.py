@@ -12,8 +12,8 @@ True
 
 A file holds the input of a shot or a game and its result. `replay` compares its result with the recorded one and so
 checks that this machine and this version of the engine produce the same bits. Numbers are written with enough digits to
-restore the same double. A file contains only data, no code. Any invalid content raises a `ValueError` that names the
-place.
+restore the same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the
+invalid value.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import Range, choose, real, short, whole
+from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
 from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.modes import MAX_EVENTS, check_mode
 from billiards_env.engine.shots import STATUS
@@ -187,9 +187,9 @@ def record_shot(
     """
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
-    if np.ndim(positions) != 2:
-        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), one row per ball")
-    checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    checked = check_shot(
+        scene, shaped("positions", positions, (scene.n_balls, 2)), velocities, spins, in_play, max_time
+    )
     record = ShotRecord(
         scene=scene,
         positions=_rows(checked.positions),
@@ -420,8 +420,6 @@ def _game(data: dict[str, Any]) -> GameRecord:
     ball, score = Range(0, n - 1), Range(-(2**62), 2**62)
     on_table = [whole(f"end.on_table[{i}]", v, ball) for i, v in enumerate(_list("end.on_table", end["on_table"]))]
     scores = [whole(f"end.scores[{i}]", v, score) for i, v in enumerate(_list("end.scores", end["scores"]))]
-    if not isinstance(end["over"], bool):
-        raise ValueError(f"end.over = {short(end['over'])}: expected true or false")
     return GameRecord(
         setup=setup,
         positions=positions,
@@ -432,7 +430,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
             on_table=tuple(on_table),
             scores=tuple(scores),
             player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
-            over=end["over"],
+            over=flag("end.over", end["over"]),
             winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
         ),
     )
@@ -547,10 +545,7 @@ def _numbers(name: str, value: Any, count: int, width: int) -> Rows:
 
 
 def _bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
-    for i, item in enumerate(_list(name, value, count)):
-        if not isinstance(item, bool):
-            raise ValueError(f"{name}[{i}] = {short(item)}: expected true or false")
-    return tuple(value)
+    return tuple(flag(f"{name}[{i}]", item) for i, item in enumerate(_list(name, value, count)))
 
 
 def _head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]:

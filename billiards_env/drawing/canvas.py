@@ -177,7 +177,7 @@ class Canvas:
             yield frame
 
     def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
-        """Returns the points of a ball's path between each two frames, pixels."""
+        """Returns the points of a ball's path between consecutive frames, pixels."""
         end = min(shot.time, shot.gone[ball])
         fine = np.interp(np.arange(PATH_STEPS * (len(times) - 1) + 1) / PATH_STEPS, np.arange(len(times)), times)
         corners = shot.corners(ball)
@@ -231,7 +231,7 @@ class Canvas:
         return self._sprites[key]
 
     def _draw_ball(self, ball: int, style: int, dx: float, dy: float, radius: float | None = None) -> Surface:
-        """Draws a ball (dx, dy) pixels off the centre of a new surface; `radius` is in pixels, None for to scale."""
+        """Draws a ball (dx, dy) pixels off the centre of a new surface; `radius` is in pixels, by default to scale."""
         look, z = self.looks[ball], BALL_ZOOM
         r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
         side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1

@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, real, whole
+from billiards_env.checks import choose, finite, real, whole
 from billiards_env.envs.action_frames import cue_velocity
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -347,9 +347,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
         """Converts an action to a stroke in the present state."""
         width = 4 if self.setup.game_rules.pockets else 2
-        array = np.asarray(action, dtype=np.float64)
-        if array.shape != (width,) or not np.isfinite(array).all():
-            raise ValueError(f"action = {action!r}: expected {width} finite numbers")
+        array = finite("action", [] if action is None else action, (width,))
         state = self.game.state
         vx, vy = cue_velocity(array[:2], self.max_speed).tolist()
         place: Point | None = None

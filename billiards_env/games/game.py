@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.checks import Range, choose, real, whole
+from billiards_env.checks import Range, choose, flag, real, shaped, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import check_mode
 from billiards_env.games.placement import Point, cue_ball_point, spotted_point
@@ -287,15 +287,12 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         raise ValueError(
             f"state.on_table = {sorted(on_table)}: expected the balls {sorted(required)} and at least one object ball"
         )
-    if not isinstance(values["break_shot"], bool):
-        raise ValueError(f"state.break_shot = {values['break_shot']!r}: expected True or False")
+    flag("state.break_shot", values["break_shot"])
 
     choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
     values.update(scores=tuple(map(int, values["scores"])), on_table=on_table, cue_balls=tuple(values["cue_balls"]))
     rule_state = default._replace(**values)
-    array = np.asarray(positions, dtype=np.float64)
-    if array.shape != (n, 2):
-        raise ValueError(f"positions has shape {array.shape}: expected ({n}, 2), one row per ball")
+    array = shaped("positions", positions, (n, 2))
     in_play = np.isin(np.arange(n), sorted(on_table if rule_state.in_hand == "no" else rule_state.object_balls))
     return GameState(check_positions(setup.scene, array, in_play=in_play), rule_state)
 

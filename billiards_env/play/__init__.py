@@ -2,5 +2,5 @@
 
 `model` is the state of the window with pure functions that update it. It uses neither pygame nor a clock. `labels`
 makes the texts, `view` draws a model with pygame, and `window` converts mouse and keyboard events to inputs of the
-model. `players` finds the programs that play.
+model. The programs that play are in `billiards_env.players`.
 """

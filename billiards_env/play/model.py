@@ -270,7 +270,7 @@ def shoot(model: Model, stroke: Stroke) -> Model:
 
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
-    """Simulates a shot up to the first contact of the cue ball with another ball.
+    """Simulates a shot and returns its start, up to the first contact of the cue ball with another ball.
 
     Args:
         setup: The settings of the game.

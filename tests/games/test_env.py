@@ -201,7 +201,7 @@ def test_actions_cover_the_whole_placement_area():
 def test_wrong_actions_are_rejected(action):
     env = billiards_v0.raw_env("nine_ball")
     env.reset(seed=0)
-    with pytest.raises(ValueError, match="expected 4 finite numbers"):
+    with pytest.raises(ValueError, match=r"action (has shape .*: expected \(4,\)|= .*: expected finite numbers)"):
         env.step(action)
 
 
