@@ -1,90 +1,153 @@
-"""What each saving of the engine is worth: `python -m benchmarks.ablation`.
+"""The worth of each saving of the engine: `python -m benchmarks.ablation`.
 
-The engine is compiled anew with one saving off at a time, really without it: the savings are constants of the kernels'
-modules. All variants then run the same shots in turn, over and over, in one process; the table gives the median of the
-ratios of their times to the whole engine's in the same pass. Times are the thread's own processor time: a pass takes
-milliseconds, and what else a busy machine runs in between must not count.
+Each variant is a copy of the package in which a few lines are replaced, so the engine itself needs no switches. Every
+variant is a process; all of them run the same shots in turn. The table has the median, over the passes, of the time
+without a saving over the time with all savings. Times are processor times, which other load on the machine affects
+less.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
+import contextlib
+import dataclasses
+import hashlib
+import json
+import os
+import shutil
+import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from time import thread_time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
-from benchmarks.speed import Case, cases, summary
-from billiards_env.engine.inputs import check_shot
-from billiards_env.engine.log import empty_log
-from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
+from benchmarks.speed import cases, run, summary
 from billiards_env.files import write_json
-from billiards_env.physics import jit
 
-RunShots = Callable[..., None]
-_REMADE = "billiards_env.engine", "billiards_env.physics"
+ROOT = Path(__file__).resolve().parent.parent
 
 
-class Saving(NamedTuple):
-    """A saving, what the table calls it, and the constant that turns it off.
+@dataclasses.dataclass(frozen=True, slots=True)
+class Saving:
+    """A saving of the engine.
 
     Attributes:
-        name: What the table calls it.
-        module: Where it is.
-        constant: Its name there.
-        same_bits: Whether every result stays the same without it.
+        name: Its name in the table.
+        edits: Replacements (file in the package, old text, new text) that remove it.
     """
 
     name: str
-    module: str
-    constant: str
-    same_bits: bool = True
+    edits: tuple[tuple[str, str, str], ...]
 
 
+JIT, PREDICTIONS, ALL_PAIRS = "physics/jit.py", "engine/predictions.py", "engine/all_pairs.py"
 SAVINGS = (
-    Saving("borrowed arrays", "billiards_env.physics.jit", "BORROW"),
-    Saving("inlining", "billiards_env.physics.jit", "INLINE"),
-    Saving("out of reach, not solved", "billiards_env.engine.queue", "SKIP"),
-    Saving("several balls at once", "billiards_env.engine.queue", "SIDE_BY_SIDE"),
-    Saving("nearest of each row", "billiards_env.engine.queue", "ROWS"),
+    Saving("borrowed arrays", ((JIT, "_nrt=False", "_nrt=True"),)),
+    Saving("inlining", ((JIT, "forceinline=True", "forceinline=False"), (JIT, 'inline="always"', 'inline="never"'))),
+    Saving(
+        "out of reach, not solved",
+        (
+            (PREDICTIONS, "return abs(x) < room and", "return False and abs(x) < room and"),
+            (PREDICTIONS, "if side > 0.0 and", "if False and side > 0.0 and"),
+            (PREDICTIONS, "if abs(dx) > wide", "if False and abs(dx) > wide"),
+            (ALL_PAIRS, "apart = queue.apart[j] if n >= MANY else", "apart = False if n >= 0 else"),
+            (ALL_PAIRS, "    if n >= MANY:\n        screen(", "    if n < 0:\n        screen("),
+        ),
+    ),
+    Saving("several balls at once", ((ALL_PAIRS, "MANY = 8\n", "MANY = 1_000_000\n"),)),
+    Saving(
+        "nearest of each row",
+        (
+            (
+                ALL_PAIRS,
+                "        nearest = Time(queue.nearest_hi[i]",
+                "        _find_nearest(i, queue)\n        nearest = Time(queue.nearest_hi[i]",
+            ),
+        ),
+    ),
 )
 
 
-def engine_without(saving: Saving | None) -> RunShots:
-    """`run_shots` of PIC, to be compiled at its first call, without a saving; None for all of them."""
-    own = {name: module for name, module in sys.modules.items() if name.startswith(_REMADE) and module is not jit}
-    package: Any = sys.modules["billiards_env"]
-    parts = package.engine, package.physics
-    for name in own:
-        del sys.modules[name]
-    try:
-        if saving is not None and saving.module == jit.__name__:
-            setattr(jit, saving.constant, False)
-        pic = importlib.import_module("billiards_env.engine.pic")
-        if saving is not None and saving.module != jit.__name__:
-            setattr(sys.modules[saving.module], saving.constant, False)
-        return jit.allocating(pic.run_shots.py_func)
-    finally:
-        if saving is not None and saving.module == jit.__name__:
-            setattr(jit, saving.constant, True)
-        sys.modules.update(own)
-        package.engine, package.physics = parts
+class Variant:
+    """A process that runs shots with a copy of the package.
+
+    Args:
+        folder: The folder of the copy.
+        scale: Factor on the number of shots of a pass.
+    """
+
+    def __init__(self, folder: Path, scale: float) -> None:
+        paths = os.pathsep.join((str(folder), str(ROOT)))
+        env = {**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(folder / "cache")}
+        command = [sys.executable, "-m", "benchmarks.ablation", "--worker", str(scale)]
+        self._process = subprocess.Popen(
+            command, cwd=folder, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def digests(self) -> list[str]:
+        """Waits until all shots have run once. Returns a digest of the results of each case."""
+        return self._read()
+
+    def seconds(self, case: int) -> float:
+        """Returns the processor time of a pass over the shots of a case."""
+        assert self._process.stdin is not None
+        print(case, file=self._process.stdin, flush=True)
+        return self._read()
+
+    def _read(self) -> Any:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            raise RuntimeError(f"a worker ended with status {self._process.wait()}")
+        return json.loads(line)
+
+    def stop(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.communicate()
 
 
-def run(engine: RunShots, case: Case) -> tuple[float, tuple[Any, ...]]:
-    """The processor time an engine takes for a case's shots, s, and what it gives back."""
-    given = check_shot(case.scene, case.positions, case.velocities, None, None, None)
-    m, n = given.positions.shape[:2]
-    out = np.zeros(m), np.zeros((m, n, 2), np.int32), np.zeros((m, N_COUNTS), np.int64)
-    arrays, shots, log = tuple(scene_arrays(case.scene)), (*given[:4], *out), tuple(empty_log())
-    begin = thread_time()
-    engine(0, m, arrays, given.limit, MAX_EVENTS, shots, log)
-    return thread_time() - begin, (*given[:4], *out)
+def work(scale: float) -> None:
+    """Runs shots on request: the loop of the process of a `Variant`."""
+    every = cases(scale)
+    digests = []
+    for case in every:
+        result = run(case, 1)
+        arrays = (result.positions, result.velocities, result.spins, result.time, result.n_events)
+        digests.append(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest())
+    print(json.dumps(digests), flush=True)
+    for line in sys.stdin:
+        begin = thread_time()
+        run(every[int(line)], 1)
+        print(json.dumps(thread_time() - begin), flush=True)
+
+
+@contextlib.contextmanager
+def variants(scale: float) -> Iterator[list[Variant]]:
+    """Starts the engine with all savings, and without each of them.
+
+    Raises:
+        RuntimeError: If the package does not contain the text of an edit.
+    """
+    with tempfile.TemporaryDirectory() as temporary, contextlib.ExitStack() as stack:
+        started = []
+        for k, edits in enumerate([(), *(saving.edits for saving in SAVINGS)]):
+            folder = Path(temporary, str(k))
+            package = folder / "billiards_env"
+            shutil.copytree(ROOT / "billiards_env", package, ignore=shutil.ignore_patterns("__pycache__"))
+            for name, old, new in edits:
+                text = (package / name).read_text(encoding="utf-8")
+                if old not in text:
+                    raise RuntimeError(f"{name}: expected the text {old!r}")
+                (package / name).write_text(text.replace(old, new), encoding="utf-8")
+            started.append(Variant(folder, scale))
+            stack.callback(started[-1].stop)
+        yield started
 
 
 def measure(repeats: int, scale: float = 0.02) -> dict[str, Any]:
@@ -95,21 +158,22 @@ def measure(repeats: int, scale: float = 0.02) -> dict[str, Any]:
         scale: Factor on the number of shots in a pass of `benchmarks.speed`.
 
     Returns:
-        `cases`: their names; `microseconds_per_shot`: the whole engine's, a summary a case; `savings`: of each its name
-        and `ratios`, a summary of the time without it over the time with it for each case.
+        `cases`: their names; `microseconds_per_shot` with all savings, a summary for each case; `savings`: for each one
+        its name and `ratios`, a summary for each case of the time without it over the time with all.
 
     Raises:
-        RuntimeError: If a variant gives other bits, where it should not.
+        RuntimeError: If a variant has other results.
     """
     on = machine()
     every = cases(scale)
-    engines = [engine_without(None), *(engine_without(saving) for saving in SAVINGS)]
-    for case in every:
-        results = [run(engine, case)[1] for engine in engines]
+    with variants(scale) as engines:
+        results = [engine.digests() for engine in engines]
         for saving, result in zip(SAVINGS, results[1:], strict=True):
-            if saving.same_bits and not all(map(np.array_equal, results[0], result)):
-                raise RuntimeError(f"{case.name} without {saving.name}: other results than with it")
-    seconds = np.array([[[run(e, case)[0] for case in every] for e in engines] for _ in range(repeats)])
+            if result != results[0]:
+                raise RuntimeError(f"without {saving.name}: other results than with it")
+        seconds = np.array(
+            [[[engine.seconds(k) for k in range(len(every))] for engine in engines] for _ in range(repeats)]
+        )
     shots = np.array([len(case.positions) for case in every])
     ratios = seconds[:, 1:] / seconds[:, :1]
     return {
@@ -125,28 +189,30 @@ def measure(repeats: int, scale: float = 0.02) -> dict[str, Any]:
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """What was measured as Markdown, by name."""
-    rows = [("all on, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
+    """Returns the results as Markdown, by name."""
+    rows = [("all savings, us/shot", *(f"{row['median']:.2f}" for row in result["microseconds_per_shot"]))]
     rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
     return {
         "machine": machine_line(result["machine"]),
-        "how": "Processor time without the optimization divided by the time with it; medians of "
-        f"{result['repeats']} interleaved passes.",
+        "how": f"Time without a saving over that with all savings; medians of {result['repeats']} interleaved passes.",
         "savings": table(("without", *result["cases"]), rows),
     }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m benchmarks.ablation --help`."""
+    """Runs the command line; see `python -m benchmarks.ablation --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.ablation", description="Measure what each saving saves."
+        prog="python -m benchmarks.ablation", description="Measure the worth of each saving of the engine."
     )
     parser.add_argument("--repeats", type=int, default=31, help="passes over the cases (default: 31)")
     parser.add_argument("--scale", type=float, default=0.02, help="factor on the shots of a pass (default: 0.02)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "ablation.json", help="where the JSON goes")
+    parser.add_argument("--output", type=Path, default=RESULTS / "ablation.json", help="JSON file")
+    parser.add_argument("--worker", type=float, help=argparse.SUPPRESS)
     args = parser.parse_args(arguments)
-    if args.repeats < 1:
-        parser.error(f"--repeats = {args.repeats}: expected a whole number >= 1")
+    if args.worker is not None:
+        work(args.worker)
+        return
+    check_counts(parser, repeats=args.repeats)
     if not 0 < args.scale <= 100:
         parser.error(f"--scale = {args.scale}: expected a number in (0, 100]")
     result = measure(args.repeats, args.scale)

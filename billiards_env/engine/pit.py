@@ -40,7 +40,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, entry_point, inlined, kernel
+from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     DT,
@@ -396,7 +396,7 @@ def _end_at(time, state, scene):
         advance(state, i, Time(time, 0.0), scene.params)
 
 
-@inlined
+@merged
 def run(k, scene, work, limit, max_events, shots, log):
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 

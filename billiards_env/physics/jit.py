@@ -1,4 +1,9 @@
-"""How the kernels are compiled: numba, strict IEEE arithmetic, an on-disk cache that notices every edit."""
+"""Decorators that compile functions with numba: strict IEEE arithmetic, and a cache on disk that no edit makes outdated.
+
+`kernel`, `inlined`, `merged` and `allocating` are for functions that compiled functions call, `entry_point` for those
+that Python calls. They use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher,
+the cache and events of compilation), so `pyproject.toml` has an upper bound on its version.
+"""
 
 from __future__ import annotations
 
@@ -61,27 +66,27 @@ def _writable(folder: Path) -> bool:
 
 
 def cache_folder() -> Path | None:
-    """Where compiled kernels are kept, or None if no such place can be written.
+    """Returns the folder of the compiled code, or None if none can be written.
 
-    In turn: the environment's `NUMBA_CACHE_DIR`, the package's `__pycache__`, the user's cache folder. Warns if it is
-    not the first.
+    It is the first of these that can be written: the environment variable `NUMBA_CACHE_DIR`, the package's
+    `__pycache__`, the user's cache folder. Warns if the variable is set and its folder cannot be written.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR")
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
-    places = [*([Path(given)] if given else []), _PACKAGE / "__pycache__", user]
+    folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
     name = f"kernels-{source_hash()}"
-    found = next((place / name for place in places if _writable(place / name)), None)
+    found = next((folder / name for folder in folders if _writable(folder / name)), None)
     if found is None:
         warnings.warn(
-            "billiards_env finds no folder it can write compiled kernels to (set NUMBA_CACHE_DIR to one): "
-            "they are compiled anew in every process",
+            "billiards_env finds no folder that it can write compiled code to (set NUMBA_CACHE_DIR to one): "
+            "every process compiles again",
             RuntimeWarning,
             stacklevel=2,
         )
-    elif given and found.parent != Path(given):
+    elif chosen and found.parent != Path(chosen):
         warnings.warn(
-            f"NUMBA_CACHE_DIR = {given!r}: expected a folder that can be written; billiards_env keeps its compiled "
-            f"kernels in {found}",
+            f"NUMBA_CACHE_DIR = {chosen!r}: expected a folder that can be written; billiards_env writes its compiled "
+            f"code to {found}",
             RuntimeWarning,
             stacklevel=2,
         )
@@ -91,17 +96,16 @@ def cache_folder() -> Path | None:
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # its settings are made at run time
 _jit: Any = numba.jit  # its type hints leave out some options
-# The savings, for benchmarks.ablation to compile the engine without one of them.
-BORROW = True  # references to arrays are not counted
-INLINE = True  # what each event needs is compiled into one function
 
+# Strict IEEE arithmetic: without fastmath nothing is fused or reordered, so results are the same on every machine.
+# `error_model="numpy"` makes a division by zero an infinity instead of an exception.
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 
 class _Kernel(_CPUDispatcher):
-    """A function that other compiled functions call; what converts Python's arguments is compiled if Python calls it.
+    """A compiled function without the wrapper that converts arguments of Python, until Python calls it.
 
-    Numba's own dispatcher compiles that along with every function: a quarter of the time until the first shot.
+    Numba compiles the wrapper with every function, which takes a quarter of the time until the first shot.
     """
 
     @functools.cached_property
@@ -120,103 +124,87 @@ def _make_kernel(function: F, **options: Any) -> F:
 
 
 def kernel(function: F) -> F:
-    """Compiles `function` when it is first called; for kernels that other kernels call.
+    """Compiles a function that other compiled functions call.
 
-    Strict IEEE arithmetic (no fastmath, so nothing is fused or reordered) makes results the same on every machine;
-    `error_model="numpy"` lets a division by zero give an infinity instead of an exception. Without numba's run time
-    (`_nrt`) arrays are borrowed from the caller and none can be made: counting references to them took most of the time
-    of an event.
+    It cannot create arrays: without numba's run time (`_nrt`) references to arrays are not counted. Counting them would
+    take most of the time of an event.
     """
-    return _make_kernel(function, _nrt=not BORROW)
+    return _make_kernel(function, _nrt=False)
 
 
 def inlined(function: F) -> F:
-    """A `kernel` that becomes part of every kernel that calls it: for what each event needs.
+    """Compiles a `kernel` that becomes a part of its callers' machine code: for the steps of each event.
 
-    A call passes every array as seven words, which can take longer than what is done with it.
+    A call passes every array as seven words, which can take longer than the function itself.
     """
-    return _make_kernel(function, _nrt=not BORROW, forceinline=INLINE)
+    return _make_kernel(function, _nrt=False, forceinline=True)
 
 
 def merged(function: F) -> F:
-    """A `kernel` that becomes part of its caller before that is compiled, and is not compiled by itself.
+    """Marks a `kernel` that becomes a part of its callers' source: for a large function with one caller.
 
-    Numba compiles all that a kernel calls along with it, so each link in a chain of calls has the rest of the chain
-    compiled once more; this is for the big ones that an engine calls in one place.
+    Numba compiles the functions that a kernel calls together with it. In a chain of calls it compiles the last ones
+    once for each link, and this removes a link.
     """
-    return _make_kernel(function, _nrt=not BORROW, inline="always" if INLINE else "never")
+    return _make_kernel(function, _nrt=False, inline="always")
 
 
 def allocating(function: F) -> F:
-    """A kernel that makes arrays."""
+    """Compiles a function like `kernel` does, which may create arrays."""
     return _make_kernel(function)
 
 
 LONG = 1.0
-"""A compilation that takes so many seconds is announced."""
+"""s. A compilation that takes longer is announced."""
 
 
 class _Announcer(_event.Listener):
-    """Says on stderr, in one line, what is waited for when an entry point takes long to compile."""
+    """Prints one line to stderr if the compilation of an entry point takes long."""
 
     def __init__(self) -> None:
         self.timers: dict[Callable[..., Any], threading.Timer] = {}
 
     def on_start(self, event: Any) -> None:
-        """Numba begins to compile a function, of whatever package."""
+        """Handles the start of a compilation by numba, of any package."""
         function = event.data["dispatcher"].py_func
         if function in _ENTRY_POINTS:
-            kept = f"kept in {_FOLDER}" if _FOLDER else "not kept"
-            line = f"billiards_env: compiling {function.__module__}.{function.__qualname__} ({kept}) ...\n"
+            folder = f"kept in {_FOLDER}" if _FOLDER else "not kept"
+            line = f"billiards_env: compiling {function.__module__}.{function.__qualname__} ({folder}) ...\n"
             timer = self.timers[function] = threading.Timer(LONG, sys.stderr.write, (line,))
             timer.daemon = True
             timer.start()
 
     def on_end(self, event: Any) -> None:
-        """Numba has compiled a function."""
+        """Handles the end of a compilation by numba."""
         timer = self.timers.pop(event.data["dispatcher"].py_func, None)
         if timer is not None:
             timer.cancel()
 
 
-def _with_room(function: Callable[..., Any], *args: Any) -> Any:
-    """Calls `function`, for which the interpreter finds room on its stack in one piece.
-
-    CPython, from 3.11 on, keeps frames in pieces of 16 KB, and gives a piece back when the last frame in it returns.
-    Numba's recursion crosses their edges again and again; where it does so in a loop, each call asks the system for
-    memory and gives it back, which took a quarter of the time to compile. A frame that claims a long stack, as this one
-    does, gets a piece of twice its length, and those it calls find room behind it.
-    """
-    return function(*args)
-
-
-_with_room.__code__ = _with_room.__code__.replace(co_stacksize=2**17)  # words
-
-
 class _Cache(_FunctionCache):
-    """Numba's cache of a function's machine code on disk.
+    """The files with the machine code of a function.
 
-    A damaged file is discarded, and code that cannot be written is not kept; both with a line on stderr.
+    A damaged file is discarded, and code that cannot be written is not kept, both with a line on stderr.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for a signature, or None if it has to be compiled."""
+        """Returns the machine code for a signature, or None if there is none."""
         try:
             return super().load_overload(sig, target_context)
         except Exception as error:  # unpickling half a file may raise any
-            self._say("discards a damaged cache file", error)
+            self._print("discards a damaged cache file", error)
             with contextlib.suppress(OSError):
                 self.flush()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keeps the machine code for a signature, if it can."""
+        """Writes the machine code for a signature."""
         try:
             super().save_overload(sig, data)
         except OSError as error:  # such as a full disk
-            self._say("cannot keep compiled code", error)
+            self._print("cannot keep compiled code", error)
 
-    def _say(self, what: str, error: Exception) -> None:
+    def _print(self, what: str, error: Exception) -> None:
         function = f"{self._py_func.__module__}.{self._py_func.__qualname__}"
         print(f"billiards_env: {what}: {function} in {self.cache_path} ({error!r})", file=sys.stderr)
 
@@ -225,22 +213,16 @@ _ENTRY_POINTS: set[Callable[..., Any]] = set()
 _event.register("numba:compile", _Announcer())
 
 
-def _compiled_with_room(dispatcher: Any) -> Any:
-    if not _config.DISABLE_JIT:
-        dispatcher.compile = functools.partial(_with_room, dispatcher.compile)
-    return dispatcher
-
-
 def entry_point(function: F) -> F:
-    """A kernel that Python calls, and that may make arrays: its machine code, callees included, is cached on disk."""
+    """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
     _ENTRY_POINTS.add(function)
     dispatcher = _jit(**_OPTIONS)(function)
     if _FOLDER is not None and not _config.DISABLE_JIT:
-        # numba reads the folder when the cache is made; other packages' kernels keep theirs.
+        # Numba reads the folder when it creates the cache. The kernels of other packages keep their own.
         before = _config.CACHE_DIR
         _config.CACHE_DIR = str(_FOLDER)
         try:
             dispatcher._cache = _Cache(function)
         finally:
             _config.CACHE_DIR = before
-    return _compiled_with_room(dispatcher)
+    return dispatcher

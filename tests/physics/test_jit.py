@@ -1,3 +1,4 @@
+import importlib
 import os
 import subprocess
 import sys
@@ -13,73 +14,79 @@ from billiards_env.physics import jit
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """A package folder of a kernel source a pattern."""
-    for pattern in jit.KERNEL_SOURCES:
-        path = tmp_path / pattern.replace("*", "kernels")
-        path.parent.mkdir(exist_ok=True)
-        path.write_text("x = 1\n")
+    """A package with a module of kernels, a module that it imports, and another one."""
+    (tmp_path / "physics").mkdir()
+    jit_path = tmp_path / "physics" / "jit.py"
+    jit_path.write_text("")
+    (tmp_path / "kernels.py").write_text("from billiards_env.physics.jit import inlined\n")
+    (tmp_path / "engine.py").write_text(
+        "from billiards_env.constants import GAP\nfrom billiards_env.physics.jit import entry_point as compiled\n"
+    )
+    (tmp_path / "constants.py").write_text("GAP = 1\n")
+    (tmp_path / "other.py").write_text("x = 1\n")
     monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(jit, "__file__", str(jit_path))
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     return tmp_path
 
 
-@pytest.mark.parametrize("pattern", jit.KERNEL_SOURCES)
-def test_every_edit_of_a_kernel_changes_the_hash(package, pattern):
+@pytest.mark.parametrize("name", ["physics/jit.py", "kernels.py", "engine.py", "constants.py"])
+def test_every_edit_of_a_kernel_or_its_constants_changes_the_hash(package, name):
     before = jit.source_hash()
     assert jit.source_hash() == before
-    (package / pattern.replace("*", "kernels")).write_text("x = 2\n")
+    with (package / name).open("a") as file:
+        file.write("# more\n")
     assert jit.source_hash() != before
 
 
-@pytest.mark.parametrize("folder", ["physics", "engine"])
-def test_another_kernel_file_changes_the_hash(package, folder):
+def test_a_new_module_of_kernels_changes_the_hash(package):
     before = jit.source_hash()
-    (package / folder / "more.py").write_text("y = 1\n")
+    (package / "more.py").write_text("from billiards_env.physics.jit import merged\n")
     assert jit.source_hash() != before
-
-
-def test_every_file_with_kernels_is_hashed():
-    root = Path(jit.__file__).parents[1]
-    hashed = {path for pattern in jit.KERNEL_SOURCES for path in root.glob(pattern)}
-    kernels = {
-        path
-        for path in root.rglob("*.py")
-        if "import entry_point" in path.read_text() or "import kernel" in path.read_text()
-    }
-    assert kernels <= hashed
 
 
 def test_other_files_do_not_change_the_hash(package):
     before = jit.source_hash()
-    (package / "scene.py").write_text("x = 1\n")
+    (package / "other.py").write_text("x = 2\n")
     (package / "physics" / "notes.txt").write_text("x")
     assert jit.source_hash() == before
 
 
-def test_the_cache_lies_in_the_package_under_the_sources_hash(package):
+def test_every_module_with_a_decorator_is_hashed():
+    """A module that uses a decorator has it, or `jit`, in its namespace, whatever the form of its import."""
+    root = Path(jit.__file__).resolve().parents[1]
+    decorators = [jit.kernel, jit.inlined, jit.merged, jit.allocating, jit.entry_point]
+    hashed = jit.kernel_sources()
+    for path in root.rglob("*.py"):
+        name = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+        names = vars(importlib.import_module(name.removesuffix(".__init__"))).values()
+        if any(value is jit or any(value is decorator for decorator in decorators) for value in names):
+            assert path in hashed
+
+
+def test_the_cache_folder_is_in_the_package(package):
     assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
 
 
-def test_the_environment_s_folder_comes_first(package, monkeypatch, tmp_path):
+def test_the_environment_variable_selects_the_cache_folder(package, monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
     assert jit.cache_folder() == tmp_path / "given" / f"kernels-{jit.source_hash()}"
 
 
-def test_an_environment_s_folder_that_cannot_be_written_falls_back_to_the_others(package, monkeypatch, tmp_path):
-    """Before, nothing was kept then."""
+def test_a_selected_folder_that_cannot_be_written_is_replaced_with_a_warning(package, monkeypatch, tmp_path):
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     with pytest.warns(RuntimeWarning, match=r"NUMBA_CACHE_DIR = .*file': expected a folder that can be written"):
         assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
 
 
-def test_a_package_that_cannot_be_written_falls_back_to_the_user_s_cache(package):
+def test_the_user_s_cache_replaces_a_package_folder_that_cannot_be_written(package):
     (package / "__pycache__").touch()  # no folder can be made here
     assert jit.cache_folder() == package / "user" / "billiards_env" / f"kernels-{jit.source_hash()}"
 
 
-def test_without_a_folder_kernels_still_compile_and_a_warning_says_so(package, monkeypatch):
+def test_kernels_compile_without_a_cache_folder_with_a_warning(package, monkeypatch):
     (package / "__pycache__").touch()
     (package / "user").touch()
     with pytest.warns(RuntimeWarning, match="set NUMBA_CACHE_DIR to one"):
@@ -89,7 +96,7 @@ def test_without_a_folder_kernels_still_compile_and_a_warning_says_so(package, m
     assert double(3) == 6
 
 
-def test_an_entry_point_is_cached_in_the_folder_and_leaves_numba_s_setting_alone(tmp_path):
+def test_an_entry_point_is_cached_and_numba_s_setting_does_not_change(tmp_path):
     (tmp_path / "module.py").write_text(
         "from billiards_env.physics.jit import entry_point\n"
         "from numba.core import config\n"
@@ -141,7 +148,7 @@ assert double(3) == 6
 
 
 def shoot(tmp_path, cache):
-    """Runs SHOOTS with a cache folder; returns what it says on stderr, line by line."""
+    """Runs SHOOTS with a cache folder; returns the lines on stderr."""
     (tmp_path / "shoots.py").write_text(SHOOTS)
     root = Path(jit.__file__).parents[2]
     env = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}"}
@@ -152,7 +159,7 @@ def shoot(tmp_path, cache):
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_a_truncated_cache_is_discarded_with_one_line(tmp_path, suffix, share):
-    """Before, numba's EOFError or UnpicklingError ended every process until the folder was deleted."""
+    """Numba alone raises EOFError or UnpicklingError in every process until the folder is deleted."""
     assert shoot(tmp_path, tmp_path / "cache") == []
     (path,) = (tmp_path / "cache").glob(f"kernels-*/**/*.{suffix}")
     content = path.read_bytes()
@@ -163,7 +170,7 @@ def test_a_truncated_cache_is_discarded_with_one_line(tmp_path, suffix, share):
     assert path.stat().st_size > 0
 
 
-def test_a_cache_that_cannot_be_written_to_is_mentioned_and_the_call_goes_on(tmp_path, monkeypatch, capsys):
+def test_a_cache_that_cannot_be_written_prints_a_line_and_the_call_succeeds(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(jit, "_FOLDER", tmp_path)
 
     def fail(self, key, data):
@@ -175,8 +182,7 @@ def test_a_cache_that_cannot_be_written_to_is_mentioned_and_the_call_goes_on(tmp
     assert line.startswith("billiards_env: cannot keep compiled code: ")
 
 
-def test_one_process_warns_once_of_a_cache_folder_that_cannot_be_written(tmp_path):
-    """Before, each of the entry points repeated it."""
+def test_a_process_warns_once_about_a_cache_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").touch()
     code = "import warnings; warnings.simplefilter('always'); from billiards_env import engine, envs"
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "file"), "PYTHONPATH": str(Path(jit.__file__).parents[2])}
@@ -184,7 +190,7 @@ def test_one_process_warns_once_of_a_cache_folder_that_cannot_be_written(tmp_pat
     assert done.stderr.count("RuntimeWarning") == done.stderr.count("NUMBA_CACHE_DIR = ") == 1
 
 
-def test_processes_that_compile_at_once_share_one_cache(tmp_path):
+def test_processes_that_compile_at_the_same_time_share_one_cache(tmp_path):
     (tmp_path / "shoots.py").write_text(SHOOTS)
     root = Path(jit.__file__).parents[2]
     env = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{root}{os.pathsep}{tmp_path}"}
@@ -202,7 +208,7 @@ def calling(inner):
 
 
 @pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.allocating])
-def test_kernels_are_compiled_for_python_only_if_it_calls_them(decorate):
+def test_the_wrapper_for_python_is_compiled_only_if_python_calls_the_kernel(decorate):
     double = decorate(lambda x: 2 * x)
     assert calling(double)(3) == 7
     (compiled,) = double.overloads.values()
@@ -210,21 +216,21 @@ def test_kernels_are_compiled_for_python_only_if_it_calls_them(decorate):
     assert double(3) == 6
 
 
-def test_merged_kernels_are_compiled_by_themselves_only_if_python_calls_them():
+def test_merged_kernels_are_compiled_alone_only_if_python_calls_them():
     double: Any = jit.merged(lambda x: 2 * x)
     assert calling(double)(3) == 7
     assert not double.overloads
     assert double(3) == 6
 
 
-def test_kernels_are_plain_functions_where_numba_is_turned_off():
+def test_kernels_are_plain_functions_if_numba_is_disabled():
     root = Path(jit.__file__).parents[2]
     code = "from billiards_env.physics import motion as m; assert m.norm(3, 4) == 5 and not hasattr(m.norm, 'py_func')"
     env = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
     subprocess.run([sys.executable, "-c", code], env=env, check=True)
 
 
-def test_kernels_make_no_arrays_unless_they_are_marked():
+def test_only_allocating_kernels_can_create_arrays():
     make = lambda n: np.zeros(n).sum()  # noqa: E731
     assert jit.allocating(make)(3) == 0.0
     with pytest.raises(TypingError):
@@ -239,32 +245,3 @@ def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
     fused = jit.kernel(lambda x, y: x * x - y)
     x = 1.0 + 2.0**-30
     assert fused(x, x * x) == 0.0  # a fused multiply-add would give the rounding error of x * x
-
-
-def memory_asked_for(depth, calls=200):
-    """How often the system is asked for a page of memory while a function is called, from so many frames deep."""
-    if depth:
-        return memory_asked_for(depth - 1, calls)
-    resource = pytest.importorskip("resource")
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    for _ in range(calls):
-        _nothing()
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-
-def _nothing():
-    pass
-
-
-def test_compiling_has_room_on_the_stack_at_any_depth():
-    """Without it there are depths at which every call takes a page, and compiling a quarter longer."""
-    assert max(jit._with_room(memory_asked_for, depth) for depth in range(300)) < 100
-
-
-def test_entry_points_are_compiled_with_room(monkeypatch):
-    roomy = []
-    monkeypatch.setattr(jit, "_with_room", lambda function, *args: roomy.append(args) or function(*args))
-    monkeypatch.setattr(jit, "_FOLDER", None)
-    twice = jit.entry_point(lambda x: 2 * x)
-    assert twice(3) == 6
-    assert len(roomy) == 1
