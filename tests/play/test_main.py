@@ -88,7 +88,7 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
     ("arguments", "message"),
     [
         (["--players", "human"], "players = human: expected 2"),
-        (["--players", "human,nobody"], "player 'nobody'"),
+        (["--players", "human,nobody"], "player = 'nobody'"),
         (["--rules", "nine_ball", "--balls", "3"], "with a scene of 3 object balls: expected 9"),
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
