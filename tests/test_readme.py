@@ -37,7 +37,7 @@ TUTORIALS = [page for page, text in PAGES.items() if '```python exec="true"' in 
 
 def table(text: str, head: str) -> dict[str, list[str]]:
     """Returns the rows of the table whose first column is `head`, by that column's text without its backticks."""
-    _, _, rest = text.partition(f"\n| {head} |")
+    _, rest = re.split(rf"\n\| {head} *\|", text, maxsplit=1)
     rows = rest.partition("\n\n")[0].splitlines()[2:]
     cells = [[cell.strip() for cell in row.strip("| ").split(" | ")] for row in rows]
     assert cells

@@ -17,7 +17,7 @@ from tests.helpers.shots import check_batch, draw_starts
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("threads", [1, 2, 3, None])
-def test_a_batch_gives_the_bits_of_single_shots(name, threads):
+def test_a_batch_equals_single_shots_bit_for_bit(name, threads):
     scene = Scene.named(name, 4)
     places, starts, spins = draw_starts(scene, 150)
     given = None if name == "ideal" else spins
@@ -29,7 +29,7 @@ def test_a_batch_gives_the_bits_of_single_shots(name, threads):
 
 
 @pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
-def test_breaks_in_a_batch_give_the_bits_of_single_ones(arrangement):
+def test_a_batch_of_breaks_equals_single_shots_bit_for_bit(arrangement):
     scene = Scene.named("pool", 15)
     places, starts, _ = draw_starts(scene, 70, arrangement)
     batch = simulate_batch(scene, places, starts, threads=2)
@@ -37,7 +37,7 @@ def test_breaks_in_a_batch_give_the_bits_of_single_ones(arrangement):
     assert batch.potted.any()
 
 
-def test_rolling_balls_with_limits_in_a_batch():
+def test_a_batch_with_limits_equals_single_shots_bit_for_bit():
     scene = Scene.named("pool", 3)
     scene = dataclasses.replace(
         scene, physics=dataclasses.replace(scene.physics, motion="rolling", cushion="restitution")
@@ -49,7 +49,7 @@ def test_rolling_balls_with_limits_in_a_batch():
         check_batch(batch, [simulate(scene, places[k], starts[k], **limits) for k in range(len(places))])
 
 
-def test_velocities_and_spins_of_all_balls_and_balls_out_of_play():
+def test_a_batch_with_velocities_spins_and_potted_balls_equals_single_shots_bit_for_bit():
     scene = Scene.named("carom")
     places, _, _ = draw_starts(scene, 40)
     rng = np.random.default_rng(1)
@@ -65,21 +65,20 @@ def test_velocities_and_spins_of_all_balls_and_balls_out_of_play():
     assert (same.potted == [False, True, False]).all()
 
 
-def test_two_balls_two_shots_one_velocity_each():
-    # (m, 2) with m = n is still one velocity a shot
+def test_a_velocity_per_shot_is_that_of_the_cue_ball_if_there_are_as_many_balls_as_shots():
     scene = Scene.named("ideal")
     batch = simulate_batch(scene, [[[-0.5, 0.0], [0.5, 0.0]]] * 2, [[0.1, 0.0], [0.0, 0.1]], max_time=1.0)
     assert batch.velocities[:, 0].tolist() == [[0.1, 0.0], [0.0, 0.1]]
     assert not batch.velocities[:, 1].any()
 
 
-def test_an_empty_batch_is_a_batch():
+def test_a_batch_may_have_no_shots():
     batch = simulate_batch(Scene.named("pool"), np.empty((0, 2, 2)), np.empty((0, 2)))
     assert batch.positions.shape == (0, 2, 2)
     assert batch.time.shape == (0,)
 
 
-def test_the_caller_s_arrays_stay_as_they_are():
+def test_a_batch_does_not_change_its_arguments():
     scene = Scene.named("pool")
     places, starts, spins = draw_starts(scene, 3)
     copies = places.copy(), starts.copy(), spins.copy()
@@ -110,20 +109,20 @@ CLEAR = [[-0.5, 0.0], [0.5, 0.0]]
         ({"max_time": -1}, "max_time = -1: expected a number from 0 to 1e+12 s"),
     ],
 )
-def test_bad_batches_are_refused(arguments, message):
+def test_bad_batches_are_rejected(arguments, message):
     given = {"positions": [CLEAR, CLEAR], "velocities": [[1.0, 0.0], [2.0, 0.0]], **arguments}
     with pytest.raises(ValueError, match=re.escape(message)):
         simulate_batch(Scene.named("pool"), **given)
 
 
-def test_a_velocity_that_is_not_finite_is_refused_with_its_shot():
+def test_the_error_for_a_velocity_that_is_not_finite_names_the_shot():
     with pytest.raises(ValueError, match=re.escape("velocities: shot 1, ball 0 has [nan, 0.0]: expected numbers from")):
         simulate_batch(Scene.named("pool"), [CLEAR, CLEAR], [[1.0, 0.0], [math.nan, 0.0]])
 
 
 @pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
 @pytest.mark.parametrize("threads", [None, 1, 2, 7])
-def test_work_is_spread_over_pieces_that_make_up_the_whole(m, threads):
+def test_spread_covers_every_shot_once(m, threads):
     done = np.zeros(m, np.int64)
 
     def work(begin, end):
@@ -135,13 +134,13 @@ def test_work_is_spread_over_pieces_that_make_up_the_whole(m, threads):
 
 
 def threads_at_work(wanted):
-    """Spreads work over so many threads and gives their number, if all were at work at the same time."""
-    meeting = threading.Barrier(wanted, timeout=60)  # breaks unless so many threads are in it at once
+    """Spreads work over `wanted` threads; returns their number, or raises if they do not work at the same time."""
+    meeting = threading.Barrier(wanted, timeout=60)  # breaks unless `wanted` threads wait at once
     met = set()
 
     def work(begin, end):
         if begin == 0:
-            time.sleep(0.01)  # so long that the rest is worth many threads
+            time.sleep(0.01)  # the estimate of the remaining time is then long enough for several threads
         elif threading.get_ident() not in met:
             met.add(threading.get_ident())
             meeting.wait()
@@ -155,7 +154,7 @@ def test_work_runs_on_several_threads_at_the_same_time():
 
 
 def pieces_of(m, seconds_per_shot, monkeypatch):
-    """The sizes of the pieces that two threads are given, and how many threads took any, with a clock of our own."""
+    """Returns the sizes of the pieces for two threads, and the number of threads with pieces, under a mock clock."""
     now, pieces, takers = [0.0], [], set()
     monkeypatch.setattr("billiards_env.engine.threads.perf_counter", lambda: now[0])
 
@@ -168,20 +167,20 @@ def pieces_of(m, seconds_per_shot, monkeypatch):
     return [size for _, size in sorted(pieces)], len(takers)
 
 
-def test_what_takes_no_longer_than_waking_a_thread_stays_on_one(monkeypatch):
+def test_short_work_stays_on_one_thread(monkeypatch):
     assert pieces_of(500, 1e-6, monkeypatch) == ([8, 492], 1)
     assert pieces_of(12, 1e-12, monkeypatch) == ([1, 11], 1)
 
 
-def test_pieces_shrink_towards_the_end_but_not_to_what_is_not_worth_handing_out(monkeypatch):
+def test_pieces_shrink_to_a_least_size(monkeypatch):
     sizes, _ = pieces_of(10_000, 2**-20, monkeypatch)
     assert sum(sizes) == 10_000
-    assert sizes[:3] == [8, 2498, 1873]  # a quarter of what is left, after the first few
+    assert sizes[:3] == [8, 2498, 1873]  # a quarter of the rest, after the first piece
     assert sizes[1:] == sorted(sizes[1:], reverse=True)
     assert min(sizes[1:-1]) == 420
 
 
-def test_long_shots_are_handed_out_one_by_one_in_the_end(monkeypatch):
+def test_the_last_pieces_of_long_shots_have_one_shot(monkeypatch):
     assert pieces_of(20, 1.0, monkeypatch)[0] == [1, 4, 3, 3, 2, 1, 1, 1, 1, 1, 1, 1]
 
 
@@ -191,8 +190,8 @@ def _child(queue):
 
 @pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-def test_a_forked_process_has_threads_of_its_own():
-    threads_at_work(3)  # starts threads, which a fork does not take along
+def test_a_forked_process_starts_new_threads():
+    threads_at_work(3)  # starts threads, which a fork does not copy
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
     process = context.Process(target=_child, args=(queue,))
@@ -204,7 +203,7 @@ def test_a_forked_process_has_threads_of_its_own():
         process.join()
 
 
-def test_an_error_in_any_piece_is_raised_and_the_threads_live_on():
+def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
     def work(begin, end):
         if begin <= 500 < end:
             raise ValueError("piece of 500")

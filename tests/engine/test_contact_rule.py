@@ -1,4 +1,4 @@
-"""The contact-time rule acts on what friction presses together, and leaves every other sequence of impacts alone."""
+"""The contact-time rule acts on balls that friction presses together, and on no other sequence of impacts."""
 
 import dataclasses
 import math
@@ -11,24 +11,28 @@ from hypothesis import strategies as st
 from billiards_env.engine.contact_rule import longest_run
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.simulation import simulate
+from tests.helpers.contacts import position_in_contact
 
 R = 0.03
 INF = math.inf
 
 
 def world(*masses, radius=None, length=2.0, width=1.0, **physics):
-    """A scene of balls of these masses."""
+    """Returns a scene of balls of these masses, kg."""
     return Scene(Balls(radius or (R,) * len(masses), masses), Table(length, width), Physics(**physics))
 
 
 def ideal(*masses, e=1.0, max_time=10.0, **kwargs):
+    """Returns a scene of balls of these masses, kg, without friction."""
     return world(*masses, motion="ideal", cushion="restitution", e_ball=e, e_cushion=e, max_time=max_time, **kwargs)
 
 
 def recurrence(ratio, e):
-    """Velocity of a heavy ball that drove a resting one, of 1/ratio its mass, against a wall at 1 m/s.
+    """Returns the final velocity, m/s, of a heavy ball that drives a light ball against a wall.
 
-    The light ball meets the heavy one and the wall in turn, until it is too slow to catch up."""
+    The heavy ball arrives at -1 m/s. The light ball, of 1/ratio the mass, is at rest at first. It then hits the heavy
+    ball and the wall in turn until it cannot catch up.
+    """
     heavy, light = -1.0, 0.0
     while max(abs(heavy), abs(light)) > 1e-12:
         if heavy < light:
@@ -45,12 +49,12 @@ def recurrence(ratio, e):
 @pytest.mark.parametrize("e", [0.5, 0.9, 0.95, 0.99, 0.9999, 1.0])
 @pytest.mark.parametrize("gap", [0.3, 1e-6, 0.0])
 def test_a_heavy_ball_that_drives_a_light_one_against_a_cushion_follows_the_recurrence(ratio, e, gap):
-    """Impacts were elastic after 100 quick ones, and the balls halted after 2,000."""
+    """Impacts were once elastic after 100 in quick succession, and the balls stopped after 2,000."""
     want = recurrence(ratio, e)
     places = [[R - 400.0 + 2 * R + gap + (0.1 if gap else 0.0), 0.0], [R - 400.0 + gap, 0.0]]
     scene = ideal(ratio, 1.0, e=e, max_time=100.0 if gap else 1e-3, length=800.0)
     shot = simulate(scene, places, [-1.0, 0.0])
-    if want < 1e-9:  # they come to rest at the cushion, after infinitely many impacts
+    if want < 1e-9:  # the balls come to rest at the cushion after infinitely many impacts
         assert np.abs(shot.velocities).max() < 1e-9
     else:
         assert shot.velocities[0, 0] == pytest.approx(want, rel=1e-9)
@@ -58,11 +62,11 @@ def test_a_heavy_ball_that_drives_a_light_one_against_a_cushion_follows_the_recu
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
-def test_the_longest_run_is_longer_than_any_between_three_bodies(ratio):
+def test_the_longest_run_exceeds_the_largest_number_of_impacts_of_three_bodies(ratio):
     assert longest_run((1.0, ratio, INF)) > math.pi * math.sqrt(ratio) + 1
 
 
-def test_an_elastic_ball_wedged_between_a_fixed_one_and_a_cushion_comes_to_rest():
+def test_an_elastic_ball_between_a_fixed_ball_and_a_cushion_comes_to_rest():
     shot = simulate(ideal(1.0, INF, e=1.0), [[1.0 - R, 0.0], [1.0 - 3 * R, 0.0]], [1.0, 0.0])
     assert (shot.status, shot.n_contact_rule) == ("rest", 1)
     assert shot.n_events < 1.1 * longest_run((1.0, INF))
@@ -71,7 +75,7 @@ def test_an_elastic_ball_wedged_between_a_fixed_one_and_a_cushion_comes_to_rest(
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 1e3, 1e5])
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
 def test_a_spinning_ball_that_presses_a_light_one_against_a_cushion_comes_to_rest(ratio, e):
-    """A light ball takes as many impacts to lift a heavy one as the ratio of their masses."""
+    """The number of impacts before the heavy ball moves away is about the ratio of the masses."""
     scene = world(ratio, 1.0, e_ball=e, length=2.0)
     shot = simulate(scene, [[1.0 - 3 * R, 0.0], [1.0 - R, 0.0]], [0.0, 0.0], spins=[0.0, 100.0, 0.0])
     assert shot.status == "rest"
@@ -80,11 +84,11 @@ def test_a_spinning_ball_that_presses_a_light_one_against_a_cushion_comes_to_res
 
 
 @pytest.mark.parametrize("e", [0.5, 0.85, 1.0])
-def test_the_rule_counts_only_acts_that_change_something(e):
-    """A bounce that is higher than the rule's hops is not an act, and an act is one impact faster than restitution."""
+def test_only_impacts_that_the_rule_changes_are_counted(e):
+    """The rule changes an impact only if restitution alone would separate the bodies more slowly."""
     scene = world(1.0, e_cushion=e, cushion="restitution")
-    drop = simulate(scene, [[0.0, 0.0]], [1.0, 0.2], record=True)
-    assert drop.n_contact_rule == 0
+    free = simulate(scene, [[0.0, 0.0]], [1.0, 0.2], record=True)
+    assert free.n_contact_rule == 0
     pressed = simulate(scene, [[1.0 - R, 0.0]], [0.0, 0.0], spins=[0.0, 50.0, 0.0], record=True)
     assert pressed.events is not None
     hits = pressed.events[pressed.events["kind"] == "cushion"]
@@ -94,7 +98,7 @@ def test_the_rule_counts_only_acts_that_change_something(e):
 @settings(max_examples=60)
 @given(st.integers(0, 2**32), st.integers(3, 12), st.floats(0, 1), st.sampled_from(["ideal", "rolling", "sliding"]))
 def test_renumbering_a_dense_scene_changes_no_bits(seed, n, e, motion):
-    """Of cushion impacts at one instant that of the ball with the lowest number came first."""
+    """Simultaneous cushion impacts were once resolved in the order of the ball numbers."""
     rng = np.random.default_rng(seed)
     radius, mass = tuple(rng.uniform(0.02, 0.035, n)), tuple(10.0 ** rng.uniform(-1.5, 1.5, n))
     limit = {"max_time": 5.0} if motion == "ideal" else {}
@@ -122,7 +126,7 @@ def test_renumbering_a_dense_scene_changes_no_bits(seed, n, e, motion):
 
 
 def touching_places(rng, radius, half_length, half_width):
-    """Random places (n, 2) of balls that mostly touch one or two others, m."""
+    """Returns random positions (n, 2), m, of balls; most of them touch one or two others."""
     places: list[np.ndarray] = []
     while len(places) < len(radius):
         k = len(places)
@@ -130,14 +134,10 @@ def touching_places(rng, radius, half_length, half_width):
         if k and rng.random() < 0.9:
             a, b = rng.integers(k), rng.integers(k)
             reach, other = radius[a] + radius[k], radius[b] + radius[k]
-            line = places[b] - places[a]
-            far = math.hypot(*line)
             angle = rng.uniform(0, 2 * math.pi)
             place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
-            if abs(reach - other) < far < reach + other:
-                along = (far * far + reach * reach - other * other) / (2 * far)
-                across = math.sqrt(max(0.0, reach * reach - along * along)) * rng.choice([-1, 1])
-                place = places[a] + (along * line + across * np.array([-line[1], line[0]])) / far
+            both = position_in_contact(rng, places[a], places[b], reach, other)
+            place = place if both is None else both
         inside = abs(place[0]) <= half_length - radius[k] and abs(place[1]) <= half_width - radius[k]
         if inside and all(math.dist(place, q) >= radius[k] + radius[m] - 5e-13 for m, q in enumerate(places)):
             places.append(place)

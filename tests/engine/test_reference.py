@@ -1,4 +1,4 @@
-"""The engine against two others: shots made with pooltool, and the high-precision simulator in `reference.oracle`."""
+"""The engine agrees with shots of pooltool and with the high-precision simulator in `reference.oracle`."""
 
 import dataclasses
 import json
@@ -11,7 +11,7 @@ import pytest
 from billiards_env import Scene, layouts, simulation
 from reference.oracle import run
 
-simulate: Any = simulation.simulate  # what it records is there wherever it is asked for
+simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text())
 SHOTS = REFERENCE["shots"]
@@ -21,8 +21,8 @@ NAMES = {
     "slide-roll": "sliding_rolling",
     "roll-stop": "rolling_rest",
 }
-TIME, PLACE = 1e-5, 1e-4  # s, m: how well pooltool's spaced contacts are to be met
-NUDGE = 1e-9  # m; also the distance that pooltool moves balls apart by at a contact
+MAX_TIME_ERROR, MAX_POSITION_ERROR = 1e-5, 1e-4  # s, m; pooltool moves balls apart at a contact
+NUDGE = 1e-9  # m; the distance by which pooltool moves balls apart
 
 
 def scene_of(shot):
@@ -33,13 +33,13 @@ def play(shot):
     return simulate(scene_of(shot), shot["positions"], shot["velocity"], record=True)
 
 
-def of_interest(result):
-    """The events that the reference lists: a ball that spins on the spot is none."""
+def events_of_pooltool(result):
+    """Returns the events that pooltool has too: all except the end of a spin in place."""
     return result.events[result.events["kind"] != "spinning_rest"]
 
 
 def in_order(events):
-    """(kind, balls) of events (time, kind, balls) in order; of those at one instant, up to rounding, by name."""
+    """Returns (kind, *balls) of events (time, kind, *balls) in order; those within 1e-8 s are sorted by name."""
     ordered, last = [], -1.0
     for time, *what in sorted(events):
         if time - last > 1e-8:
@@ -50,7 +50,7 @@ def in_order(events):
 
 
 def amplification(shot):
-    """How far apart a nudge of the cue ball has driven the balls before each collision and at the end, per metre."""
+    """Returns the factors by which a nudge of the cue ball has grown before each collision and at the end."""
     scene, result = scene_of(shot), play(shot)
     hits = result.events["time"][result.events["kind"] == "ball_ball"]
     times = [*(t - 1e-6 for t in hits), result.time]
@@ -64,7 +64,7 @@ def amplification(shot):
     return grown
 
 
-def test_the_reference_is_made_with_the_constants_of_the_named_scene():
+def test_the_reference_has_the_constants_of_the_named_scene():
     scene, ball, table = Scene.named("pooltool_carom"), REFERENCE["ball"], REFERENCE["table"]
     physics = scene.physics
     assert (scene.table.length, scene.table.width, scene.table.cushion_height) == tuple(table.values())
@@ -76,10 +76,10 @@ def test_the_reference_is_made_with_the_constants_of_the_named_scene():
 
 
 @pytest.mark.parametrize("number", range(len(SHOTS)))
-def test_reference_shot(number):
+def test_a_shot_agrees_with_pooltool(number):
     shot = SHOTS[number]
     result = play(shot)
-    events = of_interest(result)
+    events = events_of_pooltool(result)
     expected = shot["events"]
     late = max((abs(t - e["time"]) for (t, _, _), e in zip(expected, events, strict=False)), default=0.0)
     off = np.linalg.norm(result.positions - shot["final"], axis=1).max()
@@ -89,18 +89,18 @@ def test_reference_shot(number):
         message += "; a nudge has grown, before each collision and at the end, by " + ", ".join(
             f"{g:.0f}" for g in grown
         )
-    # A cushion of the reference has a number of pooltool's own; only the ball is compared.
+    # pooltool numbers the cushions differently, so only the balls of cushion contacts are compared.
     assert in_order((t, NAMES[kind], *balls[: 1 + (kind == "ball-ball")]) for t, kind, balls in expected) == in_order(
         (float(e["time"]), str(e["kind"]), int(e["ball"]), *([int(e["other"])] if e["kind"] == "ball_ball" else []))
         for e in events
     ), message
-    assert late <= TIME, message
-    assert off <= PLACE, message
+    assert late <= MAX_TIME_ERROR, message
+    assert off <= MAX_POSITION_ERROR, message
     assert (result.n_contact_rule, result.status) == (0, "rest")
 
 
 @pytest.mark.parametrize("number", [k for k, shot in enumerate(SHOTS) if shot["n_ball_ball"] > 1])
-def test_what_is_left_between_the_two_simulators_is_their_nudge_amplified(number):
+def test_the_difference_from_pooltool_is_an_amplified_nudge(number):
     shot = SHOTS[number]
     grown = amplification(shot)
     off = np.linalg.norm(play(shot).positions - shot["final"], axis=1).max()
@@ -110,10 +110,10 @@ def test_what_is_left_between_the_two_simulators_is_their_nudge_amplified(number
     assert off <= 10 * grown[-1] * NUDGE, message
 
 
-# The oracle
+# The high-precision simulator
 
 
-def lines(events):
+def names(events):
     return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in events]
 
 
@@ -133,13 +133,13 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
         horizon = 3.0 if name == "ideal" else None
         shot = simulate(scene, places, start, spins=spins, max_time=horizon, record=True)
         exact = run(scene, places, start, spins, max_time=horizon, digits=40)
-        # Where a nudge grows beyond a thousandfold, so do the last digits of either's input.
+        # If a nudge grows by more than 1000, so does the rounding of the input.
         moved = simulate(scene, places + np.eye(*places.shape) * NUDGE, start, spins=spins, max_time=horizon)
         growth = np.abs(moved.positions - shot.positions).max() / NUDGE
         if growth > 1e3:
             continue
         compared += 1
-        assert lines(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
+        assert names(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
         assert shot.events["time"] == pytest.approx([float(e.time) for e in exact.events], abs=1e-11)
         assert shot.positions == pytest.approx(np.array(exact.positions, float), abs=1e-11)
         assert shot.velocities == pytest.approx(np.array(exact.velocities, float), abs=1e-11)

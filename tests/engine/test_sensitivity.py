@@ -1,4 +1,4 @@
-"""The derivative of a shot's end, against finite differences of the high-precision oracle."""
+"""The derivative of the final positions agrees with finite differences of the high-precision simulator."""
 
 import mpmath
 import numpy as np
@@ -16,7 +16,7 @@ ROLLING = Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(motion="rolling", cus
 
 
 def differences(scene, places, velocities, max_time):
-    """(n, 2, n, 4) one-sided differences by a step of 1e-25, and the (n, 2) positions at the end."""
+    """Returns one-sided finite differences (n, 2, n, 4) with a step of 1e-25, and the final positions (n, 2)."""
     n = scene.n_balls
     jacobian = np.zeros((n, 2, n, 4))
     with mpmath.workdps(60):
@@ -33,7 +33,7 @@ def differences(scene, places, velocities, max_time):
                 moved = [row[:] for row in start]
                 moved[j][c] += STEP
                 if c > 1 and not any(velocities[j]):
-                    continue  # a ball at rest cannot be nudged into motion differentiably
+                    continue  # the positions are not differentiable at zero velocity
                 after = end(moved)
                 for i in range(n):
                     jacobian[i, :, j, c] = [float((after[i][k] - base[i][k]) / STEP) for k in range(2)]
@@ -41,6 +41,7 @@ def differences(scene, places, velocities, max_time):
 
 
 def aimed(scene, seed):
+    """Returns random positions, and velocities with the cue ball aimed at ball 1."""
     rng = np.random.default_rng(seed)
     places = layouts.draw("random", scene, rng)
     velocities = np.zeros_like(places)
@@ -62,7 +63,7 @@ def aimed(scene, seed):
     ids=["pool", "carom", "pool of five", "ideal", "obstacle", "rolling"],
 )
 @pytest.mark.parametrize("seed", [3, 4])
-def test_it_is_the_derivative_of_the_flow(scene, max_time, seed):
+def test_the_sensitivity_is_the_derivative_of_the_final_positions(scene, max_time, seed):
     places, velocities = aimed(scene, seed)
     shot = simulate(scene, places, velocities, record=True, max_time=max_time)
     assert shot.n_events > 3
@@ -85,7 +86,7 @@ def test_each_collision_multiplies_the_condition():
     assert late.condition > 1e3 * early.condition
 
 
-def test_before_anything_happens_it_is_free_flight():
+def test_the_sensitivity_before_the_first_event_is_that_of_free_motion():
     scene = Scene.named("ideal")
     shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True, max_time=1.0)
     jacobian = shot.sensitivity(0.5).jacobian
@@ -93,13 +94,13 @@ def test_before_anything_happens_it_is_free_flight():
     np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 4)))
 
 
-def test_an_impact_of_several_balls_at_once_is_told():
+def test_a_simultaneous_impact_of_three_balls_is_not_smooth():
     scene = Scene.named("ideal", 2)
     places = [[-0.5, 0.0], [0.0, 0.02857500001], [0.0, -0.02857500001]]
     assert not simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0).sensitivity().smooth
 
 
-def test_it_needs_a_record():
+def test_a_sensitivity_needs_a_record_and_ascending_finite_times():
     scene = Scene.named("ideal")
     shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25])
     with pytest.raises(ValueError, match="record=True"):

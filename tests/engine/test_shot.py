@@ -9,14 +9,14 @@ from billiards_env import Scene, layouts, simulation
 from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, Table
 
-simulate: Any = simulation.simulate  # what it records is there wherever it is asked for
+simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
 
 
-def refused(message, kind: type[Exception] = ValueError):
-    """`pytest.raises` for an error that says this, literally."""
+def rejected(message, kind: type[Exception] = ValueError):
+    """Returns `pytest.raises` for an error whose message contains this text."""
     return pytest.raises(kind, match=re.escape(message))
 
 
@@ -28,18 +28,18 @@ SCATTERED = layouts.draw("random", Scene.named("pool", 15), np.random.default_rn
 
 @pytest.fixture(scope="module")
 def recorded():
-    """Sixteen balls set going at once; five are potted."""
+    """Returns a shot in which all sixteen balls move at first; five are potted."""
     velocities = np.random.default_rng(4).normal(size=(16, 2)) * 2
     return simulate(Scene.named("pool", 15), SCATTERED, velocities, record=True)
 
 
-def test_a_record_begins_and_ends_where_the_shot_does(recorded):
+def test_a_record_starts_and_ends_at_the_positions_of_the_shot(recorded):
     assert np.array_equal(recorded.at(0.0), SCATTERED)
     assert np.array_equal(recorded.at(recorded.time), recorded.positions)
     assert np.array_equal(recorded.at(recorded.time + 1e9), recorded.positions)
 
 
-def test_positions_are_continuous_over_every_event(recorded):
+def test_positions_are_continuous_at_every_event(recorded):
     gone = {e["ball"] for e in recorded.events if e["kind"] == "pocket"}
     stay = [i for i in range(16) if i not in gone]
     for t in np.unique(recorded.events["time"]):
@@ -47,7 +47,7 @@ def test_positions_are_continuous_over_every_event(recorded):
         assert np.abs(after - before)[stay].max() < 3e-9  # at 10 m/s at most
 
 
-def test_a_captured_ball_jumps_to_its_pocket_s_centre(recorded):
+def test_a_captured_ball_moves_to_the_centre_of_its_pocket(recorded):
     pockets = Scene.named("pool").table.pockets
     captures = recorded.events[recorded.events["kind"] == "pocket"]
     assert len(captures) > 0
@@ -60,7 +60,7 @@ def test_a_captured_ball_jumps_to_its_pocket_s_centre(recorded):
     assert np.flatnonzero(recorded.potted).tolist() == sorted(captures["ball"])
 
 
-def test_events_come_in_order_with_their_place_and_speed(recorded):
+def test_events_are_in_order_and_have_positions_and_speeds(recorded):
     events = recorded.events
     assert set(events["kind"]) <= set(KINDS)
     assert (np.diff(events["time"]) >= 0).all()
@@ -73,7 +73,7 @@ def test_events_come_in_order_with_their_place_and_speed(recorded):
     assert not events["speed"][np.isin(events["kind"], ["sliding_rolling", "rolling_rest", "spinning_rest"])].any()
 
 
-def test_the_position_of_an_early_event_is_known_in_closed_form():
+def test_the_first_event_follows_the_closed_form():
     shot = simulate(POOL, PLACES, [2.0, 0.0], record=True)
     t, d = shot.events["time"][0], 1.0 - 2 * POOL.balls.radius[0]
     a = 0.2 * 9.81
@@ -97,7 +97,7 @@ def test_recording_changes_no_bit(name):
         assert plain.trajectory is None
 
 
-def test_a_log_longer_than_its_first_room_is_complete():
+def test_a_log_that_exceeds_its_initial_size_is_complete():
     scene = Scene.named("ideal", 15)
     rng = np.random.default_rng(0)
     places, velocities = layouts.draw("random", scene, rng), rng.normal(size=(16, 2)) * 2
@@ -111,33 +111,33 @@ def test_a_log_longer_than_its_first_room_is_complete():
     assert first.n_events >= 100
 
 
-def test_asking_a_shot_that_was_not_recorded_is_refused():
-    with refused("shot.at: the shot was not recorded, expected simulate(..., record=True)"):
+def test_a_shot_without_a_record_has_no_positions_at_other_times():
+    with rejected("shot.at: the shot was not recorded, expected simulate(..., record=True)"):
         simulate(POOL, PLACES, [1.0, 0.0]).at(0.1)
 
 
 @pytest.mark.parametrize("t", [-1e-9, math.nan, math.inf])
-def test_a_time_that_is_none_is_refused(recorded, t):
-    with refused(f"t = {t!r}: expected a finite number of seconds >= 0"):
+def test_a_bad_time_is_rejected(recorded, t):
+    with rejected(f"t = {t!r}: expected a finite number of seconds >= 0"):
         recorded.at(t)
 
 
 # Input
 
 
-def test_one_velocity_is_the_cue_ball_s():
+def test_one_velocity_is_that_of_the_cue_ball():
     one = simulate(POOL, PLACES, [2.0, 0.1], spins=[1.0, 2.0, 3.0])
     all_of_them = simulate(POOL, PLACES, [[2.0, 0.1], [0.0, 0.0]], spins=[[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
     assert np.array_equal(one.positions, all_of_them.positions)
     assert one.time == all_of_them.time
 
 
-def test_with_two_balls_two_velocities_are_not_mistaken_for_one():
+def test_a_velocity_per_ball_is_allowed_for_two_balls():
     shot = simulate(POOL, PLACES, [[0.0, 0.0], [0.0, 0.5]], record=True)
     assert set(shot.events["ball"]) == {1}
 
 
-def test_the_caller_s_arrays_stay_as_they_are():
+def test_a_shot_does_not_change_its_arguments():
     places, velocities, spins = np.array(PLACES), np.array([[1.0, 0.0], [0.0, 1.0]]), np.ones((2, 3))
     playing = np.array([True, True])
     simulate(POOL, places, velocities, spins=spins, in_play=playing)
@@ -147,7 +147,7 @@ def test_the_caller_s_arrays_stay_as_they_are():
     assert playing.all()
 
 
-def test_balls_out_of_play_are_ignored_and_count_as_potted():
+def test_balls_not_in_play_are_ignored_and_reported_as_potted():
     alone = simulate(Scene.named("pool", 0), PLACES[:1], [3.0, 0.0])
     shot = simulate(POOL, PLACES, [3.0, 0.0], in_play=[True, False])
     assert shot.potted.tolist() == [False, True]
@@ -157,7 +157,7 @@ def test_balls_out_of_play_are_ignored_and_count_as_potted():
     assert np.array_equal(elsewhere.positions[0], alone.positions[0])
 
 
-def test_results_have_the_types_that_are_promised():
+def test_results_have_the_documented_types():
     shot = simulate(POOL, [[-1, 0], [0, 0]], [1, 0])
     assert (shot.positions.shape, shot.velocities.shape, shot.spins.shape) == ((2, 2), (2, 2), (2, 3))
     assert shot.positions.dtype == shot.velocities.dtype == shot.spins.dtype == np.float64
@@ -166,7 +166,7 @@ def test_results_have_the_types_that_are_promised():
     assert (type(shot.first_hit), type(shot.n_contact_rule)) == (int, int)
 
 
-def test_spin_is_zero_where_the_motion_knows_none():
+def test_spin_is_zero_if_the_motion_has_no_spin():
     physics = Physics(motion="rolling", cushion="restitution")
     assert not simulate(Scene(Balls.uniform(1), physics=physics), [[0, 0]], [1, 0], max_time=0.1).spins.any()
     rolling = simulate(Scene.named("carom", 0), [[0, 0]], [1, 0], max_time=0.5)
@@ -202,28 +202,28 @@ def test_spin_is_zero_where_the_motion_knows_none():
         ({"max_time": math.inf}, "max_time = inf: expected a number from 0 to 1e+12 s"),
     ],
 )
-def test_bad_shots_are_refused(arguments, message):
-    with refused(message):
+def test_bad_shots_are_rejected(arguments, message):
+    with rejected(message):
         simulate(POOL, **{"positions": PLACES, "velocities": [1.0, 0.0], **arguments})
 
 
-def test_obstacles_have_to_be_at_rest():
+def test_fixed_balls_must_be_at_rest():
     scene = Scene(Balls((0.03, 0.03), (0.2, math.inf)))
-    with refused("velocities: ball 1 has an infinite mass: expected it to be at rest"):
+    with rejected("velocities: ball 1 has an infinite mass: expected it to be at rest"):
         simulate(scene, PLACES, [[0.0, 0.0], [0.0, 0.1]])
-    with refused("spins: ball 1 has an infinite mass: expected it to be at rest"):
+    with rejected("spins: ball 1 has an infinite mass: expected it to be at rest"):
         simulate(scene, PLACES, [0.0, 0.0], spins=[[0.0] * 3, [0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize("motion", ["ideal", "rolling"])
-def test_spins_are_refused_where_the_motion_knows_none(motion):
+def test_spins_are_rejected_if_the_motion_has_no_spin(motion):
     scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
-    with refused(f"spins with physics.motion = '{motion}': expected None, only sliding balls spin"):
+    with rejected(f"spins with physics.motion = '{motion}': expected None, only sliding balls spin"):
         simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("max_events", [-1, 1.5, True, None])
-def test_a_limit_on_events_that_is_no_whole_number_is_refused(max_events):
+def test_a_limit_on_events_must_be_a_whole_number(max_events):
     scene = Scene.named("ideal")
     places = [[-0.5, 0.0], [0.0, 0.0]]
     with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):

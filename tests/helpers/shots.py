@@ -1,22 +1,23 @@
-"""Scenes, random shots and checks that several tests of the engine use."""
+"""Scenes, random shots and checks for the tests of the engines."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
 from billiards_env import Scene, layouts
 from billiards_env.engine.shots import STATUS
-from billiards_env.physics import state as layout
+from billiards_env.physics import state as columns
 from billiards_env.scene import Balls, Physics, Table
 
-R = 0.03125  # exact in binary, as is the spin of a rolling ball
+R = 0.03125  # m; a power of two, so multiples of it are exact
 FREE = {"motion": "ideal", "cushion": "restitution", "e_ball": 1.0, "e_cushion": 1.0, "max_time": 10.0}
 ROLLING = {"motion": "rolling", "cushion": "restitution", "e_ball": 1.0}
 SLIDING = {"motion": "sliding", "e_ball": 1.0}
 SQUARE = Table(64.0, 64.0)
-ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
+BALL_ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit")
 SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
 
 WORLDS = {
@@ -32,16 +33,17 @@ WORLDS = {
 
 
 def world(n, physics, table=SQUARE, mass=None, **changes):
-    """A scene of n balls on a table that is too large to matter."""
+    """Returns a scene of n balls; the default table is too large for cushion contacts."""
     return Scene(Balls((R,) * n, mass or (0.2,) * n), table, Physics(**{**physics, **changes}))
 
 
 def kinds(shot):
+    """Returns (kind, ball, other) of each event of a recorded shot."""
     return [(e["kind"], e["ball"], e["other"]) for e in shot.events]
 
 
 def draw_shot(seed):
-    """A random shot: (scene, positions, velocities, spins)."""
+    """Returns a random shot: (scene, positions, velocities, spins)."""
     rng = np.random.default_rng(seed)
     name = sorted(WORLDS)[rng.integers(len(WORLDS))]
     arrangement, n = [("random", rng.integers(1, 8)), ("tight_rack", 15), ("tight_rack", 6), ("rack", 10)][
@@ -49,51 +51,95 @@ def draw_shot(seed):
     ]
     scene = Scene.named(name if name in ("carom", "ideal", "pooltool_carom") else "pool", int(n))
     scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **WORLDS[name]))
-    places = layouts.draw(arrangement, scene, rng)
+    positions = layouts.draw(arrangement, scene, rng)
     velocities, spins = np.zeros((scene.n_balls, 2)), None
-    velocities[0] = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0]) + rng.normal(size=2) * 0.03
+    aim = positions[1] - positions[0]
+    velocities[0] = aim / np.linalg.norm(aim) + rng.normal(size=2) * 0.03
     velocities[0] *= rng.uniform(0.5, 8)
     if rng.random() < 0.25:
         velocities = rng.normal(size=velocities.shape)
     if scene.physics.motion == "sliding" and rng.random() < 0.5:
         spins = np.zeros((scene.n_balls, 3))
         spins[0] = rng.normal(size=3) * 50
-    return scene, places, velocities, spins
+    return scene, positions, velocities, spins
 
 
-def at_time(state, phase, t):
-    """(n, 7): position, velocity, slip and z spin of all balls at time t."""
+def check_mirror_images(play, scene, positions, velocities, spins):
+    """Checks that `play` of a mirrored shot returns the mirrored result bit for bit."""
+    shot = play(scene, positions, velocities, spins)
+    for mirror in (np.array([-1.0, 1.0]), np.array([1.0, -1.0]), np.array([-1.0, -1.0])):
+        x, y = mirror
+        mirrored_spins = None if spins is None else spins * [y, x, x * y]  # spin is an axial vector
+        image = play(scene, positions * mirror, velocities * mirror, mirrored_spins)
+        assert np.array_equal(image.positions, shot.positions * mirror)
+        assert np.array_equal(image.velocities, shot.velocities * mirror)
+        assert (image.time, image.n_events) == (shot.time, shot.n_events)
+
+
+def check_renumbering(play, scene, positions, velocities, spins, seed):
+    """Checks that `play` with object balls in random order returns the same result bit for bit."""
+    order = np.r_[0, 1 + np.random.default_rng(seed).permutation(scene.n_balls - 1)]
+    shot = play(scene, positions, velocities, spins)
+    other = play(scene, positions[order], velocities[order], None if spins is None else spins[order])
+    for name in BALL_ARRAYS:
+        assert np.array_equal(getattr(other, name), getattr(shot, name)[order])
+    assert (other.time, other.n_events) == (shot.time, shot.n_events)
+
+
+class Motion(NamedTuple):
+    """The motion of n balls at an instant.
+
+    Attributes:
+        positions: (n, 2) m.
+        velocities: (n, 2) m/s.
+        slips: (n, 2) velocities of the points that touch the cloth, m/s.
+        spins: (n,) spins about the vertical axis, rad/s.
+    """
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    slips: np.ndarray
+    spins: np.ndarray
+
+
+def motion_at(rows, phase, t):
+    """Returns the `Motion` at time t, s, of balls with these rows (n, WIDTH) and phases (n,).
+
+    The spins are those at the times of the rows.
+    """
     dt = np.where(
-        (phase >= layout.SPINNING) & (phase < layout.POTTED), t - state[:, layout.T0] - state[:, layout.T0_LO], 0
+        (phase >= columns.SPINNING) & (phase < columns.POTTED), t - rows[:, columns.T0] - rows[:, columns.T0_LO], 0
     )
-    dt = np.clip(dt, 0, state[:, layout.LASTS])[:, None]
-    a = state[:, [layout.AX, layout.AY]]
-    v, u = state[:, [layout.VX, layout.VY]], state[:, [layout.UX, layout.UY]]
-    slip = np.where((phase == layout.SLIDING)[:, None], u + 3.5 * a * dt, u)
-    return np.hstack([state[:, :2] + dt * (v + 0.5 * dt * a), v + dt * a, slip, state[:, [layout.WZ]]])
+    dt = np.clip(dt, 0, rows[:, columns.LASTS])[:, None]
+    x, v = rows[:, [columns.X, columns.Y]], rows[:, [columns.VX, columns.VY]]
+    a, u = rows[:, [columns.AX, columns.AY]], rows[:, [columns.UX, columns.UY]]
+    slip = np.where((phase == columns.SLIDING)[:, None], u + 3.5 * a * dt, u)
+    return Motion(x + dt * (v + 0.5 * dt * a), v + dt * a, slip, rows[:, columns.WZ])
 
 
-def kinetic_energy(balls, scene):
-    """Kinetic energy, J, with that of the spin about z, which a cushion can turn into motion."""
+def kinetic_energy(motion, scene):
+    """Returns the kinetic energy, J, with that of the spin about z, which a cushion can change into velocity."""
     mass = np.where(np.isinf(scene.balls.mass), 0.0, scene.balls.mass)
-    v, u = balls[:, 2:4], balls[:, 4:6]
-    total = 0.5 * (v**2).sum(axis=1)
+    total = 0.5 * (motion.velocities**2).sum(axis=1)
     if scene.physics.motion == "sliding":
-        total += 0.2 * (((v - u) ** 2).sum(axis=1) + (np.array(scene.balls.radius) * balls[:, 6]) ** 2)
+        rolling = ((motion.velocities - motion.slips) ** 2).sum(axis=1)
+        total += 0.2 * (rolling + (np.array(scene.balls.radius) * motion.spins) ** 2)
     return float(mass @ total)
 
 
 def draw_starts(scene, count, arrangement="random"):
+    """Returns random positions (count, n, 2), and velocities (count, 2) and spins (count, 3) of the cue ball."""
     rng = np.random.default_rng(0)
-    places = np.array([layouts.draw(arrangement, scene, rng) for _ in range(count)])
-    starts = rng.normal(size=(count, 2)) * 2
+    positions = np.array([layouts.draw(arrangement, scene, rng) for _ in range(count)])
+    velocities = rng.normal(size=(count, 2)) * 2
     if arrangement != "random":
-        starts = 4 * (places[:, 1] - places[:, 0])
-    return places, starts, rng.normal(size=(count, 3)) * 20
+        velocities = 4 * (positions[:, 1] - positions[:, 0])
+    return positions, velocities, rng.normal(size=(count, 3)) * 20
 
 
 def check_batch(batch, singles):
-    for name in ARRAYS:
+    """Checks that a batch has the same results as single shots bit for bit."""
+    for name in BALL_ARRAYS:
         assert np.array_equal(getattr(batch, name), [getattr(shot, name) for shot in singles])
     for name in SCALARS:
         assert getattr(batch, name).tolist() == [getattr(shot, name) for shot in singles]

@@ -14,6 +14,6 @@ from billiards_env.physics.ball_ball import pair_impulse
         ((0.25, 1.0), 1.0, (1.2, 3.2)),
     ],
 )
-def test_a_pair_parts_with_restitution(inverse, e, after):
+def test_the_impulse_of_a_pair_follows_masses_and_restitution(inverse, e, after):
     p = pair_impulse(2.0, inverse[0], inverse[1], e)
     assert (2.0 - p * inverse[0], p * inverse[1]) == pytest.approx(after)

@@ -1,4 +1,4 @@
-"""Impacts of several pairs at one instant."""
+"""Simultaneous impacts of several pairs of balls."""
 
 import itertools
 import math
@@ -16,11 +16,12 @@ from billiards_env.physics.complementarity import MOST
 from billiards_env.physics.jit import allocating
 from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
+from tests.helpers.contacts import position_in_contact
 
 
 @allocating
 def fill(first, second, nx, ny, closing, rebound):
-    """`Contacts` of these arrays."""
+    """Returns `Contacts` with these arrays."""
     contacts = empty_contacts(len(first))
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
@@ -29,7 +30,7 @@ def fill(first, second, nx, ny, closing, rebound):
 
 @allocating
 def plastic(first, second, nx, ny, wanted, inv_mass):
-    """Impulses (count,) and changes of velocity (n, 2)."""
+    """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
     contacts, scratch = fill(first, second, nx, ny, wanted, 0.0 * wanted), empty_scratch(n, count)
     scratch.wanted[:, 0], scratch.wanted[:, 1] = wanted, 0.0
@@ -40,7 +41,7 @@ def plastic(first, second, nx, ny, wanted, inv_mass):
 
 @allocating
 def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
-    """Runs `exchange` on balls with these rows; returns the number of contacts that `rebound` raised."""
+    """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
     state = State(rows, np.zeros(len(rows), np.int8))
     scene = SceneArrays(params, inv_mass, inv_mass, np.empty((0, 3)))  # `exchange` does not use the radii
     contacts = fill(first, second, nx, ny, closing, rebound)
@@ -48,7 +49,7 @@ def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
 
 
 def solve(contacts, inverse):
-    """Impulses and changes of velocity for contacts (first, second, angle of the normal, speed of approach)."""
+    """Returns `plastic` for contacts (first, second, angle of the normal, speed of approach)."""
     first, second, angle, closing = (np.array(column) for column in zip(*contacts, strict=True))
     return plastic(
         first.astype(np.int64),
@@ -61,14 +62,14 @@ def solve(contacts, inverse):
 
 
 def opening(contacts, change):
-    """The contacts' speeds of separation after the changes of velocity."""
+    """Returns the speeds of separation of the contacts after the changes of velocity."""
     return np.array(
         [(change[j] - change[i]) @ [math.cos(angle), math.sin(angle)] - closing for i, j, angle, closing in contacts]
     )
 
 
 def flower(leaves, rng):
-    """Contacts of a ball with neighbours around it that touch each other, as in a rack of seven."""
+    """Returns the contacts of a ball with neighbours around it, which touch each other."""
     contacts = [(0, k + 1, k * math.pi / 3, rng.uniform(0.01, 2)) for k in range(leaves)]
     contacts += [(k + 1, k + 2, (k + 2) * math.pi / 3, rng.uniform(0.01, 2)) for k in range(leaves - 1)]
     return contacts
@@ -89,22 +90,29 @@ def test_plastic_impulses_solve_the_complementarity_problem(seed, leaves, fixed)
     assert impulse.any()
 
 
+def shuffled(rng, contacts, n):
+    """Returns a random order of contacts, new numbers of the n balls, and the contacts in that order and numbering."""
+    order, names = rng.permutation(len(contacts)), rng.permutation(n)
+    return order, names, [(int(names[i]), int(names[j]), a, c) for i, j, a, c in (contacts[k] for k in order)]
+
+
 @given(st.integers(0, 10**6), st.integers(2, 6))
 def test_plastic_impulses_do_not_depend_on_the_order(seed, leaves):
     rng = np.random.default_rng(seed)
     contacts = flower(leaves, rng)
     inverse = np.full(leaves + 1, 1 / 0.17)
     impulse, change = solve(contacts, inverse)
-    order = rng.permutation(len(contacts))
-    names = rng.permutation(leaves + 1)
-    other = [(int(names[i]), int(names[j]), a, c) for i, j, a, c in (contacts[k] for k in order)]
+    order, names, other = shuffled(rng, contacts, leaves + 1)
     impulse_again, change_again = solve(other, inverse)
     assert impulse_again == pytest.approx(impulse[order], rel=1e-15, abs=1e-25)
     assert change_again[names] == pytest.approx(change, rel=1e-15, abs=1e-25)
 
 
 def triangle(rows):
-    """Number of balls and contacts (first, second, angle) of a frozen rack; from four rows on more than it needs."""
+    """Returns the number of balls and the contacts (first, second, angle) of a frozen rack.
+
+    From four rows on there are more contacts than degrees of freedom.
+    """
     places = [(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)]
     angles = {
         (i, j): math.atan2(places[j][1] - places[i][1], places[j][0] - places[i][0])
@@ -116,48 +124,47 @@ def triangle(rows):
 
 
 @pytest.mark.parametrize("rows", [4, 5, 8])
-@pytest.mark.parametrize("alike", [True, False])
-def test_racks_with_more_contacts_than_they_need_are_solved_alike_in_any_order(rows, alike):
+@pytest.mark.parametrize("equal", [True, False])
+def test_racks_with_redundant_contacts_have_the_same_solution_in_any_order(rows, equal):
     n, frozen = triangle(rows)
-    within = 1e-12 if rows < 8 else 1e-11  # what 2000 sweeps of the descent reach
-    assert (len(frozen) <= MOST) == (rows < 8)  # few are solved directly, many by descent
+    within = 1e-12 if rows < 8 else 1e-11  # the accuracy of 2000 sweeps of the descent
+    assert (len(frozen) <= MOST) == (rows < 8)  # a small problem is solved directly, a large one by descent
     for seed in range(20 if rows < 8 else 3):
         rng = np.random.default_rng(seed)
         contacts = [(*contact, rng.uniform(0.01, 2)) for contact in frozen]
-        inverse = np.full(n, 1 / 0.17) if alike else rng.uniform(0.5, 5, n)
+        inverse = np.full(n, 1 / 0.17) if equal else rng.uniform(0.5, 5, n)
         impulse, change = solve(contacts, inverse)
         separation = opening(contacts, change)
         assert (impulse >= 0).all()
         assert (separation >= -within).all()
         assert np.abs(impulse * separation).max() <= within
-        order, names = rng.permutation(len(contacts)), rng.permutation(n)
-        other = [(int(names[i]), int(names[j]), a, c) for i, j, a, c in (contacts[k] for k in order)]
+        _, names, other = shuffled(rng, contacts, n)
         renamed = np.empty(n)
         renamed[names] = inverse
         assert solve(other, renamed)[1][names] == pytest.approx(change, rel=1e-15, abs=1e-22)
 
 
 def test_two_contacts_have_a_closed_form():
-    # A ball strikes two that touch, symmetrically: p = m v cos(30) / 2.5, see the plastic solution
+    # A ball hits two balls in contact symmetrically. The plastic impulse is p = m v cos(30) / 2.5.
     contacts = [(0, 1, math.pi / 6, math.cos(math.pi / 6)), (0, 2, -math.pi / 6, math.cos(math.pi / 6))]
     assert solve(contacts, [1.0] * 3)[0] == pytest.approx([math.cos(math.pi / 6) / 2.5] * 2, rel=1e-15)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_of_two_contacts_one_may_open_by_itself(order):
-    # Ball 1 is pushed out from between by ball 0 so fast that it leaves ball 2 behind
+def test_one_of_two_contacts_may_open_without_an_impulse(order):
+    # Ball 0 pushes ball 1 away from ball 2.
     contacts = [(0, 1, 0.0, 5.0), (1, 2, math.pi, 0.1)]
     found, _ = solve([contacts[k] for k in order], [1.0] * 3)
     assert found[list(order)] == pytest.approx([2.5, 0.0])
 
 
-def test_contacts_without_a_ball_in_common_do_not_mix():
+def test_contacts_without_a_common_ball_are_independent():
     contacts = [(0, 1, 0.3, 1.0), (2, 3, 1.0, 2.0), (4, 5, 2.0, 4.0)]
     assert solve(contacts, [1.0] * 6)[0] == pytest.approx([0.5, 1.0, 2.0], rel=1e-15)
 
 
 @given(st.integers(0, 10**6))
-def test_impulses_are_added_up_exactly_in_any_order(seed):
+def test_the_sum_of_impulses_is_the_same_bit_for_bit_in_any_order(seed):
     rng = np.random.default_rng(seed)
     drawn = flower(6, rng)
     count, n = len(drawn), 7
@@ -172,7 +179,7 @@ def test_impulses_are_added_up_exactly_in_any_order(seed):
         assert done.all()
         results.append(dv)
     assert np.array_equal(*results)
-    assert not results[0].sum(axis=0).any()  # momentum, to the last bit
+    assert not results[0].sum(axis=0).any()  # momentum is exactly zero
     plain = np.zeros((n, 2))
     for i, j, x, y, p in zip(first, second, nx, ny, impulse, strict=True):
         plain[i] -= p * np.array([x, y])
@@ -184,22 +191,18 @@ def test_impulses_are_added_up_exactly_in_any_order(seed):
 
 
 def cluster(rng, n):
-    """Places, radii and inverse masses of n balls, each in contact with one or two others, and the pairs in contact."""
+    """Returns positions and inverse masses of n balls, each in contact with one or two others, and the pairs in contact."""
     radius, inverse = rng.uniform(0.01, 0.04, n), 10.0 ** rng.uniform(-2, 2, n)
     places = [np.zeros(2)]
     while len(places) < n:
         k = len(places)
         a, b = rng.integers(k), rng.integers(k)
         reach, other = radius[a] + radius[k], radius[b] + radius[k]
-        line = places[b] - places[a]
-        far = math.hypot(*line)
-        if a != b and abs(reach - other) < far < reach + other and rng.random() < 0.9:
-            along = (far * far + reach * reach - other * other) / (2 * far)
-            across = math.sqrt(max(0.0, reach * reach - along * along)) * rng.choice([-1, 1])
-            place = places[a] + (along * line + across * np.array([-line[1], line[0]])) / far
-        else:
-            angle = rng.uniform(0, 2 * math.pi)
-            place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
+        angle = rng.uniform(0, 2 * math.pi)
+        place = places[a] + reach * np.array([math.cos(angle), math.sin(angle)])
+        if a != b and rng.random() < 0.9:
+            both = position_in_contact(rng, places[a], places[b], reach, other)
+            place = place if both is None else both
         if all(math.dist(place, q) > radius[k] + radius[m] - 1e-12 for m, q in enumerate(places)):
             places.append(place)
     places = np.array(places)
@@ -208,7 +211,7 @@ def cluster(rng, n):
 
 
 def collided(places, velocities, inverse, pairs, e, rebound):
-    """Velocities after the impacts of those pairs that approach."""
+    """Returns the velocities after the impacts of those pairs that approach."""
     state = np.zeros((len(places), WIDTH))
     state[:, [VX, VY]] = velocities
     rows = []
@@ -228,29 +231,36 @@ def collided(places, velocities, inverse, pairs, e, rebound):
     return state[:, [VX, VY]]
 
 
+def check_renumbering(rng, places, velocities, inverse, pairs, e, least, found):
+    """Checks that `collided` returns the velocities `found` bit for bit with balls and contacts in random order."""
+    names, order = rng.permutation(len(places)), rng.permutation(len(pairs))
+    back = np.argsort(names)
+    renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
+    again = collided(places[names], velocities[names], inverse[names], renamed, e, least[order])
+    assert np.array_equal(again, found[names])
+
+
 @given(st.integers(0, 2**32), st.integers(3, 30), st.floats(0, 1), st.booleans())
-def test_numbering_changes_no_bits(seed, n, e, rebounds):
-    """The coupling of two contacts was a product of three factors whose order depended on the numbering."""
+def test_the_order_of_balls_and_contacts_changes_no_bit(seed, n, e, rebounds):
+    """The coupling of two contacts was once a product of factors whose order depended on the numbers of the balls."""
     rng = np.random.default_rng(seed)
     places, inverse, pairs = cluster(rng, n)
     velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.6)
     least = rng.uniform(0, 0.1, len(pairs)) * rebounds
     found = collided(places, velocities, inverse, pairs, e, least)
-    names, order = rng.permutation(n), rng.permutation(len(pairs))
-    back = np.argsort(names)
-    renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
-    again = collided(places[names], velocities[names], inverse[names], renamed, e, least[order])
-    assert np.array_equal(again, found[names])
+    check_renumbering(rng, places, velocities, inverse, pairs, e, least, found)
     for mirror in ([1, -1], [-1, 1]):
         mirrored = collided(places * mirror, velocities * mirror, inverse, pairs, e, least)
         assert np.array_equal(mirrored, found * mirror)
 
 
 def exact_row(masses, velocities, e):
-    """Velocities after the impact of balls in a row that all touch, as fractions: the best of all sets of contacts."""
+    """Returns the exact velocities after the impact of a row of balls in contact: the best of all sets of contacts."""
     n = len(masses)
     best = None
-    for closed in itertools.product([False, True], repeat=n - 1):  # which neighbours have one velocity after it
+    for closed in itertools.product(
+        [False, True], repeat=n - 1
+    ):  # the pairs that have equal velocities after the plastic impact
         after, k = list(velocities), 0
         while k < n:
             m = k
@@ -283,8 +293,8 @@ def exact_row(masses, velocities, e):
         ([1, 1, 0, 0, 1], [1.0, 0.5, 0.25, -0.125, -1.0]),
     ],
 )
-def test_extreme_mass_ratios_keep_every_digit(heavy, velocities, ratio, e):
-    """1 - a^2 cancelled: at a ratio of 1e16 a sign was wrong."""
+def test_extreme_mass_ratios_lose_no_digits(heavy, velocities, ratio, e):
+    """With a ratio of 1e16 a velocity once had the wrong sign, because 1 - a^2 was computed with cancellation."""
     mass = [math.sqrt(ratio) if h else 1 / math.sqrt(ratio) for h in heavy]
     inverse = 1.0 / np.array(mass)
     n = len(mass)
@@ -295,7 +305,7 @@ def test_extreme_mass_ratios_keep_every_digit(heavy, velocities, ratio, e):
         places, np.stack([velocities, np.zeros(n)], 1), inverse, [(k, k + 1) for k in range(n - 1)], e, np.zeros(n - 1)
     )
     for found, exact in zip(got[:, 0], want, strict=True):
-        # The second term is the rounding of the fastest ball's velocity, for those that come to rest by cancellation.
+        # The second term is the rounding of the largest velocity, for balls that stop by cancellation.
         assert abs(Fraction(found) - exact) <= abs(exact) * Fraction(1e-14) + Fraction(2.0**-53)
     before, after = (
         sum(m * Fraction(v) ** 2 for m, v in zip(exact_masses, row, strict=True)) for row in (want, got[:, 0])
@@ -304,7 +314,7 @@ def test_extreme_mass_ratios_keep_every_digit(heavy, velocities, ratio, e):
 
 
 @given(st.integers(0, 10**6), st.integers(3, 12), st.floats(0, 1))
-def test_the_least_speed_of_separation_is_reached_and_nothing_approaches(seed, n, e):
+def test_all_contacts_separate_at_least_at_the_minimum_speed(seed, n, e):
     rng = np.random.default_rng(seed)
     places, inverse, pairs = cluster(rng, n)
     velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.6)
@@ -319,20 +329,16 @@ def test_the_least_speed_of_separation_is_reached_and_nothing_approaches(seed, n
 
 
 @pytest.mark.parametrize("rows", [4, 5, 8])
-@pytest.mark.parametrize("alike", [True, False])
+@pytest.mark.parametrize("equal", [True, False])
 @pytest.mark.parametrize("e", [0.0, 0.95, 1.0])
-def test_renumbering_a_frozen_rack_changes_no_bits(rows, alike, e):
-    """A rack has more contacts than it needs, so that its impulses are not unique; its velocities are."""
+def test_the_order_of_a_frozen_rack_changes_no_bit(rows, equal, e):
+    """The contacts of a rack are redundant: the impulses are not unique, but the velocities are."""
     spots = np.array([(c - r / 2, r * math.sqrt(0.75)) for r in range(rows) for c in range(r + 1)])
     n, frozen = triangle(rows)
     pairs = [(i, j) for i, j, _ in frozen]
     for seed in range(20 if rows < 8 else 3):
         rng = np.random.default_rng(seed)
         velocities = rng.normal(size=(n, 2))
-        inverse = np.full(n, 1 / 0.17) if alike else rng.uniform(0.5, 5, n)
+        inverse = np.full(n, 1 / 0.17) if equal else rng.uniform(0.5, 5, n)
         found = collided(spots, velocities, inverse, pairs, e, np.zeros(len(pairs)))
-        names, order = rng.permutation(n), rng.permutation(len(pairs))
-        back = np.argsort(names)
-        renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
-        again = collided(spots[names], velocities[names], inverse[names], renamed, e, np.zeros(len(pairs)))
-        assert np.array_equal(again, found[names])
+        check_renumbering(rng, spots, velocities, inverse, pairs, e, np.zeros(len(pairs)), found)

@@ -23,51 +23,51 @@ def distance_after(t, dx, dy, wx, wy, bx, by):
 # Circles
 
 
-def test_straight_lines_meet_where_geometry_says():
+def test_circles_on_straight_paths_meet_at_the_exact_time():
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == 1.5
     assert circle_time(2.0, 0.3, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == pytest.approx(2 - 0.4, rel=1e-15)
     assert circle_time(2.0, 0.3, 1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
     assert circle_time(2.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
 
 
-def test_a_straight_approach_ends_with_the_interval():
+def test_circles_do_not_meet_after_the_end_of_the_interval():
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 1.5) == 1.5
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 1.4999) == INF
     assert circle_time(2.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.5, 1.0) == INF
 
 
 @pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
-@pytest.mark.parametrize(("beside", "meets"), [(1 - 1e-15, True), (1.0, False), (1 + 1e-15, False)])
-def test_a_graze_is_decided_to_the_last_digit_from_any_distance(far, beside, meets):
-    t = circle_time(far, 0.5 * beside, -1.0, 0.0, 0.0, 0.0, 0.5, 2 * far)
+@pytest.mark.parametrize(("offset", "meets"), [(1 - 1e-15, True), (1.0, False), (1 + 1e-15, False)])
+def test_a_graze_is_decided_to_the_last_digit_from_any_distance(far, offset, meets):
+    t = circle_time(far, 0.5 * offset, -1.0, 0.0, 0.0, 0.0, 0.5, 2 * far)
     assert (t < INF) == meets
 
 
-def test_touching_circles_meet_at_once_only_if_they_approach():
+def test_touching_circles_meet_at_time_0_only_if_they_approach():
     for acceleration in (0.0, 0.25, -0.25):
         assert circle_time(0.5, 0.0, -1.0, 0.0, acceleration, 0.0, 0.5, 0.1) == 0.0
         assert circle_time(0.5, 0.0, 1.0, 0.0, acceleration, 0.0, 0.5, 0.1) == INF
         assert circle_time(0.5, 0.0, 0.0, 1.0, 0.0, acceleration, 0.5, 0.1) == INF
-    # pressed together from rest, pulled apart from rest
+    # Circles at rest with a relative acceleration.
     assert circle_time(0.5, 0.0, 0.0, 0.0, -1.0, 0.0, 0.5, 9.0) == 0.0
     assert circle_time(0.5, 0.0, 0.0, 0.0, 1.0, 0.0, 0.5, 9.0) == INF
     assert circle_time(0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
 
 
-def test_touching_circles_that_roll_along_each_other_part_unless_they_are_pressed_together():
-    # at v^2 / d the centrifugal term just balances an acceleration towards each other
+def test_touching_circles_with_tangential_velocity_meet_only_if_the_acceleration_exceeds_the_centripetal_one():
+    # The centripetal acceleration is v^2 / d = 2.
     assert circle_time(0.5, 0.0, 0.0, 1.0, -1.9, 0.0, 0.5, 0.1) == INF
     assert circle_time(0.5, 0.0, 0.0, 1.0, -2.1, 0.0, 0.5, 0.1) == 0.0
 
 
 def test_the_known_root_at_zero_is_divided_out():
-    # thrown up and falling back: 2 v / a
+    # The circles move apart and meet again at 2 v / a.
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5, rel=1e-15)
     assert circle_time(0.5, 0.0, 1e-9, 0.0, -4.0, 0.0, 0.5, 9.0) == pytest.approx(0.5e-9, rel=1e-12)
     assert circle_time(0.5, 0.0, 1.0, 0.0, -4.0, 0.0, 0.5, 0.49) == INF
 
 
-def test_a_rounding_sized_overlap_is_a_contact():
+def test_an_overlap_by_rounding_is_a_contact():
     overlap = 0.5 - 1e-16
     assert circle_time(overlap, 0.0, -1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == 0.0
     assert circle_time(overlap, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 9.0) == INF
@@ -83,7 +83,7 @@ def test_touching_circles_that_approach_by_no_more_than_rounding_do_not_meet(acc
     assert circle_time(0.5 + 1e-15, 0.0, -1e-17, 0.0, 0.0, 0.0, 0.5, 1e9, 2e-17) < INF  # they do not touch yet
 
 
-def test_a_decelerating_approach_just_meets_or_just_fails_to():
+def test_whether_decelerating_circles_meet_is_decided_to_12_digits():
     gap = 1.0
     for factor, meets in ((1 + 1e-12, True), (1 - 1e-12, False)):
         v = math.sqrt(2 * 0.1 * gap) * factor
@@ -93,7 +93,7 @@ def test_a_decelerating_approach_just_meets_or_just_fails_to():
 
 
 @given(small, small, small, small, small, small, st.floats(0.05, 0.5), st.floats(0.01, 4))
-def test_nothing_comes_closer_before_the_time_given_and_it_is_a_contact(dx, dy, wx, wy, bx, by, reach, end):
+def test_circles_are_apart_before_the_contact_time_and_touch_at_it(dx, dy, wx, wy, bx, by, reach, end):
     assume(math.hypot(dx, dy) > reach + 1e-3)
     motion = dx, dy, wx, wy, bx, by
     t = circle_time(*motion, reach, end)
@@ -109,7 +109,7 @@ def test_nothing_comes_closer_before_the_time_given_and_it_is_a_contact(dx, dy, 
 
 
 @given(small, small, small, small, small, small)
-def test_mirrored_and_exchanged_circles_meet_at_the_same_time(dx, dy, wx, wy, bx, by):
+def test_mirrored_and_swapped_circles_meet_at_the_same_time(dx, dy, wx, wy, bx, by):
     assume(math.hypot(dx, dy) > 0.3)
     t = circle_time(dx, dy, wx, wy, bx, by, 0.25, 2.0)
     assert circle_time(-dx, dy, -wx, wy, -bx, by, 0.25, 2.0) == t
@@ -126,14 +126,14 @@ def test_mirrored_and_exchanged_circles_meet_at_the_same_time(dx, dy, wx, wy, bx
         (1.0, 2.0, 0.0, 0.5),
         (1.0, -2.0, 0.0, INF),
         (1.0, 0.0, 2.0, 1.0),
-        (1.0, 2.0, -2.0, 1.0),  # arrives as it stops
-        (1.0, 1.99, -2.0, INF),  # stops short
+        (1.0, 2.0, -2.0, 1.0),  # stops at the line
+        (1.0, 1.99, -2.0, INF),  # stops before the line
         (0.75, 2.0, -2.0, 0.5),  # the first of two crossings
         (1.5, -1.0, 1.0, 3.0),  # away and back
         (1.0, -2.0, -1.0, INF),
         (0.0, 1.0, 0.0, 0.0),
         (0.0, 0.0, 1.0, 0.0),  # pressed against it
-        (0.0, 0.0, 0.0, INF),  # along it
+        (0.0, 0.0, 0.0, INF),  # parallel to it
         (0.0, 0.0, -1.0, INF),
         (0.0, -1.0, 0.0, INF),
         (0.0, -1.0, 4.0, 0.5),  # away and back: the root at 0 is divided out
@@ -145,13 +145,13 @@ def test_line_time(gap, v, a, t):
     assert line_time(gap, v, a, 10.0) == t
 
 
-def test_a_line_met_after_the_interval_is_not_met():
+def test_a_line_is_not_met_after_the_end_of_the_interval():
     assert line_time(1.0, 1.0, 0.0, 1.0) == 1.0
     assert line_time(1.0, 1.0, 0.0, 0.999) == INF
     assert line_time(0.0, -1.0, 4.0, 0.4) == INF
 
 
-def test_a_distant_line_loses_no_digits_to_a_small_acceleration():
+def test_a_small_acceleration_loses_no_digits():
     assert line_time(1.0, 1.0, 1e-20, 9.0) == 1.0
     assert line_time(1.0, 1.0, -1e-20, 9.0) == 1.0
     assert line_time(1e-18, 1.0, -4.0, 9.0) == pytest.approx(1e-18, rel=1e-15)

@@ -13,12 +13,18 @@ R = 0.03
 
 
 def bounce(vn, vt, spin, params, rebound=0.0):
-    """Han's impact by the mechanics of a rigid sphere: an impulse P at the contact point changes v by P/m and the spin
-    by r x P / I. Frame: x into the cushion, y along it, z up; spin in rad/s; per unit of mass. Equations 14 to 23.
-    Where the ball would leave more slowly than `rebound`, the squeeze is searched for that makes it leave so fast."""
+    """Computes the impact of Han (2005), equations 14 to 23, by the mechanics of a rigid sphere.
+
+    An impulse P at the contact point changes v by P / m and the spin, rad/s, by r x P / I. The axes are x into the
+    cushion, y along it and z up. If the ball would leave more slowly than `rebound`, m/s, bisection finds the normal
+    impulse for that speed.
+
+    Returns:
+        The normal and tangential velocity, m/s, the spin (3,), and whether the contact point sticks.
+    """
     e, mu, height = params[6], params[7], params[10]
     theta = math.asin(height / R - 1)
-    into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the ball's centre to the contact point
+    into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the centre to the contact point
     up = np.array([-math.sin(theta), 0.0, math.cos(theta)])  # tangents of the contact
     side = np.array([0.0, 1.0, 0.0])
     before = np.array([vn, vt, 0.0])
@@ -61,7 +67,7 @@ def cushion(height=1.27 * R, **physics):
     st.floats(0, 0.5),
     st.sampled_from([0.0, 0.01, 1.0, 10.0]),
 )
-def test_han_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu, rebound):
+def test_han2005_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu, rebound):
     params = cushion(height * R, e_cushion=e, mu_cushion=mu)
     expected = bounce(vn, vt, np.array(spin), params, rebound)
     found = run_han(vn, vt, np.array(spin), params, rebound)
@@ -71,34 +77,34 @@ def test_han_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu, reboun
 
 
 @pytest.mark.parametrize("sticks", [True, False])
-def test_han_s_friction_sticks_or_slides(sticks):
+def test_the_contact_point_sticks_or_slides(sticks):
     params = cushion(e_cushion=0.8, mu_cushion=2.0 if sticks else 0.01)
     assert bounce(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)[3] == sticks
     vn, vt, spin = run_han(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)
     theta = math.asin(0.27)
     up = np.array([-math.sin(theta), 0.0, math.cos(theta)])
     surface = np.array([vn, vt, 0.0]) + np.cross(spin, R * np.array([math.cos(theta), 0.0, math.sin(theta)]))
-    # its vertical velocity, which the table takes up, is missing from the surface's along `up`
+    # Only the horizontal slip is zero, because the table stops the vertical velocity.
     assert (abs(surface[1]) < 1e-14) == sticks
     assert up[0] < 0
 
 
-def test_han_with_the_nose_at_the_centre_and_no_friction_is_restitution():
+def test_han2005_at_the_height_of_the_centre_without_friction_is_restitution():
     vn, vt, spin = run_han(2.0, 1.0, np.array([1.0, 2.0, 3.0]), cushion(R, e_cushion=0.75, mu_cushion=0.0))
     assert (vn, vt) == (-1.5, 1.0)
     assert spin == pytest.approx([1.0, 2.0, 3.0])
 
 
-def test_han_with_a_ball_that_does_not_slip_on_the_nose_divides_by_nothing():
+def test_han2005_without_slip_does_not_divide_by_zero():
     vn, vt, spin = run_han(1.0, 0.0, np.zeros(3), cushion(R, e_cushion=1.0))
     assert (vn, vt) == (-1.0, 0.0)
     assert not spin.any()
 
 
-def test_running_english_speeds_a_ball_up_and_reverse_english_slows_it_down():
+def test_running_english_increases_and_reverse_english_decreases_the_tangential_velocity():
     plain, running, reverse = (run_han(1.0, 1.0, np.array([0.0, 0.0, w]), cushion())[1] for w in (0.0, -100.0, 100.0))
     assert reverse < plain < running
 
 
-def test_a_ball_never_goes_on_into_a_han_cushion():
+def test_a_ball_does_not_continue_into_a_han2005_cushion():
     assert run_han(1.0, 0.0, np.array([0.0, -200.0, 0.0]), cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0))[0] == 0.0

@@ -44,7 +44,7 @@ def params(**physics):
 
 
 def ball(constants, **columns):
-    """The state of one ball at the beginning of its phase, and its row."""
+    """Returns the state of one ball at the start of its phase, and its row."""
     index = {"x": X, "y": Y, "vx": VX, "vy": VY, "ux": UX, "uy": UY, "wz": WZ}
     state = empty_state(1)
     state.rows[:], state.phase[:] = 0.0, REST
@@ -55,7 +55,7 @@ def ball(constants, **columns):
 
 
 def finish(state, constants):
-    """Ends the phase of the ball and begins the next."""
+    """Ends the phase of the ball and starts the next."""
     end_phase(state, 0, later(own_time(state, 0), state.rows[0, LASTS]), constants)
     begin_phase(state, 0, constants)
 
@@ -88,7 +88,7 @@ def test_a_ball_with_spin_alone_spins_until_its_spin_is_zero():
     assert not row[[AX, AY]].any()
 
 
-def test_slip_without_velocity_is_sliding():
+def test_a_ball_with_slip_and_no_velocity_slides():
     state, row = ball(params(), ux=1.0)
     assert state.phase[0] == SLIDING
     assert row[AX] < 0
@@ -157,7 +157,7 @@ def test_after_rolling_a_ball_rests_or_spins_exactly():
 
 
 @pytest.mark.parametrize(("wz", "t", "after"), [(5.0, 0.2, 3.0), (-5.0, 0.2, -3.0), (5.0, 0.5, 0.0), (-5.0, 9.0, 0.0)])
-def test_spin_decays_towards_zero_and_stays_there(wz, t, after):
+def test_spin_decays_to_zero(wz, t, after):
     assert spin_after(wz, t, params()) == pytest.approx(after)
 
 

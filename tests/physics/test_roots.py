@@ -16,7 +16,7 @@ quartic: Any = roots.quartic
 
 
 def expand(leading, roots, pairs=()):
-    """Coefficients from the constant up of leading (t - r) ... ((t - a)^2 + b) ..., exact, then rounded, up to t^4."""
+    """Returns the rounded coefficients, constant first, of leading (t - r) ... ((t - a)^2 + b) ..., up to t^4."""
     coefficients = [Fraction(leading)]
     for factor in [*([-Fraction(r), 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
         product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
@@ -28,7 +28,7 @@ def expand(leading, roots, pairs=()):
 
 
 def value(coefficients, t):
-    """The polynomial's exact value at t."""
+    """Returns the exact value of the polynomial at t."""
     return sum(Fraction(c) * Fraction(t) ** k for k, c in enumerate(coefficients))
 
 
@@ -37,7 +37,7 @@ pairs = st.tuples(sixteenths, st.integers(1, 32).map(lambda k: Fraction(k, 16)))
 
 
 @given(st.lists(sixteenths, max_size=4), st.lists(pairs, max_size=2), st.sampled_from([-2, -1, 1, 3]))
-def test_the_first_root_from_plus_to_minus_is_found_among_known_ones(roots, complex_pairs, leading):
+def test_the_first_root_from_plus_to_minus_is_found(roots, complex_pairs, leading):
     assume(1 <= len(roots) + 2 * len(complex_pairs) <= 4)
     assume(0 not in roots)
     coefficients = expand(leading, roots, complex_pairs)
@@ -48,7 +48,7 @@ def test_the_first_root_from_plus_to_minus_is_found_among_known_ones(roots, comp
     inside = sorted({r for r in roots if 0 < r <= end})
     odd = [r for r in inside if roots.count(r) % 2]
     even = [r for r in inside if roots.count(r) % 2 == 0 and (not odd or r < odd[0])]
-    # A triple root can be met to the cube root of the rounding only, a double one may be seen or not.
+    # The accuracy of a triple root is the cube root of the rounding. A double root may be found or not.
     tolerance = {1: 1e-12, 2: 1e-6, 3: 1e-4, 4: 1e-3}
     wanted = [*odd[:1], *even]
     if found == math.inf:
@@ -58,14 +58,14 @@ def test_the_first_root_from_plus_to_minus_is_found_among_known_ones(roots, comp
 
 
 @given(st.lists(st.floats(-10, 10), min_size=4, max_size=4), st.floats(1e-3, 10), st.integers(0, 4), st.floats(0.01, 5))
-def test_agrees_with_numpy_on_the_roots_of_any_polynomial(high, constant, degree, end):
+def test_roots_agree_with_numpy(high, constant, degree, end):
     coefficients = [constant, *(c if k < degree else 0.0 for k, c in enumerate(high))]
     assume(all(c == 0 or abs(c) > 1e-3 for c in coefficients))
     ascending = np.polynomial.Polynomial(coefficients)
     slope = ascending.deriv()
     found_roots = ascending.trim().roots() if degree else np.array([])
     real = sorted(r.real for r in found_roots if abs(r.imag) < 1e-4 and 0 < r.real <= end + 1e-3)
-    assume(all(abs(slope(r)) > 1e-2 for r in real))  # roots that rounding can neither make nor unmake
+    assume(all(abs(slope(r)) > 1e-2 for r in real))  # rounding can neither add nor remove such roots
     assume(not real or abs(real[0] - end) > 1e-6)
     found = first_descent(*coefficients, end)
     if not real or real[0] > end:
@@ -79,7 +79,7 @@ def test_agrees_with_numpy_on_the_roots_of_any_polynomial(high, constant, degree
     st.integers(-90, 90),
     st.integers(-60, 60),
 )
-def test_scales_of_time_and_length_change_no_digit(high, size, speed):
+def test_powers_of_two_as_units_of_time_and_length_change_no_digit(high, size, speed):
     coefficients = [1.0, *high]
     found = first_descent(*coefficients, 3.0)
     scaled = [math.ldexp(c, size + speed * k) for k, c in enumerate(coefficients)]
@@ -87,7 +87,7 @@ def test_scales_of_time_and_length_change_no_digit(high, size, speed):
 
 
 @pytest.mark.parametrize("leading", [0.0, 1e-300, -1e-300, 1e-40, -1e-40, 1e-17])
-def test_leading_coefficients_that_all_but_vanish_do_no_harm(leading):
+def test_tiny_leading_coefficients_are_harmless(leading):
     assert first_descent(1.0, -2.0, 0.0, 0.0, leading, 3.0) == pytest.approx(0.5, rel=1e-15)
     assert first_descent(1.0, -2.0, 0.0, leading, 0.0, 3.0) == pytest.approx(0.5, rel=1e-15)
     assert first_descent(1.0, -2.0, leading, 0.0, 0.0, 3.0) == pytest.approx(0.5, rel=1e-15)
@@ -104,35 +104,35 @@ def test_leading_coefficients_that_all_but_vanish_do_no_harm(leading):
         (1.0, -3.0, 3.0, -1.0, 0.0),  # (1 - t)^3
     ],
 )
-def test_a_root_at_the_interval_s_end_counts_and_one_behind_it_does_not(coefficients):
+def test_a_root_at_the_end_of_the_interval_counts_and_a_later_root_does_not(coefficients):
     assert first_descent(*coefficients, 1.0) == pytest.approx(1.0, abs=1e-5)
     assert first_descent(*coefficients, 0.999) == math.inf
 
 
-def test_the_end_of_the_interval_is_sharp_to_the_last_digit():
+def test_the_end_of_the_interval_is_exact():
     assert first_descent(1.0, -1.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(1.0, rel=2e-16)
     assert first_descent(1.0, -1.0, 0.0, 0.0, 0.0, math.nextafter(1.0, 0.0)) == math.inf
 
 
 def test_a_double_root_just_below_and_just_above_zero():
-    # (t - 1)^2 -+ 1e-8, and the same shape on a quartic
+    # (t - 1)^2 -+ 1e-8 and (t^2 - 1)^2 -+ 1e-8
     assert first_descent(1.0 - 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == pytest.approx(1 - 1e-4, rel=1e-9)
     assert first_descent(1.0 + 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == math.inf
     assert first_descent(1.0 - 1e-8, 0.0, -2.0, 0.0, 1.0, 3.0) == pytest.approx(math.sqrt(1 - 1e-4), rel=1e-9)
     assert first_descent(1.0 + 1e-8, 0.0, -2.0, 0.0, 1.0, 3.0) == math.inf
 
 
-def test_an_inflection_with_level_tangent_does_not_end_the_search():
-    # (1 - t)^3 (3 - t) has a triple root; 1 - (t - 1)^3 is level at 1 and falls through zero at 2
+def test_an_inflection_with_zero_slope_does_not_end_the_search():
+    # 1 - (t - 1)^3 has zero slope at 1 and the root 2; (1 - t)^3 (3 - t) has a triple root
     assert first_descent(2.0, -3.0, 3.0, -1.0, 0.0, 3.0) == pytest.approx(2.0, rel=1e-15)
     assert first_descent(3.0, -10.0, 12.0, -6.0, 1.0, 2.0) == pytest.approx(1.0, abs=1e-4)
-    # the quartic minimum (t - 1)^4 - 1/16: the derivative's only root is triple
+    # (t - 1)^4 -+ 1/16: the only root of the derivative is triple
     assert first_descent(0.9375, -4.0, 6.0, -4.0, 1.0, 3.0) == pytest.approx(0.5, rel=1e-14)
     assert first_descent(1.0625, -4.0, 6.0, -4.0, 1.0, 3.0) == math.inf
 
 
-def test_the_second_of_two_dips_is_found():
-    # a maximum at 0, dips about +-1 for symmetry's sake, moved to the right; only the second dip reaches zero
+def test_a_root_at_the_second_of_two_minima_is_found():
+    # A quartic with a maximum at 1.5 and two minima; only the second minimum is below zero.
     coefficients = [float(c) for c in (np.polynomial.Polynomial([-1.5, 1]) ** 2 - 0.5) ** 2]
     coefficients[0] += 0.05 + 0.1 * 1.5
     coefficients[1] -= 0.1
@@ -142,13 +142,13 @@ def test_the_second_of_two_dips_is_found():
     assert quartic(*coefficients, 0.8) > 0
 
 
-def test_a_level_start_is_no_descent():
+def test_a_slope_of_zero_at_the_start_is_not_a_root():
     assert first_descent(1.0, 0.0, 0.0, 0.0, 0.0, 9.0) == math.inf
     assert first_descent(1.0, 0.0, 1.0, -1.0, 0.0, 9.0) == pytest.approx(1.4655712318767680, rel=1e-14)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
-def test_roots_are_found_to_the_last_digits_whatever_their_size(root, other):
+def test_roots_of_all_sizes_are_accurate(root, other):
     # (1 - t/root)(1 + t/other)
     c1 = 1 / other - 1 / root
     c2 = -1 / (root * other)
@@ -159,8 +159,8 @@ def test_roots_are_found_to_the_last_digits_whatever_their_size(root, other):
     assert found == pytest.approx(exact, rel=1e-14 * condition)
 
 
-def test_a_bracketed_root_is_met_from_either_side():
+def test_a_bracketed_root_is_found_for_both_signs_of_the_slope():
     assert bracketed_root(-2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0) == pytest.approx(math.sqrt(2), rel=2e-16)
     assert bracketed_root(2.0, 0.0, -1.0, 0.0, 0.0, 0.0, 2.0) == pytest.approx(math.sqrt(2), rel=2e-16)
-    # Newton alone would leave the bracket: level at 0
+    # The slope at 0 is zero, so a Newton step would leave the bracket.
     assert bracketed_root(1e-9, 0.0, 0.0, -1.0, 0.0, 0.0, 2.0) == pytest.approx(1e-3, rel=1e-12)

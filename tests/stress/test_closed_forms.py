@@ -1,4 +1,4 @@
-"""Shots whose end can be written down."""
+"""Shots with closed-form results."""
 
 from __future__ import annotations
 
@@ -10,37 +10,36 @@ from reference.stress.scenes import R, ideal, kinds, rough, run
 G, SLIDE, ROLL = 9.81, 0.2, 0.01
 
 
-def test_a_rolling_ball_passes_its_velocity_to_the_next():
-    """Two like elastic rolling balls: what is left of v after the gap goes on in the second ball."""
+def test_an_elastic_rolling_ball_passes_its_velocity_to_another():
     scene = rough(1.0, 1.0, motion="rolling", mu_roll=ROLL, e_ball=1.0)
     gap, v = 0.5, 0.4
     shot = run(scene, [[-gap - 2 * R, 0.0], [0.0, 0.0]], [v, 0.0])
-    left = v * v / (2 * ROLL * G) - gap  # the way still to go
+    left = v * v / (2 * ROLL * G) - gap  # distance that ball 1 rolls
     assert kinds(shot) == [("ball_ball", 0, 1), ("rolling_rest", 1, -1)]
     assert shot.positions[:, 0] == pytest.approx([-2 * R, left], rel=1e-14)
     assert shot.time == pytest.approx(v / (ROLL * G), rel=1e-14)
 
 
 @pytest.mark.parametrize("e", [0.5, 0.9, 1.0])
-def test_a_chain_of_two_rolling_balls_with_restitution(e):
+def test_a_collision_of_two_rolling_balls_with_restitution(e):
     scene = rough(1.0, 1.0, motion="rolling", mu_roll=ROLL, e_ball=e, length=8.0)
     gap, v = 0.25, 0.5
     shot = run(scene, [[-gap - 2 * R, 0.0], [0.0, 0.0]], [v, 0.0])
-    square = v * v - 2 * ROLL * G * gap  # of the speed at the impact
+    square = v * v - 2 * ROLL * G * gap  # speed at the impact, squared
     ways = [square * ((1 + sign * e) / 2) ** 2 / (2 * ROLL * G) for sign in (-1, 1)]
     assert shot.positions[:, 0] == pytest.approx([-2 * R + ways[0], ways[1]], rel=1e-13, abs=1e-16)
 
 
-def test_a_sliding_ball_stuns_another_and_both_roll_out():
-    """Ball 0 slides all the way to ball 1; there it keeps its spin alone, which draws it on."""
+def test_a_sliding_ball_hits_another_and_both_slide_and_roll():
+    """Ball 0 slides up to ball 1. After the impact only its spin remains, which accelerates it again."""
     scene = rough(1.0, 1.0, e_ball=1.0, length=64.0, mu_roll=ROLL, mu_slide=SLIDE)
     gap, v = 0.25, 3.0
     shot = run(scene, [[-gap - 2 * R, 0.0], [0.0, 0.0]], [v, 0.0])
     a = SLIDE * G
     hit = np.sqrt(v * v - 2 * a * gap)  # speed at the impact, after (v - hit) / a seconds of sliding
-    surface = 2.5 * (v - hit)  # R omega, what the sliding has made of the spin
+    surface = 2.5 * (v - hit)  # R omega, from the sliding
 
-    def way(speed: float) -> float:  # of a ball that slides until it rolls at `speed`, in the direction it then has
+    def way(speed: float) -> float:  # of a rolling ball that starts at `speed`
         return speed * speed / (2 * ROLL * G)
 
     rolled_0, rolled_1 = 2 / 7 * surface, 5 / 7 * hit
@@ -51,12 +50,12 @@ def test_a_sliding_ball_stuns_another_and_both_roll_out():
 
 
 def test_ten_thousand_bounces_follow_the_unfolded_straight_line():
-    """Mirrored at every cushion, the path in a rectangle is one straight line (the unfolding of billiards)."""
+    """If the rectangle is mirrored at every bounce, the path is one straight line (unfolding of billiards)."""
     scene = ideal(1.0, max_time=1e9)
     rng = np.random.default_rng(3)
     start, velocity = rng.uniform(-0.5, 0.5, 2), rng.uniform(0.5, 2.0, 2)
     room = np.array([2.0, 1.0]) - R
-    # As many bounces as the line crosses images of the cushions.
+    # The number of bounces is the number of images of cushions that the line crosses.
     time = 10_000 / (velocity / (2 * room)).sum()
     shot = run(scene, [start], velocity, max_time=time)
     line = start + velocity * time

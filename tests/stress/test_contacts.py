@@ -1,4 +1,4 @@
-"""Balls in contact: racks, cradles, wedges, pressed balls. Momentum, energy, symmetry, and an end to every shot."""
+"""Balls in contact: racks, cradles, wedges, pressed balls. All shots end and keep momentum, energy and symmetry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INF = math.inf
 
 
 def cluster(name: str) -> tuple[list[float], np.ndarray, np.ndarray]:
-    """Masses, places and velocities of a cluster that is hit; the last ball does the hitting."""
+    """Returns the masses, positions and velocities of a cluster and of the balls that hit it."""
     if name == "rack":
         places = np.vstack([triangle(5), [0.5 - 2 * R - 0.25, 0.01]])
         return [1.0] * 16, places, np.array([[0.0, 0.0]] * 15 + [[4.0, 0.0]])
@@ -36,17 +36,18 @@ def cluster(name: str) -> tuple[list[float], np.ndarray, np.ndarray]:
     return [1.0, 2.0, INF, 1.0], places, np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, -3.0]])
 
 
-CLUSTERS = ["rack", "unequal rack", "cradle", "three at one instant", "squeezed", "beside an obstacle"]
+CLUSTERS = ["rack", "unequal rack", "cradle", "three at one instant", "squeezed", "fixed ball"]
 
 
-def shuffled(name: str, order: np.ndarray, e: float) -> tuple[Scene, np.ndarray, np.ndarray]:
+def reordered(name: str, order: np.ndarray, e: float) -> tuple[Scene, np.ndarray, np.ndarray]:
+    """Returns the scene, positions and velocities of a cluster with its balls in another order."""
     masses, places, velocities = cluster(name)
     scene = ideal(*(masses[i] for i in order), e_ball=e, max_time=0.4)
     return scene, places[order], velocities[order]
 
 
 def orders(name: str) -> list[np.ndarray]:
-    """A few numberings; ball 0 has a finite mass in each."""
+    """Returns a few orders of the balls; ball 0 has a finite mass in each."""
     masses = cluster(name)[0]
     rng = np.random.default_rng(0)
     drawn = [np.arange(len(masses))[::-1], *(rng.permutation(len(masses)) for _ in range(20))]
@@ -55,8 +56,8 @@ def orders(name: str) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
 @pytest.mark.parametrize("name", CLUSTERS)
-def test_a_cluster_keeps_momentum_and_no_more_than_its_energy(name, e):
-    scene, places, velocities = shuffled(name, np.arange(len(cluster(name)[0])), e)
+def test_a_cluster_conserves_momentum_and_gains_no_energy(name, e):
+    scene, places, velocities = reordered(name, np.arange(len(cluster(name)[0])), e)
     shot = run(scene, places, velocities)
     assert len(kinds(shot, "ball_ball")) >= 2
     assert kinds(shot, "cushion") == []
@@ -72,12 +73,12 @@ def test_a_cluster_keeps_momentum_and_no_more_than_its_energy(name, e):
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("name", CLUSTERS)
-def test_the_numbering_of_the_balls_does_not_matter(name, e):
+def test_the_order_of_the_balls_changes_no_result(name, e):
     usual = np.arange(len(cluster(name)[0]))
-    want = simulate(*shuffled(name, usual, e))
+    want = simulate(*reordered(name, usual, e))
     for order in orders(name):
-        got = simulate(*shuffled(name, order, e))
-        # Bit for bit, unless impacts follow each other so closely that rounding decides which comes first.
+        got = simulate(*reordered(name, order, e))
+        # Equal bit for bit, unless rounding decides which of two close impacts is first.
         close = 1e-14 if name == "unequal rack" else 0.0
         assert got.positions == pytest.approx(want.positions[order], rel=0, abs=close)
         assert got.velocities == pytest.approx(want.velocities[order], rel=0, abs=close)
@@ -86,8 +87,8 @@ def test_the_numbering_of_the_balls_does_not_matter(name, e):
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("mirror", [[-1, 1], [1, -1], [-1, -1]])
 @pytest.mark.parametrize("name", CLUSTERS)
-def test_a_mirrored_cluster_goes_the_mirrored_way(name, mirror, e):
-    scene, places, velocities = shuffled(name, orders(name)[0], e)
+def test_a_mirrored_cluster_has_the_mirrored_result(name, mirror, e):
+    scene, places, velocities = reordered(name, orders(name)[0], e)
     want = simulate(scene, places, velocities)
     got = simulate(scene, places * mirror, velocities * mirror)
     assert np.array_equal(got.positions, want.positions * mirror)
@@ -95,7 +96,7 @@ def test_a_mirrored_cluster_goes_the_mirrored_way(name, mirror, e):
 
 
 @pytest.mark.parametrize("mirror", [[-1, 1], [1, -1]])
-def test_a_mirrored_break_goes_the_mirrored_way_bit_for_bit(mirror):
+def test_a_mirrored_break_has_the_mirrored_result_bit_for_bit(mirror):
     scene = Scene.named("pool", 15)
     radius = scene.balls.radius[0]
     places = np.vstack([[-0.6, 0.02], triangle(5, 0.635, radius)])
@@ -104,8 +105,8 @@ def test_a_mirrored_break_goes_the_mirrored_way_bit_for_bit(mirror):
     assert np.array_equal(got.positions, want.positions * mirror)
 
 
-def test_a_frozen_symmetric_rack_breaks_symmetrically():
-    scene, places, velocities = shuffled("rack", np.arange(16), 1.0)
+def test_a_symmetric_break_of_a_frozen_rack_is_symmetric():
+    scene, places, velocities = reordered("rack", np.arange(16), 1.0)
     places[-1, 1] = 0.0
     shot = run(scene, places, velocities)
     by_place = {(round(x, 6), round(y, 6)): k for k, (x, y) in enumerate(places)}
@@ -121,7 +122,7 @@ def test_newtons_cradle_with_gaps_passes_the_velocity_on():
 
 @pytest.mark.parametrize("where", [[2.0 - R, 0.0], [2.0 - R, 1.0 - R], [0.0, R - 1.0]])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-def test_a_ball_frozen_to_cushions_is_hit(where, e):
+def test_a_hit_on_a_ball_frozen_to_cushions_ends_at_rest(where, e):
     scene = rough(1.0, 1.0, e_ball=e, e_cushion=e)
     for start in ([0.5, 0.3], [-1.0, -0.2]):
         aim = np.array(where) - start
@@ -132,7 +133,7 @@ def test_a_ball_frozen_to_cushions_is_hit(where, e):
 
 @pytest.mark.parametrize("e_ball", [0.0, 0.3, 0.95, 1.0])
 @pytest.mark.parametrize("e_cushion", [0.0, 0.5, 1.0])
-def test_a_ball_wedged_between_an_obstacle_and_a_cushion_comes_free_or_to_rest(e_ball, e_cushion):
+def test_a_shot_with_a_ball_between_a_fixed_ball_and_a_cushion_ends(e_ball, e_cushion):
     scene = ideal(1.0, INF, e_ball=e_ball, e_cushion=e_cushion)
     shot = run(scene, [[2.0 - R, 0.0], [2.0 - 3 * R, 0.0]], [1.0, 0.25])
     assert shot.status in ("rest", "max_time")
@@ -141,7 +142,7 @@ def test_a_ball_wedged_between_an_obstacle_and_a_cushion_comes_free_or_to_rest(e
 
 @pytest.mark.parametrize("motion", ["rolling", "sliding"])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
-def test_a_ball_at_rest_between_two_others_is_squeezed_by_both(motion, e):
+def test_a_ball_between_two_approaching_balls_stays_in_place(motion, e):
     scene = rough(1.0, 1.0, 1.0, motion=motion, e_ball=e)
     places = [[-2 * R, 0.0], [0.0, 0.0], [2 * R, 0.0]]
     shot = run(scene, places, [[1.0, 0.0], [0.0, 0.0], [-1.0, 0.0]])
@@ -153,17 +154,17 @@ def test_a_ball_at_rest_between_two_others_is_squeezed_by_both(motion, e):
 @pytest.mark.parametrize("spin", [50.0, 300.0])
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("cushion", ["restitution", "han2005"])
-def test_a_top_spinning_ball_pressed_against_a_cushion_ends(cushion, e, spin):
+def test_top_spin_that_presses_a_ball_against_a_cushion_ends_at_rest(cushion, e, spin):
     scene = rough(1.0, cushion=cushion, e_cushion=e)
     shot = run(scene, [[2.0 - R, 0.0]], [1e-3, 0.0], [0.0, spin, 0.0])
     assert shot.status == "rest"
-    # Pressed for the time of its slip at most, it leaves the cushion for a contact time each time.
+    # The bounces last one contact time each, and friction presses the ball while it slips.
     assert shot.n_events < 100 + 2 * (spin * R / (3.5 * 0.2 * 9.81)) / 2e-4
 
 
 @pytest.mark.parametrize("spin", [50.0, 300.0])
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
-def test_a_top_spinning_ball_pressed_against_a_ball_ends(e, spin):
+def test_top_spin_that_presses_a_ball_against_another_ends_at_rest(e, spin):
     scene = rough(1.0, 1.0, e_ball=e)
     shot = run(scene, [[0.0, 0.0], [2 * R, 0.0]], [1e-3, 0.0], [0.0, spin, 0.0])
     assert shot.status == "rest"
@@ -171,8 +172,8 @@ def test_a_top_spinning_ball_pressed_against_a_ball_ends(e, spin):
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.5, 0.9])
-def test_inelastic_collapse_of_a_row_ends(e):
-    # Below e = 7 - 4 sqrt(3) = 0.07 three balls collapse, more balls at a higher e (McNamara and Young 1992).
+def test_the_inelastic_collapse_of_a_row_ends(e):
+    # Three balls collapse if e < 7 - 4 sqrt(3) = 0.07, more balls also with a larger e (McNamara and Young 1992).
     places = [[0.125 * k - 0.7, 0.0] for k in range(12)]
     velocities = [[1.0 if k < 6 else -1.0, 0.0] for k in range(12)]
     shot = run(ideal(*[1.0] * 12, e_ball=e, max_time=2.0), places, velocities)
@@ -181,14 +182,14 @@ def test_inelastic_collapse_of_a_row_ends(e):
     assert momentum(ideal(*[1.0] * 12), shot.velocities) == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
-def test_the_rule_says_when_it_has_acted_and_leaves_ordinary_shots_alone():
+def test_acts_of_the_contact_time_rule_are_counted_and_ordinary_shots_have_none():
     pressed = run(rough(1.0, e_cushion=0.0), [[2.0 - R, 0.0]], [1e-3, 0.0], [0.0, 100.0, 0.0])
     assert pressed.n_contact_rule > 0
     ordinary = run(rough(1.0, 1.0), [[0.0, 0.0], [1.0, 0.01]], [3.0, 0.0])
     assert ordinary.n_contact_rule == 0
 
 
-def test_balls_placed_an_overlap_of_the_contact_gap_apart_only_touch():
+def test_an_overlap_up_to_the_contact_gap_is_a_contact():
     scene = ideal(1.0, 1.0, max_time=0.5)
     shot = simulate(scene, [[0.0, 0.0], [2 * R - 0.9 * CONTACT_GAP, 0.0]], [1.0, 0.0], record=True)
     assert kinds(shot) == [("ball_ball", 0, 1)]

@@ -1,4 +1,4 @@
-"""What must hold after very many collisions: energy, momentum, the way back, the count of pi, the growth of errors."""
+"""Long runs: conservation laws, time reversal, the collisions that count digits of pi, the growth of errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PI_DIGITS = [math.floor(math.pi * 10**k) for k in range(6)]
 def check_drift(disks: int, collisions: int) -> None:
     found = measure.drift(disks, collisions)
     assert found["collisions"] >= collisions
-    # Rounding adds up like a random walk, or at worst in step; both stay below.
+    # Rounding adds up like a random walk; the limits also cover errors of one sign.
     assert found["energy_drift"] < 2e-16 * found["events"]
     assert found["momentum_drift"] < 1e-16 * found["collisions"]
     assert found["momentum_of_one_collision"] < 1e-15
@@ -23,13 +23,13 @@ def check_drift(disks: int, collisions: int) -> None:
 
 
 @pytest.mark.parametrize("disks", [2, 16, 100])
-def test_elastic_collisions_keep_energy_and_momentum(disks):
+def test_elastic_collisions_conserve_energy_and_momentum(disks):
     check_drift(disks, 2000)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("disks", [2, 16, 100])
-def test_a_million_elastic_collisions_keep_energy_and_momentum(disks):
+def test_a_million_elastic_collisions_conserve_energy_and_momentum(disks):
     check_drift(disks, 1_000_000)
 
 
@@ -42,12 +42,12 @@ def check_reversal(seeds: range) -> None:
     assert max(ratios) < 100
 
 
-def test_reversed_velocities_lead_back_but_for_the_amplified_roundoff():
+def test_a_reversed_gas_returns_to_its_start_up_to_amplified_roundoff():
     check_reversal(range(10))
 
 
 @pytest.mark.slow
-def test_reversed_velocities_lead_back_from_a_thousand_gases():
+def test_a_thousand_reversed_gases_return_to_their_starts():
     check_reversal(range(1000))
 
 
@@ -64,18 +64,18 @@ def test_colliding_blocks_count_more_digits_of_pi(k, wall):
     assert measure.blocks(k, wall) == PI_DIGITS[k]
 
 
-def test_the_lyapunov_exponent_is_that_of_the_sensitivity():
+def test_two_trajectories_and_the_sensitivity_have_the_same_lyapunov_exponent():
     runs = [measure.lyapunov(seed) for seed in range(6)]
     two, one = (np.mean([run[name] for run in runs]) for name in ("two_trajectories", "sensitivity"))
     assert two == pytest.approx(one, rel=0.1)
-    assert all(run["two_trajectories"] > 1 for run in runs)  # chaos
+    assert all(run["two_trajectories"] > 1 for run in runs)  # chaotic
 
 
-def test_a_gas_goes_as_the_reference_until_roundoff_has_grown_to_a_thousandth_of_a_radius():
+def test_a_gas_agrees_with_the_reference_until_roundoff_has_grown_to_a_thousandth_of_the_radius():
     scene = measure.gas(16)
     found = measure.predictability(scene, *measure.gas_state(scene, np.random.default_rng(0)), 100)
     errors, predicted = np.array(found["errors"]), np.array(found["predicted"][: found["agree"]])
     close = predicted < 1e-3 * 0.03
     assert 30 < close.sum() < found["agree"]
     assert (errors[close] < 100 * predicted[close]).all()
-    assert errors[found["agree"] - 1] > 1e-6  # where the sequences part, the error has been amplified
+    assert errors[found["agree"] - 1] > 1e-6  # the error is large where the sequences of events diverge

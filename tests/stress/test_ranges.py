@@ -1,4 +1,4 @@
-"""Shots with numbers from the corners of their ranges: they end, with balls on the table and finite numbers."""
+"""Shots with numbers at the ends of their ranges end with balls on the table and finite numbers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from billiards_env.checks import RANGES
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.simulation import simulate
 
-MOST = 2000  # events
+MAX_EVENTS = 2000
 Shot = tuple[Scene, np.ndarray, np.ndarray, np.ndarray | None]
 
 
 def pick(rng: np.random.Generator, key: str, least: float = 0.0, most: float = math.inf) -> float:
-    """A number of a range, often one of its ends."""
+    """Returns a number of a range, often one of its ends."""
     low, high, *_ = RANGES[key]
     assert high is not None
     low, high = max(low, least, 1e-12), min(high, most)
@@ -25,7 +25,7 @@ def pick(rng: np.random.Generator, key: str, least: float = 0.0, most: float = m
 
 
 def corner(seed: int) -> Shot | None:
-    """A shot of 1 to 4 balls; None if they find no room."""
+    """Returns a shot of 1 to 4 balls; None if there is no room for them."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 5))
     sides = np.array([pick(rng, "length", 4e-4), pick(rng, "length", 4e-4)])
@@ -73,6 +73,7 @@ def corner(seed: int) -> Shot | None:
 
 
 def check(shot: Any, scene: Scene, engine: str) -> None:
+    """Checks that the results are finite and, with PIC, that all balls are on the table."""
     for name in ("positions", "velocities", "spins", "time"):
         assert np.isfinite(getattr(shot, name)).all(), name
     room = np.array([scene.table.length, scene.table.width]) / 2 - np.array(scene.balls.radius)[:, None]
@@ -87,12 +88,12 @@ def test_shots_within_the_ranges_end_on_the_table(seed):
         if drawn is None:
             continue
         scene, places, velocities, spins = drawn
-        check(simulate(scene, places, velocities, spins=spins, max_events=MOST), scene, "pic")
+        check(simulate(scene, places, velocities, spins=spins, max_events=MAX_EVENTS), scene, "pic")
         rng = np.random.default_rng(seed)
         dt = pick(rng, "dt", least=1e-3)
         fix = str(rng.choice(["push_apart", "move_back", "none"]))
         limit = min(1e5 * dt, scene.physics.max_time or math.inf)
         pit = simulate(
-            scene, places, velocities, spins=spins, max_events=MOST, mode="pit", dt=dt, fix=fix, max_time=limit
+            scene, places, velocities, spins=spins, max_events=MAX_EVENTS, mode="pit", dt=dt, fix=fix, max_time=limit
         )
         check(pit, scene, "pit")

@@ -1,0 +1,101 @@
+"""PIC has the same results, bit for bit, with both of its queues and with the simple queue of `reference.plain`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.engine import modes, pic
+from billiards_env.scene import Balls, Physics, Table
+from reference import plain
+from reference.stress import draw, families
+from tests.helpers.engine_runs import run
+
+CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
+ORDINARY = [name for name in families.FAMILIES if name != "wild"]
+
+
+def check(shots, engines=(CELL_GRID, PLAIN), **options):
+    """Checks that these engines have the same results and logs as `pic.run_shots`."""
+    expected = run(pic.run_shots, shots, **options)
+    for engine in engines:
+        for found, array in zip(run(engine, shots, **options), expected, strict=True):
+            assert np.array_equal(found, array)
+
+
+def lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):
+    """Returns one shot of n moving balls on a lattice; the balls cover a `share` of the table, or are in contact."""
+    rng = np.random.default_rng(seed)
+    radius = rng.choice(radii, n)
+    pitch = 2 * max(radii) if frozen else max(radii) * np.sqrt(np.pi / share)
+    side = int(np.ceil(np.sqrt(n)))
+    positions = pitch * (np.stack(np.divmod(np.arange(n), side), axis=1) - (side - 1) / 2)
+    elastic = {"e_ball": 1.0, "e_cushion": 1.0, "max_time": 1.0} if motion == "ideal" else {}
+    scene = Scene(
+        Balls(tuple(radius.tolist()), (0.2,) * n),
+        Table(pitch * side, pitch * side),
+        Physics(motion=motion, cushion="restitution", **elastic),
+    )
+    return scene, positions[None], rng.normal(size=(1, n, 2)), None
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_ordinary_shots_are_equal(name):
+    check(families.FAMILIES[name](np.random.default_rng(7), 40 if "15-ball" in name else 300))
+
+
+@pytest.mark.parametrize("name", ORDINARY)
+def test_logs_of_ordinary_shots_are_equal(name):
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        check(families.FAMILIES[name](rng, 1), record=True)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_wild_shots_are_equal(seed):
+    shots = families.FAMILIES["wild"](np.random.default_rng(seed), 8)
+    if shots is not None:
+        check(shots, record=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(families.FAMILIES))
+def test_many_shots_are_equal(name):
+    for seed in range(200 if name == "wild" else 20):
+        shots = families.FAMILIES[name](np.random.default_rng([1, seed]), 20 if name == "wild" else 100)
+        if shots is not None:
+            check(shots)
+
+
+@pytest.mark.parametrize("motion", ["ideal", "rolling", "sliding"])
+@pytest.mark.parametrize("radii", [(0.03,), (0.01, 0.03), (0.002, 0.05)])
+def test_shots_of_many_balls_are_equal(motion, radii):
+    for seed, n in enumerate((2, 65, 150)):
+        check(lattice(n, seed, radii, motion), engines=[CELL_GRID], record=True)
+
+
+def test_shots_of_a_frozen_block_are_equal():
+    for seed in range(3):
+        check(lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
+
+
+@pytest.mark.parametrize("limit", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
+def test_shots_that_reach_a_limit_are_equal(limit):
+    check(lattice(80, 5), engines=[CELL_GRID], **limit)
+    for name in ("pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks"):
+        check(families.FAMILIES[name](np.random.default_rng(9), 3), record=True, **limit)
+
+
+def test_shots_of_balls_in_contact_at_rest_are_equal():
+    for seed in range(20):
+        rng = np.random.default_rng([2, seed])
+        scene = draw.wild_scene(rng)
+        positions = draw.layouts(scene, rng, 5, frozen=0.9)
+        if positions is not None:
+            check((scene, positions, np.zeros_like(positions), None))
+
+
+def test_the_number_of_balls_selects_the_queue():
+    assert modes.engine_of("pic", modes.MANY_BALLS - 1) is pic.run_shots
+    assert modes.engine_of("pic", modes.MANY_BALLS) is pic.run_shots_of_many
