@@ -28,6 +28,7 @@ import numpy as np
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import cases, run, summary
 from billiards_env.files import write_json
+from billiards_env.simulation import simulate_batch
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -117,7 +118,7 @@ def work(scale: float) -> None:
     every = cases(scale)
     digests = []
     for case in every:
-        result = run(case, 1)
+        result = simulate_batch(case.scene, case.positions, case.velocities, threads=1)
         arrays = (result.positions, result.velocities, result.spins, result.time, result.n_events)
         digests.append(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest())
     print(json.dumps(digests), flush=True)
@@ -212,7 +213,7 @@ def main(arguments: list[str] | None = None) -> None:
     if args.worker is not None:
         work(args.worker)
         return
-    check_counts(parser, repeats=args.repeats)
+    check_counts(parser, args, repeats=1)
     if not 0 < args.scale <= 100:
         parser.error(f"--scale = {args.scale}: expected a number in (0, 100]")
     result = measure(args.repeats, args.scale)

@@ -13,19 +13,21 @@ import argparse
 import math
 from collections.abc import Callable
 from pathlib import Path
+from time import thread_time
 from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from benchmarks import RESULTS, check_counts, machine, machine_line, others, print_blocks, table
-from benchmarks.ablation import RunShots, run
 from benchmarks.convergence import PIT_STYLES
 from benchmarks.figures import IMAGES, save
 from benchmarks.methods import LEAST_SECONDS, PIC, Floats, Method, run_all, timer
-from benchmarks.speed import Case
 from billiards_env.engine import pic
-from billiards_env.engine.modes import MANY_BALLS
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.log import empty_log
+from billiards_env.engine.modes import MANY_BALLS, MAX_EVENTS, scene_arrays
+from billiards_env.engine.shots import empty_shots
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, Table
 
@@ -73,12 +75,20 @@ def label(method: Method) -> str:
     return method.name + (f", 1/{method.steps} s" if method.steps else "")
 
 
-def kernel_timer(engine: RunShots, scene: Scene, positions: Floats, velocities: Floats) -> Callable[[], float]:
-    """Returns a function that runs shots by a `run_shots` without checks and returns the processor time per shot, s."""
+def kernel_timer(
+    engine: Callable[..., None], scene: Scene, positions: Floats, velocities: Floats
+) -> Callable[[], float]:
+    """Returns a function that runs shots by a `run_shots` and returns the processor time per shot, s."""
+    arrays, log = tuple(scene_arrays(scene)), tuple(empty_log())
 
     def call(copies: int = 1) -> float:
         many = np.tile(positions, (copies, 1, 1)), np.tile(velocities, (copies, 1, 1))
-        return run(engine, Case("", scene, *many))[0] / len(many[0])
+        m = len(many[0])
+        shots = empty_shots(m, scene.n_balls)
+        limit = check_shot(scene, *many, None, None, None, shots).limit
+        begin = thread_time()
+        engine(0, m, arrays, limit, MAX_EVENTS, tuple(shots), log)
+        return (thread_time() - begin) / m
 
     call()  # compiles
     copies = max(1, round(LEAST_SECONDS / (call() * len(positions))))

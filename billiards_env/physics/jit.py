@@ -1,4 +1,4 @@
-"""Decorators that compile functions with numba: strict IEEE arithmetic, and a cache on disk that no edit makes outdated.
+"""Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
 `kernel`, `inlined`, `merged` and `allocating` are for functions that compiled functions call, `entry_point` for those
 that Python calls. They use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher,
