@@ -20,6 +20,9 @@ from billiards_env.physics.state import (
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
     SceneArrays,
     X,
     Y,
@@ -79,8 +82,8 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
             pairs = 0
         for i in range(n):
             x, y = positions[k, i, X], positions[k, i, Y]
-            vx, vy = velocities[k, i, 0], velocities[k, i, 1]
-            wx, wy, wz = spins[k, i, 0], spins[k, i, 1], spins[k, i, 2]
+            vx, vy = velocities[k, i, X], velocities[k, i, Y]
+            wx, wy, wz = spins[k, i, SPIN_X], spins[k, i, SPIN_Y], spins[k, i, SPIN_Z]
             speed, spin = max(abs(vx), abs(vy)), max(max(abs(wx), abs(wy)), abs(wz))
             if inv_mass[i] == 0.0 and max(speed, spin) > 0.0:
                 return False

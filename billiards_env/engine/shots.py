@@ -10,7 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.physics.jit import inlined
-from billiards_env.physics.state import MOTION, POTTED, REST, SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, X, Y
+from billiards_env.physics.state import (
+    CUE_BALL,
+    MOTION,
+    POTTED,
+    REST,
+    SLIDING_AND_ROLLING,
+    SPIN_X,
+    SPIN_Y,
+    SPIN_Z,
+    UX,
+    UY,
+    VX,
+    VY,
+    WZ,
+    X,
+    Y,
+)
 
 STATUS = ("rest", "max_time", "event_limit", "step_limit")
 """Names of the reasons for which a shot ends."""
@@ -80,17 +96,17 @@ def load(k, shots, scene, state):
     for i in range(len(state.phase)):
         s = state.rows[i]
         s[:] = 0.0
-        s[X], s[Y] = shots.positions[k, i, 0], shots.positions[k, i, 1]
+        s[X], s[Y] = shots.positions[k, i, X], shots.positions[k, i, Y]
         shots.cushions[k, i], shots.cushions_before_hit[k, i] = 0, -1
         if not shots.in_play[k, i]:
             state.phase[i] = POTTED
             continue
         state.phase[i] = REST
-        s[VX], s[VY] = shots.velocities[k, i, 0], shots.velocities[k, i, 1]
+        s[VX], s[VY] = shots.velocities[k, i, X], shots.velocities[k, i, Y]
         if slips:
-            s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, 1]
-            s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, 0]
-            s[WZ] = shots.spins[k, i, 2]
+            s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, SPIN_Y]
+            s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, SPIN_X]
+            s[WZ] = shots.spins[k, i, SPIN_Z]
     shots.n_events[k], shots.status[k], shots.first_hit[k], shots.n_contact_rule[k] = 0, AT_REST, -1, 0
 
 
@@ -100,22 +116,22 @@ def store(k, shots, scene, state):
     slips = scene.params[MOTION] == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
-        shots.positions[k, i, 0], shots.positions[k, i, 1] = s[X], s[Y]
-        shots.velocities[k, i, 0], shots.velocities[k, i, 1] = s[VX], s[VY]
+        shots.positions[k, i, X], shots.positions[k, i, Y] = s[X], s[Y]
+        shots.velocities[k, i, X], shots.velocities[k, i, Y] = s[VX], s[VY]
         shots.in_play[k, i] = state.phase[i] != POTTED
         if slips:
-            shots.spins[k, i, 0] = (s[UY] - s[VY]) / scene.radius[i]
-            shots.spins[k, i, 1] = (s[VX] - s[UX]) / scene.radius[i]
-            shots.spins[k, i, 2] = s[WZ]
+            shots.spins[k, i, SPIN_X] = (s[UY] - s[VY]) / scene.radius[i]
+            shots.spins[k, i, SPIN_Y] = (s[VX] - s[UX]) / scene.radius[i]
+            shots.spins[k, i, SPIN_Z] = s[WZ]
 
 
 @inlined
 def count_hit(k, i, j, shots):
     """Counts an impact of balls i and j: the cue ball's first hit, and its first hit of ball j."""
-    if min(i, j) != 0:
+    if min(i, j) != CUE_BALL:
         return
     other = max(i, j)
     if shots.first_hit[k] < 0:
         shots.first_hit[k] = other
     if shots.cushions_before_hit[k, other] < 0:
-        shots.cushions_before_hit[k, other] = shots.cushions[k, 0]
+        shots.cushions_before_hit[k, other] = shots.cushions[k, CUE_BALL]

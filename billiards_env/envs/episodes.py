@@ -15,7 +15,7 @@ from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, sce
 from billiards_env.envs.action_frames import shorten
 from billiards_env.envs.tasks import TASKS, Outcome, judge
 from billiards_env.physics.jit import entry_point, kernel
-from billiards_env.physics.state import X, Y
+from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Balls, Scene
 
 # Columns of `Episodes.tally`.
@@ -328,5 +328,5 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
             if success:
                 tally[k, SUCCESS] = 1
             progress.over[k] = decided or tally[k, SHOTS_LEFT] == 0
-            rewards[k] = points - rules.scratch_penalty if potted[k, 0] else float(points)
+            rewards[k] = points - rules.scratch_penalty if potted[k, CUE_BALL] else float(points)
         observe(k, rules, progress, observations)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import choose
 from billiards_env.physics.jit import kernel
-from billiards_env.physics.state import X, Y
+from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 
 TASKS = ("pot", "carom", "three_cushion", "sum_to_three", "place")
@@ -123,7 +123,7 @@ def judge_pot(k, targets, outcome):
                 cleared = False
             elif not outcome.potted_before[k, i]:
                 points += 1
-    scratch = outcome.potted[k, 0]
+    scratch = outcome.potted[k, CUE_BALL]
     return points, cleared or scratch, cleared and not scratch
 
 
@@ -134,7 +134,7 @@ def judge_carom(k, targets, outcome):
     A shot that pots the cue ball scores 0 points. Decided if any ball is potted, because a potted ball cannot be
     touched again. Otherwise the episode continues, with or without a point.
     """
-    success, over = not outcome.potted[k, 0], False
+    success, over = not outcome.potted[k, CUE_BALL], False
     for i in range(len(targets)):
         if targets[i] and outcome.cushions_before_hit[k, i] < 0:
             success = False
@@ -165,7 +165,7 @@ def judge_sum_to_three(k, targets, outcome):
     This is the game of pooltool and of LightZero's zoo/pooltool (Niu et al. 2023). Contacts before and after the hit
     count. Never decided: the episode continues, with or without a point.
     """
-    total = outcome.cushions[k, 0] + outcome.cushions[k, 1]
+    total = outcome.cushions[k, CUE_BALL] + outcome.cushions[k, 1]
     success = outcome.cushions_before_hit[k, 1] >= 0 and total == 3
     return (1 if success else 0), False, success
 
@@ -185,5 +185,5 @@ def judge_place(k, targets, outcome):
     dx = outcome.positions[k, 0, X] - outcome.goals[k, 0, X]
     dy = outcome.positions[k, 0, Y] - outcome.goals[k, 0, Y]
     near = dx * dx + dy * dy <= PLACE_RADIUS * PLACE_RADIUS
-    success = near and (touched or not left) and not outcome.potted[k, 0]
-    return (1 if success else 0), success or outcome.potted[k, 0], success
+    success = near and (touched or not left) and not outcome.potted[k, CUE_BALL]
+    return (1 if success else 0), success or outcome.potted[k, CUE_BALL], success

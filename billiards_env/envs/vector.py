@@ -19,6 +19,7 @@ from billiards_env.envs.arguments import check_options
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.physics.state import CUE_BALL
 
 Bools = NDArray[np.bool_]
 
@@ -317,7 +318,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             "first_hit": shots.first_hit.copy(),
             "cushions": shots.cushions.copy(),
             "potted": potted,
-            "scratch": potted[:, 0].copy(),
+            "scratch": potted[:, CUE_BALL].copy(),
             "points": tally[:, POINTS].copy(),
             "score": tally[:, SCORE].copy(),
             "shots_left": tally[:, SHOTS_LEFT].copy(),

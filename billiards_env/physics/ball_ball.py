@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
-from billiards_env.physics.double_double import add
+from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
 
@@ -33,10 +33,10 @@ def _exchange_many(count, contacts, state, scene, scratch):
     """`exchange` for more than one contact."""
     e, wanted = scene.params[E_BALL], scratch.wanted
     for c in range(count):
-        wanted[c, 0] = wanted[c, 1] = 0.0
+        wanted[c, HI] = wanted[c, LO] = 0.0
         if contacts.closing[c] > 0.0:
             speed, speed_lo = separation_speed(contacts, c, state)
-            wanted[c, 0], wanted[c, 1] = -speed, -speed_lo
+            wanted[c, HI], wanted[c, LO] = -speed, -speed_lo
     solve_plastic(count, contacts, scene.inv_mass, scratch)
     apply_changes(count, e, contacts, state, scene, scratch)
     acts = 0
@@ -46,7 +46,7 @@ def _exchange_many(count, contacts, state, scene, scratch):
             acts += 1
         elif speed < 0.0:
             speed = speed_lo = 0.0  # the rounding of a plastic impact
-        wanted[c, 0], wanted[c, 1] = add(contacts.rebound[c], 0.0, -speed, -speed_lo)
+        wanted[c, HI], wanted[c, LO] = add(contacts.rebound[c], 0.0, -speed, -speed_lo)
     if acts > 0:
         solve_plastic(count, contacts, scene.inv_mass, scratch)
         apply_changes(count, 0.0, contacts, state, scene, scratch)

@@ -16,9 +16,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.physics.complementarity import MOST, Problem, empty_problem, solve_complementarity
-from billiards_env.physics.double_double import add, multiply, two_product, two_sum
+from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
 from billiards_env.physics.jit import allocating, inlined, kernel
-from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
+from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
+
+# Columns of `Scratch.change`: changes of velocity along x and y, double-double, m/s.
+DVX, DVX_LO, DVY, DVY_LO = 0, 1, 2, 3
 
 _SWEEPS = 2000  # of the descent, at most
 # Of the largest speed of approach. A velocity that small is the rounding of terms that cancel, and is zero.
@@ -64,7 +67,7 @@ class Scratch(NamedTuple):
     Attributes:
         wanted: (most, 2) float64, double-double: by how much each contact's speed of separation is to rise, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
-        change: (n, 4) float64, double-double: changes of velocity along x and y, m/s.
+        change: (n, 4) float64, changes of velocity, see the columns above.
         problem: The `Problem` of up to `MOST` contacts.
         descent: (4, most) float64, of `_descend`.
         dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
@@ -133,14 +136,14 @@ def _solve_directly(count, contacts, inv_mass, scratch):
     """Computes the plastic impulses by `solve_complementarity`. Returns whether that succeeds."""
     problem, impulse, wanted = scratch.problem, scratch.impulse, scratch.wanted
     for c in range(count):
-        problem.b[c, 0], problem.b[c, 1] = wanted[c, 0], wanted[c, 1]
+        problem.b[c, HI], problem.b[c, LO] = wanted[c, HI], wanted[c, LO]
         for k in range(c + 1):
             value, value_lo = _coupling(contacts, c, k, inv_mass)
-            problem.a[c, k, 0], problem.a[c, k, 1] = value, value_lo
-            problem.a[k, c, 0], problem.a[k, c, 1] = value, value_lo
+            problem.a[c, k, HI], problem.a[c, k, LO] = value, value_lo
+            problem.a[k, c, HI], problem.a[k, c, LO] = value, value_lo
     found = solve_complementarity(count, problem)
     for c in range(count):
-        impulse[c, 0], impulse[c, 1] = problem.x[c, 0], problem.x[c, 1]
+        impulse[c, HI], impulse[c, LO] = problem.x[c, HI], problem.x[c, LO]
     return found
 
 
@@ -166,7 +169,7 @@ def _descend(count, contacts, inv_mass, scratch):
                 term = abs(_coupling(contacts, c, k, inv_mass)[0]) * (scale[c] * scale[k])
                 row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # a sum of such is exact in any order
         bound = max(bound, row)
-        largest = max(largest, wanted[c, 0] * scale[c])
+        largest = max(largest, wanted[c, HI] * scale[c])
     theta = 1.0
     for _ in range(_SWEEPS):
         sum_impulses(count, contacts, point, scale, inv_mass, dv, done)
@@ -174,7 +177,7 @@ def _descend(count, contacts, inv_mass, scratch):
         for c in range(count):
             i, j = first[c], second[c]
             done[i] = done[j] = False
-            opening = nx[c] * (dv[j, 0] - dv[i, 0]) + ny[c] * (dv[j, 1] - dv[i, 1]) - wanted[c, 0]
+            opening = nx[c] * (dv[j, X] - dv[i, X]) + ny[c] * (dv[j, Y] - dv[i, Y]) - wanted[c, HI]
             new = max(0.0, point[c] - opening * scale[c] / bound)
             step[c] = new - last[c]
             last[c] = new
@@ -191,7 +194,7 @@ def _descend(count, contacts, inv_mass, scratch):
         for c in range(count):
             point[c] = last[c] + momentum * step[c]
     for c in range(count):
-        scratch.impulse[c, 0], scratch.impulse[c, 1] = last[c] * scale[c], 0.0
+        scratch.impulse[c, HI], scratch.impulse[c, LO] = last[c] * scale[c], 0.0
 
 
 @kernel
@@ -222,7 +225,7 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
     largest = 0.0
     for c in range(count):
         for k in (first[c], second[c]):
-            dv[k, 0] = dv[k, 1] = 0.0
+            dv[k, X] = dv[k, Y] = 0.0
             done[k] = False
         largest = max(largest, abs(impulse[c] * scale[c]))
     quantum = _quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
@@ -230,15 +233,15 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
         p = impulse[c] * scale[c]
         px, py = (p * contacts.nx[c] + quantum) - quantum, (p * contacts.ny[c] + quantum) - quantum
         i, j = first[c], second[c]
-        dv[i, 0] -= px
-        dv[i, 1] -= py
-        dv[j, 0] += px
-        dv[j, 1] += py
+        dv[i, X] -= px
+        dv[i, Y] -= py
+        dv[j, X] += px
+        dv[j, Y] += py
     for c in range(count):
         for k in (first[c], second[c]):
             if not done[k]:
-                dv[k, 0] *= inv_mass[k]
-                dv[k, 1] *= inv_mass[k]
+                dv[k, X] *= inv_mass[k]
+                dv[k, Y] *= inv_mass[k]
                 done[k] = True
 
 
@@ -261,11 +264,11 @@ def solve_plastic(count, contacts, inv_mass, scratch):
     for c in range(count):
         for k in (contacts.first[c], contacts.second[c]):
             sign = -1.0 if k == contacts.first[c] else 1.0
-            p, p_lo = multiply(impulse[c, 0], impulse[c, 1], sign * inv_mass[k], 0.0)
+            p, p_lo = multiply(impulse[c, HI], impulse[c, LO], sign * inv_mass[k], 0.0)
             x, x_lo = multiply(p, p_lo, contacts.nx[c], 0.0)
             y, y_lo = multiply(p, p_lo, contacts.ny[c], 0.0)
-            change[k, 0], change[k, 1] = add(change[k, 0], change[k, 1], x, x_lo)
-            change[k, 2], change[k, 3] = add(change[k, 2], change[k, 3], y, y_lo)
+            change[k, DVX], change[k, DVX_LO] = add(change[k, DVX], change[k, DVX_LO], x, x_lo)
+            change[k, DVY], change[k, DVY_LO] = add(change[k, DVY], change[k, DVY_LO], y, y_lo)
 
 
 @inlined
@@ -294,13 +297,13 @@ def apply_changes(count, factor, contacts, state, scene, scratch):
     change, scale, done = scratch.change, scratch.dv, scratch.done
     largest = 0.0
     for c in range(count):
-        largest = max(largest, scratch.wanted[c, 0])
-        scale[contacts.first[c], 0] = scale[contacts.second[c], 0] = 0.0
+        largest = max(largest, scratch.wanted[c, HI])
+        scale[contacts.first[c], X] = scale[contacts.second[c], X] = 0.0
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
         both = inv_mass[i] + inv_mass[j]
-        scale[i, 0] = max(scale[i, 0], inv_mass[i] / both)
-        scale[j, 0] = max(scale[j, 0], inv_mass[j] / both)
+        scale[i, X] = max(scale[i, X], inv_mass[i] / both)
+        scale[j, X] = max(scale[j, X], inv_mass[j] / both)
     times, times_lo = two_sum(1.0, factor)
     for c in range(count):
         for k in (contacts.first[c], contacts.second[c]):
@@ -308,9 +311,9 @@ def apply_changes(count, factor, contacts, state, scene, scratch):
                 continue
             done[k] = True
             s = state.rows[k]
-            residue = _RESIDUE * (largest * scale[k, 0])
-            x, x_lo = multiply(change[k, 0], change[k, 1], times, times_lo)
-            y, y_lo = multiply(change[k, 2], change[k, 3], times, times_lo)
+            residue = _RESIDUE * (largest * scale[k, X])
+            x, x_lo = multiply(change[k, DVX], change[k, DVX_LO], times, times_lo)
+            y, y_lo = multiply(change[k, DVY], change[k, DVY_LO], times, times_lo)
             s[VX], s[VY] = _changed(s[VX], x, x_lo, residue), _changed(s[VY], y, y_lo, residue)
             if params[MOTION] == SLIDING_AND_ROLLING:
                 s[UX], s[UY] = _changed(s[UX], x, x_lo, residue), _changed(s[UY], y, y_lo, residue)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.physics.double_double import add, divide, multiply, two_product, two_sum
+from billiards_env.physics.double_double import HI, LO, add, divide, multiply, two_product, two_sum
 from billiards_env.physics.jit import allocating, inlined, kernel
 
 MOST = 48
@@ -81,21 +81,21 @@ def _factorise(m, problem, shift):
     a, factor, pivot, row, index = problem.a, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
         for j in range(i + 1):
-            s, e = a[index[i], index[j], 0], a[index[i], index[j], 1]
+            s, e = a[index[i], index[j], HI], a[index[i], index[j], LO]
             if j == i:
                 s, e = add(s, e, shift * s, 0.0)
             for k in range(j):
-                if row[k, 0] != 0.0:  # most contacts share no ball
+                if row[k, HI] != 0.0:  # most contacts share no ball
                     s, e = _subtract_product(s, e, row[k], factor[j, k])
             s, e = two_sum(s, e)
             if j < i:
-                row[j, 0], row[j, 1] = s, e
-                factor[i, j, 0], factor[i, j, 1] = 0.0, 0.0
+                row[j, HI], row[j, LO] = s, e
+                factor[i, j, HI], factor[i, j, LO] = 0.0, 0.0
                 if s != 0.0:
-                    factor[i, j, 0], factor[i, j, 1] = divide(s, e, pivot[j, 0], pivot[j, 1])
+                    factor[i, j, HI], factor[i, j, LO] = divide(s, e, pivot[j, HI], pivot[j, LO])
             else:
-                pivot[i, 0], pivot[i, 1] = s, e
-        if not pivot[i, 0] > (_SINGULAR if shift == 0.0 else 0.0) * a[index[i], index[i], 0]:
+                pivot[i, HI], pivot[i, LO] = s, e
+        if not pivot[i, HI] > (_SINGULAR if shift == 0.0 else 0.0) * a[index[i], index[i], HI]:
             return False
     return True
 
@@ -105,16 +105,16 @@ def _substitute(m, problem):
     """Solves for the m unknowns in `index` with the factors at hand; x holds the result."""
     b, x, factor, pivot, row, index = problem.b, problem.x, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
-        s, e = b[index[i], 0], b[index[i], 1]
+        s, e = b[index[i], HI], b[index[i], LO]
         for k in range(i):
             s, e = _subtract_product(s, e, factor[i, k], row[k])
-        row[i, 0], row[i, 1] = two_sum(s, e)
+        row[i, HI], row[i, LO] = two_sum(s, e)
     for i in range(m - 1, -1, -1):
-        s, e = divide(row[i, 0], row[i, 1], pivot[i, 0], pivot[i, 1])
+        s, e = divide(row[i, HI], row[i, LO], pivot[i, HI], pivot[i, LO])
         for k in range(i + 1, m):
             s, e = _subtract_product(s, e, factor[k, i], row[k])
-        row[i, 0], row[i, 1] = two_sum(s, e)
-        x[index[i], 0], x[index[i], 1] = row[i, 0], row[i, 1]
+        row[i, HI], row[i, LO] = two_sum(s, e)
+        x[index[i], HI], x[index[i], LO] = row[i, HI], row[i, LO]
 
 
 @inlined
@@ -122,12 +122,12 @@ def _violates(i, n, problem, largest):
     """Whether unknown i is negative, or, if it is not active, row i of a x >= b is violated, by more than rounding."""
     a, b, x = problem.a, problem.b, problem.x
     if problem.active[i]:
-        return x[i, 0] * a[i, i, 0] < -_ZERO * largest
-    s, e = -b[i, 0], -b[i, 1]
+        return x[i, HI] * a[i, i, HI] < -_ZERO * largest
+    s, e = -b[i, HI], -b[i, LO]
     size = abs(s)
     for k in range(n):
-        if x[k, 0] != 0.0:
-            p, p_lo = multiply(a[i, k, 0], a[i, k, 1], x[k, 0], x[k, 1])
+        if x[k, HI] != 0.0:
+            p, p_lo = multiply(a[i, k, HI], a[i, k, LO], x[k, HI], x[k, LO])
             s, e = add(s, e, p, p_lo)
             size += abs(p)
     return s < -_ZERO * size
@@ -149,13 +149,13 @@ def solve_complementarity(n, problem):
     b, x, active, index = problem.b, problem.x, problem.active, problem.index
     largest = 0.0
     for i in range(n):
-        active[i] = b[i, 0] > 0.0
-        largest = max(largest, b[i, 0])
+        active[i] = b[i, HI] > 0.0
+        largest = max(largest, b[i, HI])
     fewest, patience = n + 1, 3
     for _ in range(_EXCHANGES):
         m = 0
         for i in range(n):
-            x[i, 0] = x[i, 1] = 0.0
+            x[i, HI] = x[i, LO] = 0.0
             if active[i]:
                 index[m] = i
                 m += 1
@@ -169,8 +169,8 @@ def solve_complementarity(n, problem):
                 index[wrong - 1] = i
         if wrong == 0:
             for i in range(n):
-                if x[i, 0] < 0.0:
-                    x[i, 0] = x[i, 1] = 0.0
+                if x[i, HI] < 0.0:
+                    x[i, HI] = x[i, LO] = 0.0
             return True
         # All are exchanged until their number has not fallen three times, then only the last, which ends (Murty 1974).
         if wrong < fewest:

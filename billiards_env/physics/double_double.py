@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from billiards_env.physics.jit import inlined, kernel
 
+HI, LO = 0, 1  # columns of an array of double-double numbers
+
 _SPLITTER = 134217729.0  # 2^27 + 1
 
 

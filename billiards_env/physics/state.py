@@ -15,8 +15,11 @@ from numpy.typing import NDArray
 from billiards_env.physics.double_double import two_sum
 from billiards_env.physics.jit import allocating, inlined, kernel
 
+CUE_BALL = 0
+"""The number of the cue ball."""
+
 # Columns of `State.rows`.
-X, Y = 0, 1  # m
+X, Y = 0, 1  # m; also columns of arrays of vectors
 VX, VY = 2, 3  # m/s
 AX, AY = 4, 5  # m/s^2
 UX, UY = 6, 7  # slip: velocity of the point that touches the cloth, m/s
@@ -45,6 +48,9 @@ HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
 DT, FIX = 11, 12  # of PIT: its timestep, s, and an index into FIXES
 TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: contact time, s, then m/s and a number
 N_PARAMS = 16
+
+# Columns of angular velocities.
+SPIN_X, SPIN_Y, SPIN_Z = 0, 1, 2  # rad/s
 
 # Columns of `SceneArrays.pockets`.
 POCKET_X, POCKET_Y, POCKET_RADIUS = 0, 1, 2  # m

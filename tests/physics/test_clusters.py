@@ -191,7 +191,7 @@ def test_the_sum_of_impulses_is_the_same_bit_for_bit_in_any_order(seed):
 
 
 def cluster(rng, n):
-    """Returns positions and inverse masses of n balls, each in contact with one or two others, and the pairs in contact."""
+    """Returns positions and inverse masses of n balls in contact, and the pairs in contact."""
     radius, inverse = rng.uniform(0.01, 0.04, n), 10.0 ** rng.uniform(-2, 2, n)
     places = [np.zeros(2)]
     while len(places) < n:
