@@ -181,7 +181,7 @@ def test_an_outdated_page_is_reported_and_not_changed(page):
     readme.main(["--check"])
 
 
-def test_a_missing_result_is_not_a_number(page, tmp_path):
+def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
     assert "*Not measured yet: `python -m benchmarks.speed`.*" in readme.fill(page.read_text(), tmp_path)
 
 
@@ -195,7 +195,7 @@ def test_a_missing_result_is_not_a_number(page, tmp_path):
         ("<!-- end -->", "ends nothing"),
     ],
 )
-def test_wrong_markers_are_refused(page, wrong, message):
+def test_wrong_markers_are_rejected(page, wrong, message):
     page.write_text(wrong)
     with pytest.raises(SystemExit, match=message):
         readme.main([])
