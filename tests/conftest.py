@@ -1,5 +1,5 @@
 from hypothesis import settings
 
-# The same examples in every run, and no test that fails because a machine is busy or a kernel is compiled first.
+# The examples are the same in every run. No test fails because a machine is slow or a kernel is compiled.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")

@@ -1,4 +1,4 @@
-"""Test modules share fixtures and `tests.helpers`, and import nothing else of the tests."""
+"""Test modules import nothing from the tests except `tests.helpers`."""
 
 import ast
 from pathlib import Path
@@ -8,7 +8,7 @@ HELPERS = "tests.helpers"
 
 
 def imported(path):
-    """The names of the modules that a file imports."""
+    """Yields the names of the modules that a file imports."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names)

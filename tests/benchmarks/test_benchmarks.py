@@ -1,4 +1,4 @@
-"""The benchmarks measure what they say; no time is asserted."""
+"""The benchmarks measure the documented quantities. No test compares times."""
 
 from __future__ import annotations
 
@@ -34,27 +34,27 @@ def matplotlib():
     return pytest.importorskip("matplotlib")
 
 
-def test_cases_are_repeatable_and_legal():
+def test_cases_are_repeatable_and_valid():
     for case, again in zip(speed.cases(0.001), speed.cases(0.001), strict=True):
         assert np.array_equal(case.positions, again.positions)
         assert np.array_equal(case.velocities, again.velocities)
         simulate_batch(case.scene, case.positions, case.velocities, threads=1)
 
 
-def test_random_shots_are_no_faster_than_an_action_allows():
+def test_random_shots_are_at_most_as_fast_as_an_action():
     case = speed.random_shots("", Scene.named("pool"), 200)
     speeds = np.hypot(*case.velocities.T)
     assert speeds.max() <= speed.MAX_SPEED * (1 + 1e-15)
     assert speeds.min() < 0.5 * speed.MAX_SPEED
 
 
-@pytest.mark.parametrize("layout", ["rack", "tight_rack"])
-def test_breaks_hit_the_rack(layout):
-    case = speed.breaks("", layout, 20)
+@pytest.mark.parametrize("rack", ["rack", "tight_rack"])
+def test_breaks_hit_the_rack(rack):
+    case = speed.breaks("", rack, 20)
     assert (simulate_batch(case.scene, case.positions, case.velocities).first_hit == 1).all()
 
 
-def test_speed_writes_its_results_whole(tmp_path, monkeypatch, capsys):
+def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
     measured = small_measurement()
     monkeypatch.setattr(speed, "measure", lambda repeats: measured)
     speed.main(["--repeats", "1", "--output", str(tmp_path / "speed.json")])
@@ -74,13 +74,13 @@ def small_measurement():
 
 
 @pytest.mark.parametrize("kind", ["carom", "9-ball break, loose"])
-def test_the_error_is_near_the_unavoidable_one(kind):
+def test_the_error_is_near_the_rounding_of_the_input(kind):
     found = error_limit.summary([error_limit.compare(kind, seed) for seed in range(3)])
     assert found["same_events"] == found["shots"] == 3
     assert 0 < found["median_ratio"] <= found["max_ratio"] < 100
 
 
-def test_the_error_limit_notices_another_shot(monkeypatch):
+def test_another_velocity_exceeds_the_error_limit(monkeypatch):
     right = error_limit.run
     monkeypatch.setattr(
         error_limit,
@@ -111,7 +111,7 @@ def test_start_up_reads_the_clock_of_a_fresh_process(tmp_path):
     assert begin < printed
 
 
-def test_a_failing_process_is_not_a_measurement(tmp_path):
+def test_a_process_that_fails_raises(tmp_path):
     with pytest.raises(start_up.subprocess.CalledProcessError):
         start_up.run("raise SystemExit(1)", tmp_path)
 
@@ -123,11 +123,11 @@ A, B, C = ("ball_ball", 0, 1), ("cushion", 0, 1), ("pocket", 1, 0)
     ("ours", "complete", "differs"),
     [
         ([(1.0, *A), (2.0, *B), (2.5, *C)], True, None),
-        ([(1.0, *B), (1.0, *A), (2.5, *C)], True, None),  # at one instant, so in no order
+        ([(1.0, *B), (1.0, *A), (2.5, *C)], True, None),  # simultaneous events may have any order
         ([(0.9, *B), (1.0, *A), (2.5, *C)], True, 0),
-        ([(1.0, *A), (2.0, *B)], True, 2),  # one is missing
-        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], True, 3),  # one too many
-        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], False, None),  # the reference doesn't go that far
+        ([(1.0, *A), (2.0, *B)], True, 2),  # one contact is missing
+        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], True, 3),  # one contact too many
+        ([(1.0, *A), (2.0, *B), (2.5, *C), (3.0, *A)], False, None),  # after the end of the reference
         ([(1.0, *A), (2.0, *B), (2.5, *C), (2.5, *A)], False, None),
     ],
 )
@@ -146,7 +146,7 @@ def test_pic_is_exact_and_pit_is_not(name):
     assert 1e-6 < errors[Method("PIT", 15360, "move_back")][1] < errors[Method("PIT", 15, "move_back")][1]
 
 
-def test_a_shot_is_compared_no_further_than_the_laws_reach(monkeypatch):
+def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
     found = [accuracy.follow(("15-ball break", seed)) for seed in range(12)]
     errors = np.array([shot["errors"][0] for shot in found])
@@ -157,24 +157,24 @@ def test_a_shot_is_compared_no_further_than_the_laws_reach(monkeypatch):
 
 
 @pytest.mark.parametrize("name", others.available())
-def test_the_other_simulators_play_the_same_shot(name):
+def test_other_simulators_agree_with_pic(name):
     scene = Scene.named("ideal", 1)
     positions, velocities = np.array([[-0.5, 0.1], [0.1, 0.1]]), np.array([[1.0, 0.0], [0.0, 0.0]])
     method = Method(name, 1920 if others.has_timestep(name) else None)
     exact = simulate_batch(scene, [positions] * 3, [velocities] * 3, max_time=2.0).positions[0]
     before, after = run_other(scene, positions, velocities, method, [0.5, 2.0])[0]
     assert before == pytest.approx(np.array([[0.0, 0.1], [0.1, 0.1]]), abs=1e-6)
-    assert exact[1, 0] == pytest.approx(0.9257)  # it has been at the cushion
+    assert exact[1, 0] == pytest.approx(0.9257)  # after its bounce off the cushion
     assert after == pytest.approx(exact, abs=5e-3 if others.has_timestep(name) else 1e-12)
 
 
-def test_orders_are_slopes():
+def test_the_order_of_convergence_is_a_slope():
     dts = [1 / steps for steps in convergence.STEPS]
     assert convergence.order([3 * dt**2 for dt in dts]) == pytest.approx(2)
     assert convergence.order([1e-15 for _ in dts]) is None
 
 
-def test_one_collision_converges_as_dt(monkeypatch):
+def test_one_collision_converges_with_first_order(monkeypatch):
     monkeypatch.setattr(convergence, "COUNT", 40)
     found = convergence.measure()
     for fixes in found.values():
@@ -184,12 +184,12 @@ def test_one_collision_converges_as_dt(monkeypatch):
     assert found["elastic disks"]["push_apart"]["order_of_velocities"] == pytest.approx(1, abs=0.15)
 
 
-def test_a_timer_tells_the_seconds_of_a_shot():
+def test_a_timer_returns_the_seconds_per_shot():
     positions, velocities = accuracy.shots_of("1 object ball", 4)
     assert 0 < timer(accuracy.PROBLEMS["1 object ball"].scene, positions, velocities, PIC)() < 1
 
 
-def test_only_what_stays_good_counts():
+def test_the_coarsest_timestep_has_only_good_results_from_there_on():
     rows = [{"steps_per_second": s} for s in (15, 30, 60, 120)]
     assert accuracy_report.coarsest_from(rows, [True, False, True, True]) == rows[2]
     assert accuracy_report.coarsest_from(rows, [True, True, True, False]) is None
@@ -225,14 +225,14 @@ def test_growth_is_printed_drawn_and_written(matplotlib, tmp_path, capsys):
     assert "grows as" in capsys.readouterr().out
 
 
-def test_the_gas_keeps_its_density():
+def test_gases_of_all_sizes_have_the_same_density():
     for n in (2, 256):
         scene = growth.gas(n)
         share = n * np.pi * growth.RADIUS**2 / (scene.table.length * scene.table.width)
         assert share == pytest.approx(growth.SHARE)
 
 
-def test_many_disks_are_placed_apart_and_inside():
+def test_disks_are_placed_inside_the_table_without_overlaps():
     for n in (2, 3, 96, 10_000):
         scene = growth.gas(n)
         positions, velocities = growth.shots(scene, 2)
@@ -241,7 +241,7 @@ def test_many_disks_are_placed_apart_and_inside():
         assert not np.array_equal(positions[0], positions[1])
 
 
-def test_each_disk_has_as_many_collisions_however_many_there_are():
+def test_the_number_of_collisions_per_disk_does_not_depend_on_the_number_of_disks():
     few, many = (
         simulate_batch(scene, *growth.shots(scene, 4)).n_events.mean() / n
         for n, scene in ((n, growth.gas(n)) for n in (256, 1024))
@@ -249,7 +249,7 @@ def test_each_disk_has_as_many_collisions_however_many_there_are():
     assert few == pytest.approx(many, rel=0.1)
 
 
-def test_growth_is_a_slope_and_the_crossover_the_last_one():
+def test_growth_is_a_slope_and_the_crossover_is_the_last_one():
     def row(n, ratio):
         us = {"PIC": 3.0 * n**1.5}
         return {"disks": n, "events_per_shot": n, "us_per_shot": us, "all_pairs_over_grid": ratio}
@@ -262,14 +262,14 @@ def test_growth_is_a_slope_and_the_crossover_the_last_one():
 
 
 @pytest.mark.parametrize("module", [accuracy, growth])
-def test_too_small_counts_are_refused(module, capsys):
+def test_passes_below_one_are_rejected(module, capsys):
     with pytest.raises(SystemExit):
         module.main(["--passes", "0"])
     assert "--passes = 0: expected a whole number >= 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("module", [speed, error_limit, rendering, start_up])
-def test_counts_below_one_are_refused(module, capsys):
+def test_counts_below_one_are_rejected(module, capsys):
     option = "--shots" if module is error_limit else "--repeats"
     with pytest.raises(SystemExit):
         module.main([option, "0"])
@@ -291,7 +291,7 @@ def test_the_ablation_table_has_a_row_for_each_saving():
     assert all(row.count("2.00") == 2 for row in rows)
 
 
-def test_the_stress_table_sums_and_takes_the_worst():
+def test_the_stress_table_has_sums_and_maxima():
     data = json.loads((RESULTS / "stress.json").read_text())
     kinds = list(data["shots"].values())
     kinds[1]["bad"] = [[0, 0, "rest"]]
@@ -302,7 +302,7 @@ def test_the_stress_table_sums_and_takes_the_worst():
     assert found["summary"].startswith(f"1 of {last[1]} shots broke a rule")
 
 
-def test_the_picture_is_of_the_shot_its_title_tells(matplotlib, tmp_path):
+def test_the_picture_shows_the_shot_in_its_title(matplotlib, tmp_path):
     figures.main(["--folder", str(tmp_path)])
     picture = (tmp_path / "shot.png").read_bytes()
     assert picture.startswith(b"\x89PNG")

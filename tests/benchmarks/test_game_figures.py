@@ -6,17 +6,17 @@ pytest.importorskip("pygame")
 from benchmarks.game_figures import main, window  # noqa: E402
 
 
-def test_the_window_is_driven_to_an_aimed_shot():
+def test_the_window_shows_an_aimed_shot_after_one_stroke():
     shown = window()
     model = shown.model
     shown.close()
     assert model.phase == "aiming"
     assert len(model.strokes) == 1
     assert model.preview is not None
-    assert model.preview.ball == min(model.game.state.object_balls)  # nine ball's ball on
+    assert model.preview.ball == min(model.game.state.object_balls)  # the ball on of nine ball
 
 
-def test_pictures_are_small_and_the_same_each_time(tmp_path):
+def test_pictures_are_small_and_reproducible(tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         main(["--folder", str(tmp_path / name)])

@@ -1,4 +1,4 @@
-"""The benchmark of the vector environments measures what it says; no time is asserted."""
+"""The benchmark of the vector environments measures the documented quantities. No test compares times."""
 
 import json
 
@@ -14,7 +14,7 @@ def measured():
     return vector.measure(repeats=1, scale=0.01)
 
 
-def test_it_writes_and_prints_its_results_whole(measured, tmp_path, monkeypatch, capsys):
+def test_all_results_are_written_and_printed(measured, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(vector, "measure", lambda repeats: measured)
     vector.main(["--repeats", "1", "--output", str(tmp_path / "vector.json")])
     assert [path.name for path in tmp_path.iterdir()] == ["vector.json"]
@@ -26,25 +26,25 @@ def test_it_writes_and_prints_its_results_whole(measured, tmp_path, monkeypatch,
     assert len({row["kind"] for row in written["steps"]}) == 3 + len(vector.ENV_COUNTS)
 
 
-def test_memory_grows_with_the_environments():
+def test_memory_grows_with_the_number_of_environments():
     few, more = vector.memory(64), vector.memory(640)
     assert few["bytes_at_most"] > few["bytes_at_rest"] > 100
     assert more["bytes_at_rest"] < 2000
     assert more["bytes_at_rest"] * 640 > 5 * few["bytes_at_rest"] * 64
 
 
-def test_every_step_of_every_environment_is_a_shot_and_a_new_layout():
+def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
     envs = vector.native(16)
-    seen = envs.reset(seed=0)[0]
+    last = envs.reset(seed=0)[0]
     for action in vector.actions_for(16):
         observations, _, terminated, _, infos = envs.step(action)
         assert terminated.all()
         assert infos["final_info"]["_n_events"].all()
-        assert not (observations == seen).any()
-        seen = observations
+        assert not (observations == last).any()
+        last = observations
 
 
-def test_the_layouts_drawn_are_legal_and_all_different(monkeypatch):
+def test_drawn_layouts_are_valid_and_different(monkeypatch):
     drawn = []
     draw = vector.layouts.draw_tables
     monkeypatch.setattr(vector.layouts, "draw_tables", lambda *args: drawn.append((draw(*args), args[-1])[1]))
@@ -53,7 +53,7 @@ def test_the_layouts_drawn_are_legal_and_all_different(monkeypatch):
     assert len(np.unique(drawn[0][:, 0], axis=0)) == 50
 
 
-def test_counts_below_one_are_refused(capsys):
+def test_counts_below_one_are_rejected(capsys):
     with pytest.raises(SystemExit):
         vector.main(["--repeats", "0"])
     assert "--repeats = 0: expected a whole number >= 1" in capsys.readouterr().err

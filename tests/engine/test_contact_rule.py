@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.contact_rule import longest_run
+from billiards_env.physics.jit import kernel
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.simulation import simulate
 from tests.helpers.contacts import position_in_contact
@@ -27,6 +28,7 @@ def ideal(*masses, e=1.0, max_time=10.0, **kwargs):
     return world(*masses, motion="ideal", cushion="restitution", e_ball=e, e_cushion=e, max_time=max_time, **kwargs)
 
 
+@kernel
 def recurrence(ratio, e):
     """Returns the final velocity, m/s, of a heavy ball that drives a light ball against a wall.
 

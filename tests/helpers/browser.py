@@ -15,15 +15,21 @@ from pathlib import Path
 from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-PATIENCE = 60  # s, timeout of an answer
+TIMEOUT = 60  # s
 
 
 def find_browser() -> str | None:
+    """Returns the path of a browser; None if none is installed."""
     return next((path for path in map(shutil.which, NAMES) if path), None)
 
 
 class Page:
-    """A tab of the browser."""
+    """A tab of the browser.
+
+    Attributes:
+        requests: URLs of all requests.
+        errors: Messages of all JavaScript errors.
+    """
 
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive = send, receive
@@ -37,11 +43,12 @@ class Page:
             self.call(f"{domain}.enable")
 
     def _message(self) -> dict[str, Any]:
+        """Returns the next message of the browser; keeps requests and errors."""
         while b"\0" not in self._rest:
-            ready, _, _ = select.select([self._receive], [], [], PATIENCE)
+            ready, _, _ = select.select([self._receive], [], [], TIMEOUT)
             assert ready, "the browser does not answer"
             part = os.read(self._receive, 1 << 16)
-            assert part, "the browser has gone"
+            assert part, "the browser has exited"
             self._rest += part
         text, _, self._rest = self._rest.partition(b"\0")
         message = json.loads(text)
@@ -55,6 +62,7 @@ class Page:
         return message
 
     def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """Calls a method of the protocol and returns its result."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": params}
         if self._session is not None:
@@ -69,6 +77,7 @@ class Page:
                 return answer["result"]
 
     def open(self, path: Path) -> None:
+        """Opens a file and waits until it is loaded."""
         self.call("Page.navigate", url=path.as_uri())
         while self._message().get("method") != "Page.loadEventFired":
             pass
@@ -80,6 +89,7 @@ class Page:
         return answer["result"].get("value")
 
     def press(self, key: str, code: int = 0) -> None:
+        """Presses and releases a key."""
         text = {"text": key} if len(key) == 1 else {}
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **text)
@@ -108,6 +118,7 @@ class Page:
             self._session = outer
 
     def screenshot(self) -> bytes:
+        """Returns the visible page as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot")["data"])
 
 

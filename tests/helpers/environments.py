@@ -1,4 +1,4 @@
-"""The variants of the environment that several tests run through."""
+"""Variants of the environment for the tests of all variants."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene
 
-# Every scene with every task that it suits.
+# All valid pairs of a scene and a task.
 FITTING = [
     (s, t)
     for s in SCENES

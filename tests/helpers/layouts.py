@@ -1,4 +1,4 @@
-"""Layouts with a direct pot."""
+"""Layouts in which ball 1 can be potted directly, with the number of the pocket."""
 
 # Corner pockets 0, 1 at x < 0 and 2, 3 at x > 0, side pockets 4 at y < 0 and 5 at y > 0.
 NAMED_POTS = {

@@ -114,7 +114,7 @@ def motion_at(rows, phase, t):
     x, v = rows[:, [columns.X, columns.Y]], rows[:, [columns.VX, columns.VY]]
     a, u = rows[:, [columns.AX, columns.AY]], rows[:, [columns.UX, columns.UY]]
     slip = np.where((phase == columns.SLIDING)[:, None], u + 3.5 * a * dt, u)
-    return Motion(x + dt * (v + 0.5 * dt * a), v + dt * a, slip, rows[:, columns.WZ])
+    return Motion(x + dt * (v + 0.5 * dt * a), v + dt * a, slip, rows[:, columns.WZ].copy())
 
 
 def kinetic_energy(motion, scene):

@@ -12,7 +12,7 @@ from agents.train import open_run, train
 
 @pytest.fixture(scope="session")
 def tiny() -> Callable[..., dict[str, Any]]:
-    """A function that gives the settings of a tiny run: four updates, a checkpoint after the second."""
+    """Returns a function that returns the settings of a tiny run of four updates with a checkpoint after the second."""
 
     def settings(**changes: Any) -> dict[str, Any]:
         return {
@@ -31,7 +31,7 @@ def tiny() -> Callable[..., dict[str, Any]]:
 
 @pytest.fixture(scope="session")
 def trained(tiny, tmp_path_factory) -> Path:
-    """The folder of a finished tiny run, not to be changed."""
+    """Returns the folder of a finished tiny run. Tests must not change it."""
     run_dir = tmp_path_factory.mktemp("runs") / "tiny"
     config = Config.from_dict(tiny())
     open_run(config, run_dir)

@@ -13,7 +13,7 @@ from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST
-from billiards_env.physics.jit import allocating
+from billiards_env.physics.jit import allocating, entry_point
 from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.contacts import position_in_contact
@@ -28,7 +28,7 @@ def fill(first, second, nx, ny, closing, rebound):
     return contacts
 
 
-@allocating
+@entry_point
 def plastic(first, second, nx, ny, wanted, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
@@ -39,7 +39,17 @@ def plastic(first, second, nx, ny, wanted, inv_mass):
     return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, 0::2] + scratch.change[:, 1::2]
 
 
-@allocating
+@entry_point
+def summed(first, second, nx, ny, impulse, inv_mass):
+    """Returns the changes of velocity (n, 2) by these impulses, and whether each ball has one (n,)."""
+    count, n = len(first), len(inv_mass)
+    contacts = fill(first, second, nx, ny, np.zeros(count), np.zeros(count))
+    dv, done = np.zeros((n, 2)), np.zeros(n, np.bool_)
+    sum_impulses(count, contacts, impulse, np.ones(count), inv_mass, dv, done)
+    return dv, done
+
+
+@entry_point
 def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
     """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
     state = State(rows, np.zeros(len(rows), np.int8))
@@ -173,9 +183,7 @@ def test_the_sum_of_impulses_is_the_same_bit_for_bit_in_any_order(seed):
     impulse, inverse = rng.uniform(0.2, 1, count), np.full(n, 1.0)
     results = []
     for order in (np.arange(count), rng.permutation(count)):
-        dv, done = np.zeros((n, 2)), np.zeros(n, np.bool_)
-        contacts = fill(first[order], second[order], nx[order], ny[order], np.zeros(count), np.zeros(count))
-        sum_impulses(count, contacts, impulse[order], np.ones(count), inverse, dv, done)
+        dv, done = summed(first[order], second[order], nx[order], ny[order], impulse[order], inverse)
         assert done.all()
         results.append(dv)
     assert np.array_equal(*results)
@@ -191,7 +199,7 @@ def test_the_sum_of_impulses_is_the_same_bit_for_bit_in_any_order(seed):
 
 
 def cluster(rng, n):
-    """Returns positions and inverse masses of n balls in contact, and the pairs in contact."""
+    """Returns positions and inverse masses of n balls, each in contact with others, and the pairs in contact."""
     radius, inverse = rng.uniform(0.01, 0.04, n), 10.0 ** rng.uniform(-2, 2, n)
     places = [np.zeros(2)]
     while len(places) < n:
