@@ -59,8 +59,10 @@ def test_every_module_with_a_decorator_is_hashed():
     decorators = [jit.kernel, jit.inlined, jit.merged, jit.allocating, jit.entry_point]
     hashed = jit.kernel_sources()
     for path in root.rglob("*.py"):
+        if path.name == "__init__.py":  # has its submodules in its namespace, and no functions
+            continue
         name = ".".join(path.relative_to(root.parent).with_suffix("").parts)
-        names = vars(importlib.import_module(name.removesuffix(".__init__"))).values()
+        names = vars(importlib.import_module(name)).values()
         if any(value is jit or any(value is decorator for decorator in decorators) for value in names):
             assert path in hashed
 
