@@ -226,7 +226,9 @@ def test_a_ball_beyond_a_cushion_bounces_from_the_position_of_the_fix(fix):
     scene = world(1, FREE, Table(2.0, 4.0), e_cushion=0.5)
     shot = pit(scene, [[0.0, 0.0]], [2.0, 1.0], dt=0.5, fix=fix, max_time=0.75, record=True)
     x, y = {"push_apart": (1 - R, 0.5), "move_back": (1 - R, 0.5 - R / 2), "none": (1.0, 0.5)}[fix]
-    assert shot.events[["time", "kind", "ball", "other", "x", "y", "speed"]].tolist() == [(0.5, "cushion", 0, 1, x, y, 2.0)]
+    assert shot.events[["time", "kind", "ball", "other", "x", "y", "speed"]].tolist() == [
+        (0.5, "cushion", 0, 1, x, y, 2.0)
+    ]
     assert shot.at(0.5).tolist() == [[x, y]]
     assert shot.velocities.tolist() == [[-1.0, 1.0]]
     assert shot.positions == pytest.approx(np.array([[x - 0.25, y + 0.25]]))
