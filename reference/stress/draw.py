@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.jit import entry_point
+from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 
 _TRIES = 1000
@@ -38,7 +39,7 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
                         if kind < 0.2:
                             ex, ey = (1.0, 0.0) if kind < 0.1 else (0.0, -1.0)
                         reach = radius[i] + radius[j]
-                        x, y = out[shot, j, 0] + reach * ex, out[shot, j, 1] + reach * ey
+                        x, y = out[shot, j, X] + reach * ex, out[shot, j, Y] + reach * ey
                     if kind > 0.5 and kind < 0.9:
                         x = math.copysign(room_x, x)
                     if kind > 0.75:
@@ -47,13 +48,13 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
                 for before in range(placed):
                     j = order[before]
                     reach = radius[i] + radius[j] - _FROZEN
-                    dx, dy = x - out[shot, j, 0], y - out[shot, j, 1]
+                    dx, dy = x - out[shot, j, X], y - out[shot, j, Y]
                     good = good and math.sqrt(dx * dx + dy * dy) >= reach
                 for k in range(len(pockets)):
-                    dx, dy = x - pockets[k, 0], y - pockets[k, 1]
-                    good = good and math.sqrt(dx * dx + dy * dy) >= pockets[k, 2] + 1e-12
+                    dx, dy = x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]
+                    good = good and math.sqrt(dx * dx + dy * dy) >= pockets[k, POCKET_RADIUS] + 1e-12
                 if good:
-                    out[shot, i, 0], out[shot, i, 1] = x, y
+                    out[shot, i, X], out[shot, i, Y] = x, y
                     break
     return len(out)
 

@@ -233,7 +233,7 @@ def test_gases_of_all_sizes_have_the_same_density():
 
 
 def test_disks_are_placed_inside_the_table_without_overlaps():
-    for n in (2, 3, 96, 10_000):
+    for n in (2, 3, 96, 1000):
         scene = growth.gas(n)
         positions, velocities = growth.shots(scene, 2)
         check_positions(scene, positions)

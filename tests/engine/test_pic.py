@@ -147,7 +147,7 @@ def test_balls_with_equal_velocities_do_not_collide(physics, gap, direction):
 def test_balls_in_contact_collide_at_time_0_if_they_approach():
     places = [[0.0, 0.0], [2 * R, 0.0]]
     together = simulate(world(2, FREE), places, [1.0, 0.0], max_time=1.0, record=True)
-    assert [tuple(e)[:4] for e in together.events] == [(0.0, "ball_ball", 0, 1)]
+    assert together.events[["time", "kind", "ball", "other"]].tolist() == [(0.0, "ball_ball", 0, 1)]
     assert together.velocities == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.0]]))
     for direction in ((-1.0, 0.0), (0.0, 1.0), (-1.0, 1e-9)):
         assert simulate(world(2, FREE), places, direction, max_time=1.0).n_events == 0

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.cushion import han2005
+from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene, Table
 
 R = 0.03
@@ -22,7 +23,7 @@ def bounce(vn, vt, spin, params, rebound=0.0):
     Returns:
         The normal and tangential velocity, m/s, the spin (3,), and whether the contact point sticks.
     """
-    e, mu, height = params[6], params[7], params[10]
+    e, mu, height = params[E_CUSHION], params[MU_CUSHION], params[CUSHION_HEIGHT]
     theta = math.asin(height / R - 1)
     into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the centre to the contact point
     up = np.array([-math.sin(theta), 0.0, math.cos(theta)])  # tangents of the contact
@@ -55,7 +56,7 @@ def run_han(vn, vt, spin, params, rebound=0.0):
 
 
 def cushion(height=1.27 * R, **physics):
-    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics)))[0]
+    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics))).params
 
 
 @given(

@@ -40,7 +40,7 @@ SLIDE, ROLL = 0.2 * 9.81, 0.01 * 9.81
 def params(**physics):
     if physics.get("motion", "sliding") != "sliding":
         physics |= {"cushion": "restitution", "max_time": 1.0}
-    return scene_arrays(Scene(Balls.uniform(1), physics=Physics(**physics)))[0]
+    return scene_arrays(Scene(Balls.uniform(1), physics=Physics(**physics))).params
 
 
 def ball(constants, **columns):
