@@ -169,6 +169,7 @@ def compile_kernels() -> None:
 
 def serve() -> None:
     """Makes the calls named on stdin and prints their results."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in commands in the background
     compile_kernels()
     print("ready", flush=True)
     for line in sys.stdin:
