@@ -37,7 +37,7 @@ class Range(NamedTuple):
 RANGES: dict[str, Range] = {
     # A scene
     "length": Range(1e-4, 1e4, "m", "radii and tables; up to 10 km, coordinates are rounded by less than CONTACT_GAP"),
-    "cushion_height": Range(1e-6, 1e4, "m", "as length, but below the centre of the smallest ball"),
+    "cushion_height": Range(1e-6, 1e4, "m", "as length; the nose may be below the centre of the smallest ball"),
     "coordinate": Range(-1e6, 1e6, "m", "of a pocket or of a cue ball in hand; far beyond any table"),
     "mass": Range(1e-8, 1e8, "kg, or inf", "the ratio of two masses is at most 1e16, the resolution of a double"),
     "g": Range(1e-3, 1e3, "m/s^2", "1e-3 on a small asteroid, 274 on the Sun"),
@@ -58,7 +58,7 @@ RANGES: dict[str, Range] = {
     "max_speed": Range(1e-6, MAX_SPEED, "m/s", "as speed"),
     "max_shots": Range(1, 1_000_000_000, "", "the counters hold it"),
     "num_envs": Range(1, 10_000_000, "", "gigabytes of memory"),
-    "scratch_penalty": Range(0.0, 1e6, "", "it is subtracted from the few points of a shot"),
+    "scratch_penalty": Range(0.0, 1e6, "", "a shot scores only a few points"),
     "angle_std": Range(0.0, 360.0, "degrees", "up to a full turn"),
     "speed_std": Range(0.0, MAX_SPEED, "m/s", "as speed"),
     # A picture
@@ -71,7 +71,7 @@ RANGES: dict[str, Range] = {
 
 
 def short(value: Any) -> str:
-    """Returns the value's text, cut to 200 characters."""
+    """Returns `repr(value)`, cut to 200 characters."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # a number of thousands of digits, deeply nested lists
@@ -153,7 +153,7 @@ def whole(name: str, value: Any, within: str | Range) -> int:
 
 
 def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raises a ValueError that suggests the closest of `choices` unless `value` is one of them."""
+    """Raises a ValueError unless `value` is one of `choices`. The message suggests the closest one."""
     if value not in choices:
         closest = difflib.get_close_matches(str(value), choices, 1)
         hint = f" (did you mean {closest[0]!r}?)" if closest else ""
@@ -161,14 +161,14 @@ def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
 
 
 def flag(name: str, value: Any) -> bool:
-    """Returns a bool or a NumPy bool as a bool, and raises a ValueError for any other value."""
+    """Returns a bool or a NumPy bool as a bool. Raises a ValueError for any other value."""
     if not isinstance(value, (bool, np.bool_)):
         raise ValueError(f"{name} = {short(value)}: expected True or False")
     return bool(value)
 
 
 def shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Returns a copy of an array as float64, and raises a ValueError unless it has the shape `shape`."""
+    """Returns a float64 copy of an array. Raises a ValueError unless it has the shape `shape`."""
     array = np.array(value, dtype=np.float64, order="C")
     if array.shape != shape:
         raise ValueError(f"{name} has shape {array.shape}: expected {shape}")

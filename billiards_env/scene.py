@@ -55,7 +55,7 @@ _CAROM_RADIUS, _CAROM_MASS, _CAROM_CUSHION = 0.03075, 0.21, 0.037
 
 
 def _check(owner: object, prefix: str, **ranges: str) -> None:
-    """Checks fields of a dataclass against their ranges and converts them to floats."""
+    """Checks the fields of a dataclass against their ranges and converts them to floats."""
     for name, within in ranges.items():
         object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
 
@@ -98,7 +98,7 @@ class Pocket:
 
 
 def six_pockets(length: float = _POOL_LENGTH, width: float = _POOL_WIDTH) -> tuple[Pocket, ...]:
-    """Returns four corner pockets and two side pockets on the cushion lines of a table `length` by `width` metres."""
+    """Returns four corner and two side pockets, centred on the cushion lines of a table of `length` x `width` (m)."""
     x, y = length / 2, width / 2
     corners = [Pocket(sx * x, sy * y, _CORNER_RADIUS) for sx in (-1, 1) for sy in (-1, 1)]
     sides = [Pocket(0.0, sy * y, _SIDE_RADIUS) for sy in (-1, 1)]

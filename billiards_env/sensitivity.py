@@ -5,7 +5,7 @@ initial positions and velocities of all balls. A flight changes it by the deriva
 the saltation matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is propagated to
 the time of the perturbed event, through the derivative of the jump there, and back to the fixed time.
 
-It is computed from the log of a recorded shot, on demand.
+The derivative is computed on demand, from the log of a recorded shot.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ UNIT_ROUNDOFF = 2.0**-53
 # The tangent's rows.
 _R, _V, _U, _WZ = slice(0, 2), slice(2, 4), slice(4, 6), 6
 _SIZE = 7
-# The columns of a state row in that order.
+# The columns of a state row in the order of the tangent's rows.
 _COLUMNS = [X, Y, VX, VY, UX, UY, WZ]
 
 
@@ -78,11 +78,12 @@ class Sensitivity:
     """The derivative of a shot's positions with respect to its start.
 
     Attributes:
-        jacobian: (n, 2, n, 4) float64: of ball i's position by ball j's initial (x, y, vx, vy), at constant spins.
+        jacobian: (n, 2, n, 4) float64: of ball i's position with respect to ball j's initial (x, y, vx, vy), at
+            constant initial spins.
         time: The time of the positions, s.
         smooth: Whether the positions depend smoothly on the start up to that time. They do not if several balls meet
-            at one instant or the contact-time rule acts. The jacobian then treats impacts at one instant as if they
-            followed each other, and neglects the rule.
+            at one instant or the contact-time rule acts. The jacobian then treats impacts at one instant as
+            successive, and neglects the rule.
         condition: Largest error of a position, m, per unit of relative error of the inputs: the largest 2-norm, over
             the balls, of the jacobian with each column times the size of its input. Times `UNIT_ROUNDOFF` it is the
             error that no double-precision engine can avoid.
@@ -95,7 +96,7 @@ class Sensitivity:
 
 
 class _Ball(NamedTuple):
-    """A ball's row of the trajectory and its tangent."""
+    """A ball's row of the trajectory, its phase and its tangent, (7, 4 n)."""
 
     row: Floats
     phase: int
@@ -114,7 +115,7 @@ def sensitivity_along(
         times: Ascending, s.
 
     Yields:
-        One sensitivity for each time; an event at a time counts as past.
+        One sensitivity for each time. An event exactly at that time counts as past.
     """
     params, n = arrays.params, len(arrays.radius)
     balls: list[_Ball] = []
@@ -126,7 +127,7 @@ def sensitivity_along(
             for k in range(4):
                 tangent[k, i, k] = 1.0
             if params[MOTION] == SLIDING_AND_ROLLING:
-                tangent[4, i, 2] = tangent[5, i, 3] = 1.0  # slip = velocity + a term of the spin
+                tangent[4, i, 2] = tangent[5, i, 3] = 1.0  # slip = velocity + terms of the spin
         scale[i] = np.abs(row[_COLUMNS[:4]])
         balls.append(_Ball(row, phase, tangent.reshape(_SIZE, -1)))
     smooth = True
@@ -216,7 +217,7 @@ def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: F
     distance = math.hypot(*d)
     n = d / distance
     closing = float(n @ w)
-    # The perturbed impact is earlier or later, such that the gap is zero.
+    # The time of the perturbed impact changes such that the gap is zero there.
     shift = -(n @ (second.tangent[_R] - first.tangent[_R])) / closing if closing else np.zeros(first.tangent.shape[1])
     first_at, second_at = (ball.tangent + np.outer(_rate(ball, params), shift) for ball in before)
     d_d, d_w = second_at[_R] - first_at[_R], second_at[_V] - first_at[_V]
@@ -239,13 +240,13 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, p
     """Returns a ball with its tangent after a cushion, a pocket or a change of phase."""
     row, tangent = before.row, before.tangent
     v, u = row[[VX, VY]], row[[UX, UY]]
-    if kind == BALL_POCKET:  # it is at the pocket's centre, wherever it entered
+    if kind == BALL_POCKET:  # the ball ends at the pocket's centre, wherever it enters
         return _Ball(after.row, after.phase, np.zeros_like(tangent))
     if kind == BALL_CUSHION:
         axis = 0 if other < 2 else 1
         shift = -tangent[axis] / v[axis] if v[axis] else np.zeros(tangent.shape[1])
     elif kind == SLIDING_ROLLING:
-        # |u| falls at 7/2 mu_s g. At the end it is zero, and its direction is that at the start of the slide.
+        # |u| falls at 7/2 mu_s g to zero. The direction of u is constant, so it is that at the start of the slide.
         direction = -row[[AX, AY]] / params[SLIDE]
         shift = direction @ tangent[_U] / (3.5 * params[SLIDE])
     elif kind == ROLLING_REST:
@@ -266,7 +267,7 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, p
 
 
 def _cushion_jump(v: Floats, u: Floats, wz: float, side: int, radius: float, params: Floats) -> Floats:
-    """Returns the derivative of the state after a cushion by the state before it, (7, 7); see `cushion.han2005`."""
+    """Returns the derivative of the state after a cushion with respect to the state before it, (7, 7)."""
     jump = np.eye(_SIZE)
     n, t = (2, 3) if side < 2 else (3, 2)
     e = params[E_CUSHION]
@@ -277,7 +278,7 @@ def _cushion_jump(v: Floats, u: Floats, wz: float, side: int, radius: float, par
         return jump
     sign = 1.0 if side % 2 else -1.0
     turn = sign if side < 2 else -sign
-    # To the cushion's frame: (vn, vt, un, ut, R wz), in which the jump is written.
+    # Transformation to (vn, vt, un, ut, R wz), the variables of `cushion.han2005`.
     to = np.zeros((5, _SIZE))
     to[0, n] = to[2, n + 2] = sign
     to[1, t] = to[3, t + 2] = turn

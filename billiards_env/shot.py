@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 LONGEST_SHOWN = 20_000
-"""A notebook shows a shot on its own if its trajectory has at most this number of pieces, which are some megabytes."""
+"""Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
 
 EVENT_DTYPE = np.dtype(
     [
@@ -62,7 +62,7 @@ _COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT
 class ShotResult:
     """The balls at the end of a shot, and what happened.
 
-    The last four attributes are None, and "" for `engine`, unless the shot was recorded.
+    Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "".
 
     Attributes:
         positions: (n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
@@ -78,8 +78,8 @@ class ShotResult:
         cushions_before_hit: (n,) int32: number of cushion contacts that the cue ball had when it first touched the
             ball, -1 if it did not touch it.
         n_contact_rule: Number of acts of the contact-time rule (see `engine.contact_rule`), which ends sequences of
-            impacts of balls that friction presses together. It is 0 in nearly all shots at a few balls; the rule acts
-            in every other break.
+            impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
+            in most breaks of 15 balls.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
             "rolling_rest" or "spinning_rest"), ball, other (the second ball, the cushion 0 to 3 for -x, +x, -y, +y, the
             pocket, or -1), x and y (position of the ball, m), speed (at which ball and other approached, m/s) and rule
@@ -104,10 +104,10 @@ class ShotResult:
     trajectory: Trajectory | None = None
     scene: Scene | None = None
     engine: str = ""
-    _log: Floats | None = None  # the rows of `Log.events`, of PIC only
+    _log: Floats | None = None  # the rows of `Log.events`; None for PIT
 
     def at(self, t: float) -> Floats:
-        """Returns the positions of the balls at time t, from the exact trajectories.
+        """Returns the positions of the balls at time t, from their trajectories.
 
         Args:
             t: Seconds since the start of the shot. After its end the balls stay where they are.
@@ -125,7 +125,7 @@ class ShotResult:
         return self.trajectory.at(min(float(t), self.time))
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
-        """Returns the derivative of the positions at time t with respect to the start of the shot.
+        """Returns the derivative of the positions at time t with respect to the initial positions and velocities.
 
         Args:
             t: Seconds since the start of the shot; None for its end.
@@ -160,17 +160,17 @@ class ShotResult:
         return sensitivity_along(self.trajectory, self._log, arrays, np.minimum(array, self.time))
 
     def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
-        """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, where the balls begin and end.
+        """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, and balls at the start and the end.
 
         Args:
-            ax: Where to draw; None for a new figure.
-            compare: Another run of the shot, such as one of "pit"; its paths are dashed, its balls rings.
+            ax: Axes to draw on; None for a new figure.
+            compare: Another run of the shot, such as one by "pit". Its paths are dashed and its balls are rings.
 
         Returns:
             The axes, in metres.
 
         Raises:
-            ValueError: If a shot was not recorded, or `compare` is of other balls or another table.
+            ValueError: If a shot was not recorded, or `compare` has other balls or another table.
             ModuleNotFoundError: If matplotlib is not installed.
         """
         from billiards_env.drawing.plot import draw_shot
@@ -180,16 +180,16 @@ class ShotResult:
     def to_gif(
         self, path: str | os.PathLike[str], *, fps: float = 25, width: int = 640, compare: ShotResult | None = None
     ) -> None:
-        """Writes the shot as an animated GIF (extras `render` and `plot`), whole or not at all.
+        """Writes the shot as an animated GIF (extras `render` and `plot`). An error leaves no partial file.
 
         Args:
-            path: The file, which ends in ".gif"; its folder exists.
-            fps: Frames a second, rounded to whole hundredths of a second a frame, 50 at most.
+            path: The file. Its name must end in ".gif" and its folder must exist.
+            fps: Frames per second. The duration of a frame is rounded to hundredths of a second; the least is two.
             width: Pixels.
             compare: Another run of the shot, drawn as rings.
 
         Raises:
-            ValueError: If a shot was not recorded, an argument is impossible, or `compare` is of other balls or
+            ValueError: If a shot was not recorded, an argument is invalid, or `compare` has other balls or
                 another table.
             OSError: If the file cannot be written.
             ModuleNotFoundError: If pygame is not installed.
@@ -202,16 +202,16 @@ class ShotResult:
     def to_mp4(
         self, path: str | os.PathLike[str], *, fps: float = 60, width: int = 960, compare: ShotResult | None = None
     ) -> None:
-        """Writes the shot as an MP4 film (extra `render`), whole or not at all.
+        """Writes the shot as an MP4 film (extra `render`). An error leaves no partial file.
 
         Args:
-            path: The file, which ends in ".mp4"; its folder exists.
-            fps: Frames a second.
+            path: The file. Its name must end in ".mp4" and its folder must exist.
+            fps: Frames per second.
             width: Pixels.
             compare: Another run of the shot, drawn as rings.
 
         Raises:
-            ValueError: If a shot was not recorded, an argument is impossible, or `compare` is of other balls or
+            ValueError: If a shot was not recorded, an argument is invalid, or `compare` has other balls or
                 another table.
             OSError: If the file cannot be written.
             ModuleNotFoundError: If pygame or imageio-ffmpeg is not installed.
@@ -224,15 +224,15 @@ class ShotResult:
     def to_html(
         self, path: str | os.PathLike[str], *, title: str | None = None, compare: ShotResult | None = None
     ) -> None:
-        """Writes a page that plays the shot in any browser, whole or not at all; it needs no other file.
+        """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
 
         Args:
-            path: The file, which ends in ".html"; its folder exists.
-            title: The page's heading; None for what the shot was.
+            path: The file. Its name must end in ".html" and its folder must exist.
+            title: The page's heading; None for the engine, the number of events and the duration.
             compare: Another run of the shot, drawn as rings.
 
         Raises:
-            ValueError: If a shot was not recorded, or `compare` is of other balls or another table.
+            ValueError: If a shot was not recorded, or `compare` has other balls or another table.
             OSError: If the file cannot be written.
         """
         recording, other = self.recording("to_html"), _recording(compare, "to_html")
@@ -251,7 +251,7 @@ class ShotResult:
         return f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" style="{style}"></iframe>'
 
     def recording(self, method: str = "recording") -> Recording:
-        """Returns the shot in the form that `billiards_env.drawing` takes.
+        """Returns the shot as the `Recording` that `billiards_env.drawing` uses.
 
         Args:
             method: Name of the caller for the error message.

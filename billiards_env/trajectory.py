@@ -1,4 +1,4 @@
-"""The paths of the balls in a recorded shot, and the one place where they are evaluated."""
+"""The paths of the balls in a recorded shot, and their evaluation."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Trajectory(NamedTuple):
         Args:
             ball: The ball.
             times: (m,) s, >= 0.
-            before: At a time at which a piece begins, whether to return the end of the piece before it.
+            before: Whether to use the earlier of two pieces at the time at which one ends and the next begins.
 
         Returns:
             (m, 2) m.
@@ -87,7 +87,7 @@ class Trajectory(NamedTuple):
         begun = self.start <= t
         n = int(self.ball.max()) + 1
         last = np.zeros(n, np.intp)
-        last[self.ball[begun]] = np.flatnonzero(begun)  # of equal indices, NumPy assigns the last
+        last[self.ball[begun]] = np.flatnonzero(begun)  # NumPy assigns the last value of a repeated index
         return self._evaluate(last, np.full(n, t))
 
     def _evaluate(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
