@@ -1,4 +1,4 @@
-"""`simulate` runs one shot, `simulate_batch` many."""
+"""Runs shots: `simulate` runs one, `simulate_batch` runs many."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def simulate(
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (n, 2) m/s, or (2,) for the cue ball alone.
         mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
-        dt: The timestep of "pit", s; None for "pic", which has none.
+        dt: The timestep of "pit", s; None for "pic".
         fix: The treatment of overlaps in "pit": "push_apart" (its default), "move_back" or "none", see `engine.pit`;
-            None for "pic", which has no overlaps.
+            None for "pic".
         spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
         record: Whether to record the events and trajectories.
         max_time: Time at which the shot ends, s; None for the limit of the scene.
-        max_events: The engine ends the shot, with status "event_limit", after this number of events. "pit" also ends
-            it, with status "step_limit", after `pit.MAX_STEPS` timesteps. So every shot ends.
+        max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also
+            ends it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
 
     Returns:
         The balls at the end of the shot, and what happened.
@@ -55,7 +55,7 @@ def simulate(
         ValueError: If balls overlap, lie outside the table or in a pocket, a value is outside its range (see
             `checks.RANGES`), a ball of infinite mass moves, or an argument is unknown or of the wrong shape.
         TypeError: If an argument is of the wrong type.
-        KeyboardInterrupt: Within a second of a Ctrl-C; the arguments are unchanged then.
+        KeyboardInterrupt: Within a second of Ctrl-C. The arguments are unchanged.
 
     Example:
         >>> scene = Scene.named("ideal")
@@ -66,7 +66,7 @@ def simulate(
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     if np.ndim(positions) != 2:
-        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), a row a ball")
+        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
     return run_shot(scene, checked, mode, dt, fix, record, max_events)
 
@@ -104,7 +104,7 @@ def run_shot(
         engine(0, 1, tuple(arrays), shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used <= (len(log.events), len(log.segments))).all():
             break
-        room = max(4 * room, int(max(log.used)))
+        room = max(4 * room, int(max(log.used)))  # the log was too small: the shot runs again
     return ShotResult(
         positions=shots.positions[0],
         velocities=shots.velocities[0],
@@ -125,7 +125,7 @@ def run_shot(
 class BatchResult:
     """The outcome of m shots: the fields of `ShotResult` with a leading axis.
 
-    The arrays share one block of memory. Copy a field to keep it without the others.
+    The arrays share one block of memory. To keep one field and free the others, copy it.
 
     Attributes:
         positions: (m, n, 2) float64, m.
@@ -181,7 +181,7 @@ def simulate_batch(
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
         max_events: As in `simulate`, for each shot.
-        threads: Number of threads; None for one a core.
+        threads: Number of threads; None for one per core.
 
     Returns:
         The balls at the end of each shot, and what happened.

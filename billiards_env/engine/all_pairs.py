@@ -1,7 +1,7 @@
 """The event queue for few balls: the next meeting of every pair, in a table.
 
-The functions of this module are those that `engine.pic` needs of a queue; `engine.cell_grid` has the same for many
-balls.
+`engine.cell_grid` has the same public functions, for many balls: `empty_queue`, `most_contacts`, `clear`, `predict`,
+`earliest`, `due` and `gather`. `engine.pic` calls them.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, 
 MANY = 8
 """From this number of balls on, `screen` compares a ball with all others before pairs are predicted."""
 
-LANES = 8  # numbers that one instruction of the processor handles, at most
+LANES = 8  # largest number of doubles that one processor instruction handles
 
 SOON = 1e-6
-"""s. Pairs that are predicted to meet within this time of an impact may be part of it."""
+"""s. Pairs that are predicted to meet at most this long after an impact are tested for contact at it."""
 
 
 class Paths(NamedTuple):
     """Copies of the balls' paths, one array for each quantity, for `screen`.
 
-    The arrays have c >= n entries, a multiple of `LANES`, so that none is left over for a scalar loop.
+    The arrays have c >= n entries, a multiple of `LANES`, so that vectorised loops have no remainder.
 
     Attributes:
-        x: (c,) float64, m, at the ball's own time; likewise the next five.
+        x: (c,) float64, position at the ball's own time, m.
         y: m.
-        vx: m/s.
+        vx: Velocity at the ball's own time, m/s.
         vy: m/s.
-        ax: m/s^2.
+        ax: Acceleration, m/s^2.
         ay: m/s^2.
         start: The ball's own time, s.
         end: Time of the ball's next event alone, s.
@@ -73,10 +73,10 @@ class Queue(NamedTuple):
         lo: (n, n) float64, its second part.
         nearest_hi: (n,) float64, the earliest time of row i of `hi`.
         nearest_lo: (n,) float64, its second part.
-        nearest: (n,) int64, the ball j of that meeting.
+        nearest: (n,) int64, the ball j of that meeting; n if there is none.
         paths: The `Paths`.
-        apart: (c,) bool, the balls that do not meet the ball in question.
-        changed: (n,) bool, the balls for which predictions are being made; False between calls.
+        apart: (c,) bool, scratch: the balls that `screen` has excluded.
+        changed: (n,) bool, the balls that `predict` was called for; False between calls.
     """
 
     singles: Singles
@@ -140,7 +140,7 @@ def _copy_path(i, state, scene, queue):
 
 @inlined
 def screen(i, now, until, paths, apart):
-    """Finds the balls that do not meet ball i by the end of their paths. One instruction compares several balls.
+    """Finds balls that ball i does not meet while both paths are valid. One instruction compares several balls.
 
     Args:
         i: The ball, whose own time is `now`.
@@ -191,7 +191,7 @@ def _predict_pairs(i, now, state, scene, queue, limit):
         screen(i, now.hi, until, queue.paths, queue.apart)
     queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = math.inf, 0.0, n
     for j in range(n):
-        if j == i or (j < i and queue.changed[j]):  # ball j has predicted this pair
+        if j == i or (j < i and queue.changed[j]):  # ball j predicts this pair
             continue
         time = Time(math.inf, 0.0)
         a, b = min(i, j), max(i, j)
@@ -219,10 +219,10 @@ def _find_nearest(i, queue):
 
 @inlined
 def predict(changed, count, now, state, scene, queue, limit):
-    """Predicts what happens next to the first `count` balls of `changed`, whose own time is `now`.
+    """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
-        The amount of work, in events; negative if it was interrupted.
+        The amount of work, in the unit of `runner.LOOK_AFTER`; negative if it was interrupted.
     """
     many = len(scene.radius) >= MANY
     for c in range(count):
@@ -261,7 +261,10 @@ def earliest(state, scene, queue, limit):
 
 @inlined
 def due(event, queue, found):
-    """Finds the balls that an event of single balls concerns, in order, in `found`. Returns their number."""
+    """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
+
+    Returns their number.
+    """
     count = 0
     for i in range(event.first, event.last + 1):
         if same(single_time(queue.singles, i), event.time) and rank_of(queue.singles.kind[i]) == event.rank:
@@ -272,7 +275,7 @@ def due(event, queue, found):
 
 @inlined
 def gather(now, state, scene, queue, contacts, limit):
-    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach.
+    """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.
     """

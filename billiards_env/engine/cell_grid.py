@@ -1,13 +1,13 @@
-"""The event queue for many balls: a heap of balls, and a grid of cells that limits the pairs to be predicted.
+"""The event queue for many balls: a heap of balls, and a grid of cells that limits the number of predicted pairs.
 
 Two costs of `engine.all_pairs` grow with the number of balls: the search for the earliest prediction, and the
-predictions of a ball's meetings with all others. Here a heap of balls has the ball with the earliest event on top. A
-grid of cells, each at least as wide as a ball, limits the meetings to those with balls in neighbouring cells; a ball
-that enters another cell meets the balls of three more (Rapaport 1980, The event scheduling problem in molecular dynamic
-simulation). Each ball stores the earliest of its meetings only. If an event changes the motion of the other ball, the
-stored time is a lower bound of the ball's next meeting. It is replaced when it reaches the top of the heap.
+predictions of a ball's meetings with all others. Here the ball with the earliest event is at the top of a heap. Cells
+are at least as wide as a ball, so a ball meets only balls in its own and the neighbouring cells. When it enters another
+cell, its meetings with the balls of three more cells are predicted (Rapaport 1980, The event scheduling problem in
+molecular dynamic simulation). Each ball stores only its earliest meeting. If an event changes the motion of the other
+ball, the stored time is a lower bound of the ball's next meeting. It is replaced when it reaches the top of the heap.
 
-The functions have the arguments and results of those in `engine.all_pairs`.
+The public functions have the arguments and results of those in `engine.all_pairs`.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from billiards_env.physics.state import (
     since,
 )
 
-_MARGIN = 1.0 + 1e-6  # width of a cell over that of a ball: despite rounding, touching balls are in neighbouring cells
+_MARGIN = 1.0 + 1e-6  # least width of a cell in diameters: despite rounding, balls that touch are in neighbouring cells
 
 
 class Queue(NamedTuple):
@@ -61,15 +61,15 @@ class Queue(NamedTuple):
     Attributes:
         singles: The `Singles`.
         crossing: (n,) float64, time at which a ball leaves its cell, s.
-        direction: (n,) int64, in which direction: 0 to 3 for -x, +x, -y, +y.
+        direction: (n,) int64, direction in which it leaves, 0 to 3 for -x, +x, -y, +y, or -1.
         meeting_hi: (n,) float64, time of a ball's earliest meeting with another ball, s.
         meeting_lo: (n,) float64, its second part.
         partner: (n,) int64, the other ball.
         partner_version: (n,) int64, the other ball's version at the prediction.
         version: (n,) int64, number of changes of a ball's motion.
-        hi: (n,) float64, time of the earliest of all this, s.
+        hi: (n,) float64, time of the earliest of the ball's crossing, meeting and single-ball event, s.
         lo: (n,) float64, its second part.
-        rank: (n,) int64, its rank.
+        rank: (n,) int64, rank of that event.
         heap: (n,) int64, the balls in the order of a binary heap.
         slot: (n,) int64, position of a ball in the heap.
         column: (n,) int64, column of a ball's cell.
@@ -77,7 +77,7 @@ class Queue(NamedTuple):
         head: (columns, rows) int64, first ball in a cell, or -1.
         next: (n,) int64, next ball in the cell, or -1.
         previous: (n,) int64, previous ball in the cell, or -1.
-        found: (n,) int64, scratch.
+        found: (n,) int64, scratch of `due` and `gather`.
     """
 
     singles: Singles
@@ -140,7 +140,8 @@ def empty_queue(scene):
 def most_contacts(scene):
     """Returns the largest number of contacts at one instant.
 
-    Circles that touch are a planar graph, which has fewer than 3 n edges; the margin is for pairs that `gather` drops.
+    The contacts of circles form a planar graph, which has fewer than 3 n edges. The rest is room for pairs that
+    `gather` drops.
     """
     return 6 * len(scene.radius)
 
@@ -228,7 +229,7 @@ def clear(state, scene, queue):
 
 @kernel
 def _predict_crossing(i, now, state, scene, queue):
-    """Predicts when ball i leaves its cell after a `Time`. A cell at the border extends beyond it."""
+    """Predicts when ball i leaves its cell after a `Time`. A cell at the border of the grid has no outer edge."""
     queue.crossing[i], queue.direction[i] = math.inf, -1
     if not moves(state, i):
         return
@@ -267,7 +268,7 @@ def _meeting(i, j, state, scene, queue, limit):
 
 @kernel
 def _predict_in_cell(i, c, r, state, scene, queue, limit):
-    """Predicts the meetings of ball i with the balls in a cell, and stores each for the balls whose earliest it is."""
+    """Predicts the meetings of ball i with the balls in a cell. Stores a meeting for a ball if it is its earliest."""
     j = queue.head[c, r]
     while j >= 0:
         if j != i:
@@ -283,7 +284,7 @@ def _predict_in_cell(i, c, r, state, scene, queue, limit):
 
 @kernel
 def _predict_neighbours(i, state, scene, queue, limit):
-    """Predicts all meetings of ball i."""
+    """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
     queue.meeting_hi[i] = math.inf
     columns, rows = queue.head.shape
     for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
@@ -294,7 +295,7 @@ def _predict_neighbours(i, state, scene, queue, limit):
 
 @kernel
 def _cross(i, state, scene, queue, limit):
-    """Moves ball i into the next cell, and predicts its meetings in the cells that have become its neighbours."""
+    """Moves ball i to the next cell, and predicts its meetings in the cells that have become neighbours."""
     columns, rows = queue.head.shape
     _leave(i, queue)
     step = 2 * (queue.direction[i] % 2) - 1
@@ -320,21 +321,21 @@ def _cross(i, state, scene, queue, limit):
 
 @kernel
 def predict(changed, count, now, state, scene, queue, limit):
-    """Predicts what happens next to the first `count` balls of `changed`, whose own time is `now`.
+    """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
-        The amount of work, in events; negative if it was interrupted.
+        The amount of work, in the unit of `runner.LOOK_AFTER`; negative if it was interrupted.
     """
     for c in range(count):
         i = changed[c]
         queue.version[i] += 1
         predict_single(i, state, scene, queue.singles)
         _predict_crossing(i, now, state, scene, queue)
-    in_cell = 1 + len(queue.heap) // queue.head.size  # balls
+    balls_per_cell = 1 + len(queue.heap) // queue.head.size
     pending = 0
     for c in range(count):
         _predict_neighbours(changed[c], state, scene, queue, limit)
-        pending += in_cell
+        pending += balls_per_cell
         if pending > LOOK_AFTER:
             if interrupted():
                 return -1
@@ -344,7 +345,7 @@ def predict(changed, count, now, state, scene, queue, limit):
 
 @kernel
 def earliest(state, scene, queue, limit):
-    """Returns the next `Event`. Before that, it moves balls to their next cells, and replaces void meetings."""
+    """Returns the next `Event`. Moves balls to their next cells and replaces invalid meetings on the way to it."""
     while True:
         i = queue.heap[0]
         if queue.hi[i] > limit or queue.hi[i] == math.inf:
@@ -360,9 +361,9 @@ def earliest(state, scene, queue, limit):
 
 @kernel
 def _find_soon(hi, queue, found):
-    """Finds the balls with an event until SOON after a time hi, in order, in `found`. Returns their number."""
+    """Lists in `found`, in order, the balls with an event at most SOON after a time hi. Returns their number."""
     n, count, k = len(queue.heap), 1, 0
-    found[0] = 0  # positions in the heap at first: the earliest events are at its top
+    found[0] = 0  # first positions in the heap, which has the earliest event at its top, then balls
     while k < count:
         for child in (2 * found[k] + 1, 2 * found[k] + 2):
             if child < n and queue.hi[queue.heap[child]] - hi <= SOON:
@@ -371,7 +372,7 @@ def _find_soon(hi, queue, found):
         k += 1
     for k in range(count):
         ball, at = queue.heap[found[k]], k
-        while at > 0 and found[at - 1] > ball:  # insertion: the number is small
+        while at > 0 and found[at - 1] > ball:  # insertion sort: the number is small
             found[at] = found[at - 1]
             at -= 1
         found[at] = ball
@@ -380,7 +381,10 @@ def _find_soon(hi, queue, found):
 
 @inlined
 def due(event, queue, found):
-    """Finds the balls that an event of single balls concerns, in order, in `found`. Returns their number."""
+    """Lists in `found`, in order, the balls with a single-ball event of the time and rank of `event`.
+
+    Returns their number.
+    """
     count = 0
     for k in range(_find_soon(event.time.hi, queue, queue.found)):
         i = queue.found[k]
@@ -392,7 +396,7 @@ def due(event, queue, found):
 
 @kernel
 def gather(now, state, scene, queue, contacts, limit):
-    """Finds the contacts of the impacts at a `Time`: pairs that meet, or that touch and approach.
+    """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.
     """

@@ -1,29 +1,31 @@
 """The contact-time rule, which ends infinite sequences of impacts.
 
-**Pressed bodies.** Bodies that friction presses together would bounce in ever smaller hops, infinitely many in a finite
-time. In the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative hard-sphere
-gas, impacts closer together than the duration tau of a contact are one lasting contact. Here the rule acts on weak
-impacts: those whose speed of approach is at most A tau, where A is the largest acceleration by friction. In a weak
-impact, bodies that accelerate towards each other at `a` separate at a tau / 2 at least. The rule applies the impulse
-that this needs, with its friction. The bodies meet again after about tau. As tau goes to zero, the hops become the
-motion of bodies in lasting contact.
+**Pressed bodies.** Bodies that friction presses together would bounce in ever smaller hops, an infinite number of them
+in a finite time. In the TC model of Luding and McNamara (1998), How to handle the inelastic collapse of a dissipative
+hard-sphere gas, impacts closer together than the duration tau of a contact are one lasting contact. Here the rule acts
+on weak impacts: those whose speed of approach is at most A tau, where A is the largest acceleration by friction. After
+a weak impact, bodies that accelerate towards each other at `a` separate at a tau / 2 or more. The rule applies the
+impulse that is necessary for this, with its friction. The bodies meet again after about tau. As tau goes to zero, the
+hops become the motion of bodies in lasting contact.
 
 Rolling resistance presses balls together so weakly that there would be thousands of hops. After more than `PRESSED`
-weak impacts in a row, bodies that accelerate towards each other separate at A tau / 2 at least. Balls that do not are
-about to stop beside each other. They separate at the speed at which a ball rolls as far as `RESOLUTION`; after `JAMMED`
-weak impacts, no faster than they approached, or at 1 % of that speed if this is more.
+weak impacts in a row, bodies that accelerate towards each other separate at A tau / 2 or more. Bodies that do not
+accelerate towards each other are about to stop next to each other. They separate at the speed s, at least, at which a
+ball rolls as far as `RESOLUTION`. After more than `JAMMED` weak impacts, s is replaced by the speed of approach,
+limited to the interval from s / 100 to s.
 
-An impact that separates the bodies faster by itself is left alone. An act of the rule adds at most m/2 (3/2 A tau)^2 to
-the energy, where m is the mass of the heavier ball.
+The rule does not change an impact after which the bodies separate faster without it. An act of the rule adds at most
+m/2 (3/2 A tau)^2 to the energy, where m is the mass of the heavier ball.
 
-**Other sequences.** Impacts whose intervals shrink because of masses or restitution run their course: their speeds fall
-geometrically. The rule ends a run of impacts at one place and instant as follows. After `JAMMED` weak impacts a light
-ball between a heavy one and a fixed body is jammed, see `resolve_jam`, and a weak impact with a cushion is plastic. All
-balls of an impact come to rest if one of them has had more than `WEDGED` weak impacts, or more than `longest_run`
-impacts of any speed, or if they are slower than `STILL`. `longest_run` is more than a finite sequence of three bodies
-has; an elastic ball that fits exactly between two fixed bodies exceeds it.
+**Other sequences.** If the intervals between impacts shrink because of masses or restitution, the speeds fall
+geometrically, and the impacts are computed one by one. The rule only ends a long run of impacts at one place and
+instant, as follows. After more than `JAMMED` weak impacts, a light ball between a heavy one and a fixed body is jammed
+(see `resolve_jam`), and a weak impact with a cushion is plastic. All balls of an impact come to rest if one of them has
+had more than `WEDGED` weak impacts or more than `longest_run` impacts of any speed, or if they are slower than `STILL`.
+A finite sequence of three bodies has fewer impacts than `longest_run`. An elastic ball that fits exactly between two
+fixed bodies has more.
 
-The kernels change velocities, slip and spin; the caller determines the phase that follows with `motion.start`.
+The kernels change velocities, slip and spin; the caller then sets the phase with `motion.begin_phase`.
 """
 
 from __future__ import annotations
@@ -58,26 +60,26 @@ from billiards_env.physics.state import (
 )
 
 CONTACT_TIME = 2e-4
-"""s; tau, 200 to 300 microseconds for billiard balls (Marlow 1995)."""
+"""s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""
 
 PRESSED = 3
-"""Number of weak impacts in a row after which bodies separate faster."""
+"""After more than this number of weak impacts in a row, bodies separate faster."""
 
 JAMMED = 20
-"""One of two balls may be jammed after more than this number of impacts of both at one place and instant."""
+"""After more than this number of impacts of both at one place and instant, one of two balls may be jammed."""
 
 WEDGED = 100
 """After more than this number of weak impacts at one place and instant a ball comes to rest."""
 
 RESOLUTION = 1e-8
-"""m. Balls that are about to stop beside each other separate by about that distance."""
+"""m. Balls that are about to stop next to each other separate by about this distance."""
 
-# The rounding of a velocity that several impulses have made, relative to it. A plastic impact leaves a normal velocity
-# of about this size, of either sign. If it counted as an approach, the impact would repeat without end.
+# Relative rounding of a velocity after several impulses. A plastic impact leaves a normal velocity of about this size,
+# of either sign. If it counted as an approach, the impact would repeat without end.
 NOISE = 2.0**-48
 
 STILL = 1e-200
-"""m/s. A ball that has slowed down to it in a run of impacts at one place and instant has come to rest."""
+"""m/s. Balls that are slower than this in a run of impacts at one place and instant come to rest."""
 
 
 def longest_run(mass: tuple[float, ...]) -> float:
@@ -94,7 +96,7 @@ def longest_run(mass: tuple[float, ...]) -> float:
 
 
 def set_rule(params: NDArray[np.float64], mass: tuple[float, ...], contact_time: float = CONTACT_TIME) -> None:
-    """Sets the entries of `params` that the rule reads; those of the law of motion are set already.
+    """Sets the entries of `params` that only the rule uses. MOTION, SLIDE and ROLL must be set.
 
     Args:
         params: (N_PARAMS,) float64, in place.
@@ -108,12 +110,12 @@ def set_rule(params: NDArray[np.float64], mass: tuple[float, ...], contact_time:
 
 
 class Memory(NamedTuple):
-    """What the contact-time rule remembers of n balls.
+    """The recent impacts of n balls, as counted by the contact-time rule.
 
     Attributes:
         last_impact: (n,) float64, time of each ball's last impact, s.
-        run: (n,) int64, number of impacts that the ball has had at the same place and instant.
-        weak: (n,) int64, number of impacts since the last one that was not weak, that one included.
+        run: (n,) int64, number of impacts of each ball at its present place and instant.
+        weak: (n,) int64, number of impacts since the last one that was not weak, including that one.
     """
 
     last_impact: Any
@@ -142,7 +144,7 @@ def least_rebound(speed, towards, weak, params):
     Args:
         speed: Speed of approach, m/s.
         towards: Acceleration towards each other, m/s^2.
-        weak: Number of weak impacts in a row, the least of the balls'.
+        weak: Entry `Memory.weak` of the body, or the smaller one of two balls.
         params: (N_PARAMS,) float64.
     """
     if speed > params[WEAK_SPEED] or params[MOTION] == IDEAL:
@@ -160,7 +162,7 @@ def least_rebound(speed, towards, weak, params):
 
 @inlined
 def end_runs(i, time, speed, params, memory):
-    """Ends the runs of ball i that an impact at a time (s) and speed of approach (m/s) does not belong to."""
+    """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue."""
     interval = time - memory.last_impact[i]
     if interval * speed > RESOLUTION or interval > 0.01 * params[TAU]:
         memory.run[i] = 0
@@ -190,20 +192,20 @@ def count_impact(i, time, memory):
 
 @inlined
 def is_ordinary(i, time, speed, params, memory):
-    """Returns whether an impact of ball i is neither weak nor soon after the last. The rule does not act on it."""
+    """Returns whether an impact of ball i is neither weak nor soon after its last one. The rule does not act on it."""
     return speed > params[WEAK_SPEED] and time - memory.last_impact[i] > 0.01 * params[TAU]
 
 
 @inlined
 def count_ordinary(i, time, memory):
-    """Counts an ordinary impact of ball i at a time (s): it ends all runs."""
+    """Counts an ordinary impact of ball i at a time (s), which starts new runs."""
     memory.run[i] = memory.weak[i] = 1
     memory.last_impact[i] = time
 
 
 @kernel
 def halt(state, i):
-    """Brings ball i to rest; its spin about the vertical axis stays."""
+    """Brings ball i to rest without a change of its spin about the vertical axis."""
     for c in (VX, VY, UX, UY):
         state.rows[i, c] = 0.0
 
@@ -219,13 +221,14 @@ def pressing(i, j, nx, ny, state):
 
 @kernel
 def resolve_jam(contacts, state, scene, memory):
-    """Resolves the first contact if its balls are jammed. Returns whether they are.
+    """Resolves the first contact if its balls are jammed. Returns whether it does.
 
-    If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift it is about
-    the ratio of their masses. After more than `JAMMED` impacts of both balls at one place and instant, the ball that
-    has had fewer of them moves away from the other, which keeps its velocity. This happens in two cases: the impacts
-    are weak and the other ball moves along the normal no faster than a weak impact; or the impact changes the velocity
-    by less than its rounding, and both speeds along the normal are below 2^-24 of it. Other weak impacts are plastic.
+    If friction presses a heavy ball against a light one at a fixed body, the number of impacts that lift the heavy ball
+    is about the ratio of the masses. After more than `JAMMED` impacts of both balls at one place and instant, the ball
+    with fewer of them is moved away, and the other, jammed ball keeps its velocity. This happens in two cases. Either
+    the impacts are weak and the jammed ball moves along the normal at `WEAK_SPEED` at most. Or the impact changes the
+    velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's speed along
+    the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     rows, params, inv_mass = state.rows, scene.params, scene.inv_mass
@@ -255,7 +258,7 @@ def resolve_jam(contacts, state, scene, memory):
 
 @kernel
 def _hit_cushion_again(i, side, time, speed, state, scene, memory):
-    """Does what `hit_cushion` does for an impact that is not ordinary."""
+    """Implements `hit_cushion` for an impact that is not ordinary."""
     params = scene.params
     sign = 1.0 if side % 2 else -1.0
     end_runs(i, time, speed, params, memory)
@@ -303,9 +306,9 @@ def hit_cushion(i, side, time, speed, state, scene, memory):
 
 @kernel
 def _collide_again(count, time, contacts, state, scene, scratch, memory):
-    """Does what `collide` does for impacts that are not all ordinary."""
+    """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, params = contacts.first, contacts.second, contacts.closing, scene.params
-    for c in range(count):  # all runs end before any impact counts, whatever the order of the contacts
+    for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
         end_runs(first[c], time, closing[c], params, memory)
         end_runs(second[c], time, closing[c], params, memory)
     for c in range(count):
@@ -334,7 +337,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):
     Args:
         count: Number of contacts.
         time: s.
-        contacts: The `Contacts`; `rebound` is written here.
+        contacts: The `Contacts`. This function sets `rebound`.
         state: The `State`.
         scene: The `SceneArrays`.
         scratch: The `clusters.Scratch`.

@@ -31,8 +31,8 @@ from billiards_env.scene import CONTACT_GAP, Scene, check_positions
 
 Floats = NDArray[np.float64]
 
-_CLOSE = 1.0 + 1e-12  # closer calls are left to the slow check, which rounds differently
-_LOOK_AFTER = 10_000_000  # pairs of balls: some ten milliseconds
+_CLOSE = 1.0 + 1e-12  # relative; closer to a limit the slow check decides, because it rounds differently
+_LOOK_AFTER = 10_000_000  # pairs of balls between two calls of `interrupted`: about ten milliseconds
 
 
 class ShotInput(NamedTuple):
@@ -43,7 +43,7 @@ class ShotInput(NamedTuple):
         velocities: (n, 2) float64, m/s.
         spins: (n, 3) float64, rad/s.
         in_play: (n,) bool.
-        limit: Time at which a shot ends, s.
+        limit: Time at which a shot ends, s; infinite for no limit.
     """
 
     positions: Floats
@@ -55,9 +55,9 @@ class ShotInput(NamedTuple):
 
 @entry_point
 def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
-    """Returns whether the shots `begin` to `end` are valid input for `simulate`.
+    """Returns whether the shots `begin` to `end` - 1 are valid input for `simulate`.
 
-    False may also mean that a slower check is needed.
+    False may also mean that valid input is too close to a limit. Then `check_positions` decides.
 
     Args:
         begin: First shot.
@@ -121,13 +121,13 @@ def check_shot(
 
     Args:
         scene: The scene.
-        positions: As in `simulate` or `simulate_batch`, like the next four.
-        velocities: See there.
-        spins: See there.
-        in_play: See there.
-        max_time: See there.
+        positions: As in `simulate` or `simulate_batch`.
+        velocities: As in `simulate`.
+        spins: As in `simulate`.
+        in_play: As in `simulate`.
+        max_time: As in `simulate`.
         into: The `Shots` to write a batch to; None for new arrays.
-        threads: Number of threads that check a batch; None for one a core.
+        threads: Number of threads that check a batch; None for one per core.
 
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.
@@ -146,7 +146,7 @@ def check_shot(
     _fill_in_play(shot.in_play, in_play)
     if spins is not None and scene.physics.motion != "sliding":
         raise ValueError(
-            f"spins with physics.motion = {scene.physics.motion!r}: expected None, only sliding balls spin"
+            f"spins with physics.motion = {scene.physics.motion!r}: expected None, spins need motion 'sliding'"
         )
     _fill(shot.velocities, "velocities", velocities)
     _fill(shot.spins, "spins", spins)
@@ -161,12 +161,12 @@ def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
     """Fills an array with given values, or with True."""
     given, shape = np.asarray(True if values is None else values, dtype=np.bool_), array.shape
     if values is not None and given.shape not in (shape, shape[-1:]):
-        raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, a value a ball")
+        raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, one value per ball")
     array[...] = given
 
 
 def _fill(array: Floats, name: str, values: ArrayLike | None) -> None:
-    """Fills an array with the values of all balls, or with those of the cue ball and zeros; does not check them."""
+    """Fills an array with the values of all balls, or of the cue ball and zeros. Checks only their shape."""
     if values is None:
         array[...] = 0.0
         return

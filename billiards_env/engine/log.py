@@ -1,4 +1,4 @@
-"""The record of a shot: its events, and the pieces of the balls' trajectories."""
+"""The log of a shot: its events and the pieces of the balls' trajectories."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Log(NamedTuple):
     Attributes:
         events: (rows, EVENT_WIDTH) float64 out.
         segments: (rows, SEGMENT_WIDTH) float64 out, the pieces of the trajectories.
-        used: (2,) int64 out: number of events and of segments. They may exceed the number of rows, and the log is
-            incomplete then.
+        used: (2,) int64 out: number of events and of segments. If one exceeds the number of rows, the log is
+            incomplete.
     """
 
     events: Floats
@@ -49,12 +49,12 @@ def empty_log(n_events: int = 0, n_segments: int = 0) -> Log:
 
 
 NO_LOG = tuple(empty_log())
-"""For shots that are not recorded. No kernel writes to it, so all threads can share it."""
+"""The log of shots that are not recorded. No kernel writes to it, so all threads share it."""
 
 
 @inlined
 def clear_log(log):
-    """Empties a log, unless it records nothing: the logs of two threads may share a cache line."""
+    """Empties a log. Does not write to a log without rows, because threads may share it."""
     if len(log.events) > 0:
         log.used[N_EVENTS_LOGGED] = log.used[N_SEGMENTS_LOGGED] = 0
 
@@ -70,7 +70,7 @@ def log_event(log, time, kind, ball, other, state, speed, rule):
         ball: The ball; the event is at its position.
         other: The second ball, the cushion, the pocket or -1.
         state: The `State`.
-        speed: Speed at which the two approached, m/s.
+        speed: Speed of approach of the two, m/s.
         rule: Whether the contact-time rule acted.
     """
     if len(log.events) == 0:

@@ -1,4 +1,4 @@
-"""The engines by name, and the arrays that they run a scene with."""
+"""The choice of the engine, and the conversion of a scene to arrays."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from billiards_env.physics.state import (
 from billiards_env.scene import CUSHIONS, MOTIONS, Scene
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
-"""The engines; all functions have the same arguments."""
+"""The function that runs shots for each mode. All have the same arguments."""
 
 MANY_BALLS = 160
 """From this number of balls on PIC uses `engine.cell_grid`.
 
-This is the number from which it is faster in a thin gas. In a dense gas it is faster from about 110 balls on. In a
-rack, which fills a few cells of the grid, it is not faster up to 400.
+The grid is faster from this number on in a thin gas, and from about 110 balls on in a dense gas. In a rack, which fills
+only a few cells, it is not faster with up to 400 balls.
 """
 
 MAX_EVENTS = 10_000_000
@@ -73,11 +73,11 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
 
 
 def scene_arrays(scene: Scene, dt: float | None = None, fix: str | None = None) -> SceneArrays:
-    """Returns the arrays of a scene and the settings of PIT."""
+    """Returns the arrays of a scene, with the settings of PIT. The same arguments return the same arrays."""
     global _latest
     for_scene, for_dt, for_fix, arrays = _latest
     if for_scene is scene and for_dt == dt and for_fix == fix:
-        return arrays  # the cache would hash the scene, which takes a microsecond
+        return arrays  # faster than the cache, which hashes the scene in a microsecond
     arrays = _scene_arrays(scene, dt, fix)
     _latest = scene, dt, fix, arrays
     return arrays

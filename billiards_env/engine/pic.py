@@ -1,12 +1,12 @@
 """PIC, predicted instant of collision: the event-driven engine.
 
 The engine goes from event to event, each at its exact time. It predicts the next event of each ball alone (cushion,
-pocket, end of a phase) and the next meeting of each pair. A prediction holds until an event changes the motion of one
-of its balls. The engine takes the earliest prediction, advances only the balls that it concerns, changes their motion,
-and predicts their next events. At one instant pockets come first, then impacts between balls, all of them as one
+pocket, end of a phase) and the next meeting of each pair. A prediction is valid until an event changes the motion of
+one of its balls. The engine takes the earliest prediction, advances only the balls that it concerns, changes their
+motion, and predicts their next events. At one instant it resolves pockets first, then all impacts between balls as one
 problem, then cushions, then the ends of phases.
 
-The predictions are kept in a queue: `engine.all_pairs` for few balls, `engine.cell_grid` for many. Both give the same
+A queue stores the predictions: `engine.all_pairs` for few balls, `engine.cell_grid` for many. Both lead to the same
 bits.
 """
 
@@ -41,7 +41,7 @@ class Workspace(NamedTuple):
         contacts: The `Contacts` at one instant.
         scratch: The `Scratch` of their resolution.
         memory: The `Memory` of the contact-time rule.
-        changed: int64, balls whose motion the last event has changed.
+        changed: (2 most + n,) int64, balls whose motion the last event has changed.
     """
 
     state: State
@@ -61,8 +61,8 @@ def make_workspace(scene, queue, most):
 
 
 @inlined
-def begin(state, memory, changed, log):
-    """Prepares for a shot: the motion of every ball in `state` is new. Returns the number of balls."""
+def begin_shot(state, memory, changed, log):
+    """Resets the log and the memory, and lists all balls in `changed`. Returns their number."""
     clear_log(log)
     forget(memory)
     for i in range(len(state.phase)):
@@ -80,7 +80,7 @@ def begin_phases(count, changed, state, scene, log):
 
 @inlined
 def end_at(time, k, state, scene, shots, status):
-    """Ends shot k at a `Time`: balls that move are advanced to it, and `status` is set if there are any."""
+    """Advances the balls that are not at rest to a `Time`. If there are any, sets the status of shot k."""
     for i in range(len(state.phase)):
         if state.phase[i] != POTTED and state.phase[i] != REST:
             shots.status[k] = status
@@ -91,7 +91,7 @@ def event_loop(queue: ModuleType) -> Any:
     """Returns the kernel that runs one shot with the predictions in a queue.
 
     Args:
-        queue: A module with the functions of `all_pairs`.
+        queue: The module `all_pairs` or `cell_grid`.
     """
     clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
 
@@ -100,10 +100,10 @@ def event_loop(queue: ModuleType) -> Any:
         """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
 
         Returns:
-            The amount of work, in events, or INTERRUPTED.
+            The amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
         """
         state, changed, now = work.state, work.changed, Time(0.0, 0.0)
-        count = begin(state, work.memory, changed, log)
+        count = begin_shot(state, work.memory, changed, log)
         clear(state, scene, work.queue)
         total = pending = 0
         while True:
@@ -142,16 +142,16 @@ _run_cell_grid = for_all_shots(event_loop(cell_grid))
 
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch in place. A shot that is interrupted stays as it was.
+    """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
     Args:
         begin: First shot.
         end: One past the last.
-        scene: The `SceneArrays`, as a plain tuple like the others: numba takes those in half the time.
-        limit: Time at which a shot ends, s; may be infinite unless motion is ideal.
+        scene: The `SceneArrays`, as a plain tuple, like `shots` and `log`: numba unpacks it in half the time.
+        limit: Time at which a shot ends, s; finite if the motion is ideal.
         max_events: Number of events after which a shot ends.
         shots: The `Shots`.
-        log: A `Log`, of the last shot.
+        log: The `Log`; it holds the last shot.
     """
     arrays = SceneArrays(*scene)
     work = make_workspace(arrays, all_pairs.empty_queue(arrays), all_pairs.most_contacts(arrays))
@@ -160,7 +160,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
 
 @entry_point
 def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):
-    """Does what `run_shots` does, bit for bit, faster if there are many balls."""
+    """Computes the same bits as `run_shots`, faster for many balls."""
     arrays = SceneArrays(*scene)
     work = make_workspace(arrays, cell_grid.empty_queue(arrays), cell_grid.most_contacts(arrays))
     end_call(_run_cell_grid(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))

@@ -3,15 +3,15 @@
 The balls move by the law of motion of `engine.pic`, in closed form, and each change of phase is at its exact time. The
 only difference is when contacts are detected. The engine tests for them at each multiple of dt, in this order: it
 captures balls whose centre is inside a pocket; it resolves the impacts of all pairs that overlap and do not separate,
-as one problem; and it reflects balls that are beyond a cushion and do not come back. Impulses are those of the impact
-laws at the positions where the balls are found. A contact that begins and ends within a step is lost.
+as one problem; and it reflects balls that are beyond a cushion and do not come back. It computes impulses by the impact
+laws, for the positions at the multiple of dt. It misses a contact that begins and ends within a step.
 
 The paper leaves open how an overlap is "fixed". There are three ways:
 
-* push_apart (the default): after the impulse, which has the line of centres as found, the balls are moved apart along
-  that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
-* move_back: before the impulse, the balls go back along their paths, for one step at most, to the position at which
-  they touched. The line of centres is right then, but the balls are late by the time for which they went back.
+* push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
+  apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
+* move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
+  which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
 * none: positions do not change.
 """
 
@@ -76,9 +76,9 @@ from billiards_env.physics.state import (
 from billiards_env.scene import CONTACT_GAP
 
 MAX_STEPS = 100_000_000
-"""The engine ends a shot, with status "step_limit", after this number of timesteps: seconds with two balls."""
+"""Number of timesteps after which the engine ends a shot with the status "step_limit": seconds with two balls."""
 
-_LOOK_AFTER = 10_000_000  # pairs of balls tested between two calls of `interrupted`: some ten milliseconds
+_LOOK_AFTER = 10_000_000  # pairs of balls tested between two calls of `interrupted`: about ten milliseconds
 _PAIRS_PER_EVENT = 500  # pairs that are tested in the time of one event of `engine.pic`
 
 
@@ -88,13 +88,13 @@ class Workspace(NamedTuple):
     Attributes:
         state: The `State` of the balls.
         contacts: The `Contacts` of one step.
-        scratch: The `Scratch` of their resolution.
+        scratch: The `Scratch` arrays for their resolution.
         here: (n, 4) float64, position and velocity at the end of the step, in the columns X, Y, VX and VY.
-        back: (n,) float64, time for which a ball goes back along its path, s.
+        back: (n,) float64, time by which a ball is moved back along its path, s.
         phase_end_hi: (n,) float64, time at which a ball's phase ends, s; infinite if it does not.
         phase_end_lo: (n,) float64, its second part.
-        moving: (n,) int64, the balls that move in the step.
-        moved: (n,) bool, whether a ball is one of them.
+        moving: (n,) int64, the numbers of the balls that move in the step.
+        moved: (n,) bool, whether a ball moves in the step.
         changed: (n,) bool, whether the motion of a ball has changed in the step.
     """
 
@@ -194,9 +194,9 @@ def _end_next_phase(k, scene, work, shots, log):
 
 @inlined
 def _test_pockets(now, count, k, scene, work, shots, log):
-    """Finds the positions of the `count` moving balls at a `Time`, and captures those in pockets.
+    """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
-    Returns whether there are any.
+    Returns whether it captures any.
     """
     here, pockets, found = work.here, scene.pockets, False
     for m in range(count):
@@ -255,7 +255,7 @@ def _find_overlaps(count, scene, work):
 def _go_back(count, scene, work):
     """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
 
-    A ball with several contacts goes back to the first of them. The others may have vanished then.
+    A ball with several contacts is moved back to the earliest. At that position the others may not exist.
 
     Returns:
         The number of contacts that are left.
@@ -369,7 +369,7 @@ def _hit_cushion(i, side, scene, work):
 
 @inlined
 def _test_cushions(now, k, scene, work, shots, log):
-    """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are any."""
+    """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
     state, params, found = work.state, scene.params, False
     for i in range(len(work.moved)):
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
@@ -391,7 +391,7 @@ def _test_cushions(now, k, scene, work, shots, log):
 
 @inlined
 def _end_at(time, state, scene):
-    """Advances all balls to a time, s."""
+    """Advances all balls to a time (s)."""
     for i in range(len(state.phase)):
         advance(state, i, Time(time, 0.0), scene.params)
 
@@ -401,7 +401,7 @@ def run(k, scene, work, limit, max_events, shots, log):
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 
     Returns:
-        The amount of work, in events, or INTERRUPTED.
+        The amount of work, in the unit of `runner.LOOK_AFTER`, or INTERRUPTED.
     """
     state, n, dt = work.state, len(scene.radius), scene.params[DT]
     work.changed[:] = True
@@ -420,7 +420,7 @@ def run(k, scene, work, limit, max_events, shots, log):
         while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
             _end_next_phase(k, scene, work, shots, log)
             next_end, changed = _next_phase_end(work), True
-        # Free balls move without a phase that ends.
+        # In ideal motion balls move in a phase that has no end.
         in_motion = next_end < math.inf or (count > 0 and scene.params[MOTION] == IDEAL)
         if shots.n_events[k] >= max_events and in_motion:
             shots.status[k] = AT_EVENT_LIMIT
@@ -455,7 +455,7 @@ _run_all = for_all_shots(run)
 
 @entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
     arrays = SceneArrays(*scene)
     work = make_workspace(arrays)
     end_call(_run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))

@@ -1,7 +1,7 @@
 """Predictions: the next event of a ball alone, and the next meeting of two balls.
 
-A prediction holds until an event changes the motion of one of the balls concerned. What a ball's path cannot reach is
-not solved for. This changes no bit of a result: the tests leave a margin that is far wider than their rounding.
+A prediction is valid until an event changes the motion of one of its balls. Cheap tests exclude cushions, pockets and
+balls that a path cannot reach. They do not change the results, because their margin is far wider than their rounding.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from billiards_env.physics.state import (
 )
 
 CROSSING_RANK, POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = -1, 0, 1, 2, 3
-"""The order of events at one instant; a ball that enters another cell of a grid is no event."""
+"""The order of events at one instant. CROSSING_RANK is that of a ball that enters another cell of `cell_grid`."""
 
 MARGIN = 1e-6  # relative, of the tests for paths that do not meet
 TINY = 1e-290  # below it squares lose digits
@@ -53,8 +53,8 @@ class Singles(NamedTuple):
     Attributes:
         hi: (n,) float64, time, s; infinite if the ball has no event.
         lo: (n,) float64, its second part.
-        kind: (n,) int64, the kind of event.
-        other: (n,) int64, the cushion, the pocket or -1.
+        kind: (n,) int64, the kind of event; undefined if the time is infinite.
+        other: (n,) int64, the cushion, the pocket or -1; undefined if the time is infinite.
     """
 
     hi: Any
@@ -69,8 +69,8 @@ class Event(NamedTuple):
     Attributes:
         time: Infinite if there is none.
         rank: Its place among the events of that time, one of the ranks above.
-        first: Unless the event is of a pair, a lower bound for the balls concerned.
-        last: An upper bound.
+        first: No ball of the event has a lower number. Used by `all_pairs.due` only.
+        last: No ball of the event has a higher number.
     """
 
     time: Time
@@ -101,7 +101,7 @@ def single_time(singles, i):
 def _stays_within(x, v, a, end, room):
     """Returns whether x + v t + a t^2 / 2 stays within +-room for t in [0, end], by its Bezier control points.
 
-    It may return False for a path that does.
+    It may return False for a path that stays within.
     """
     room *= 1.0 - MARGIN
     half = x + 0.5 * end * v
@@ -173,13 +173,13 @@ def predict_pair(i, j, now, state, scene, singles, limit):
     Args:
         i: A ball.
         j: The other ball.
-        now: The time of the last event of either.
+        now: Start of the prediction, not earlier than the own time of either ball.
         state: The `State`.
         scene: The `SceneArrays`.
         singles: The `Singles`.
         limit: Time at which the shot ends, s.
     """
-    # The end of either ball's phase makes this prediction void. A phase that ends now has no meeting.
+    # This prediction is valid only until the phase of either ball ends, so not at all if a phase ends now.
     for k in (i, j):
         if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
             return Time(math.inf, 0.0)
@@ -205,17 +205,17 @@ def predict_pair(i, j, now, state, scene, singles, limit):
 
 @inlined
 def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
-    """Returns whether two balls do not meet by `end`, without a root or a branch.
+    """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
 
     It may return False for balls that do not meet. The arguments are those of `contact.circle_time`.
     """
     dd = dx * dx + dy * dy
-    # The most by which they come nearer along the line of centres until then, times their distance
+    # Upper bound on their mean speed of approach along the line of centres, times their distance
     dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)
     closing = max(0.0, -dw) + end * max(0.0, -half_db)
     least = (1.0 - MARGIN) * dd - end * closing
     far = (least > 0.0) & (least * least > reach * reach * dd)
-    # The least distance at which they pass each other, times the relative speed
+    # Lower bound on the distance at which they pass each other, times the relative speed
     side = abs(dx * wy - dy * wx) - 0.5 * end * end * abs(wx * by - wy * bx)
     wide = (side > 0.0) & (side * side > (1.0 + MARGIN) * reach * reach * (wx * wx + wy * wy) + TINY)
     return (far | wide) & (dd >= (1.0 + 1e-5) * reach * reach) & (end < math.inf)

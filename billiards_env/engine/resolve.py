@@ -13,20 +13,20 @@ from billiards_env.scene import CONTACT_GAP
 
 @inlined
 def add_contact(i, j, meeting, now, state, scene, contacts, count):
-    """Makes balls i < j contact number `count` if they meet at a `Time`, or touch and approach then.
+    """Appends balls i < j to the contacts and advances them, if they meet at a `Time` or touch and approach then.
 
     Args:
         i: A ball.
         j: The other ball.
-        meeting: The time at which they are predicted to meet.
-        now: The time. Balls in contact are advanced to it.
+        meeting: The predicted time of their meeting.
+        now: The time.
         state: The `State`.
         scene: The `SceneArrays`.
         contacts: The `Contacts`.
-        count: Number of contacts that were found before.
+        count: Number of contacts found so far.
 
     Returns:
-        Whether the balls are in contact.
+        Whether the balls were appended.
     """
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
@@ -47,19 +47,19 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):
 
 @merged
 def resolve_impacts(count, now, k, scene, work, shots, log):
-    """Changes the velocities of the balls in the first `count` contacts, which are at the `Time` now, and records them.
+    """Resolves and records the impacts of the first `count` contacts, and lists their balls in `work.changed`.
 
     Args:
         count: Number of contacts, > 0.
-        now: The time.
+        now: The `Time`; the balls are advanced to it already.
         k: The shot.
         scene: The `SceneArrays`.
-        work: The `pic.Workspace`; the balls are listed in `changed`.
+        work: The `pic.Workspace`.
         shots: The `Shots`.
         log: The `Log`.
 
     Returns:
-        The number of entries of `changed`. A ball may occur more than once.
+        The number of balls listed. A ball may occur more than once.
     """
     contacts, changed = work.contacts, work.changed
     acts = collide(count, now.hi, contacts, work.state, scene, work.scratch, work.memory)
@@ -75,11 +75,11 @@ def resolve_impacts(count, now, k, scene, work, shots, log):
 
 @merged
 def resolve_singles(count, now, k, scene, work, shots, log):
-    """Resolves and records events of the first `count` balls of `changed` alone, which are at the `Time` now.
+    """Resolves and records the next single-ball event of each of the first `count` balls of `work.changed`.
 
     Args:
         count: Number of balls.
-        now: The time.
+        now: The `Time` of these events.
         k: The shot.
         scene: The `SceneArrays`.
         work: The `pic.Workspace`.

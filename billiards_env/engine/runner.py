@@ -9,22 +9,22 @@ from billiards_env.physics.interrupt import interrupted
 from billiards_env.physics.jit import kernel
 
 INTERRUPTED = -1
-"""Returned by a loop that was interrupted (see `physics.interrupt`). The shot has no outcome."""
+"""Result of a loop that was interrupted (see `physics.interrupt`). The shot has no outcome then."""
 
 LOOK_AFTER = 20_000
-"""Work after which a loop calls `interrupted`: about the time of this number of events, some ten milliseconds."""
+"""Amount of work after which a loop calls `interrupted`: about ten milliseconds. The unit is one event of PIC."""
 
 
 def for_all_shots(run: Any) -> Any:
     """Returns the kernel that runs shots one after the other.
 
     Args:
-        run: A kernel that runs one shot and returns its amount of work, in events, or INTERRUPTED.
+        run: A kernel that runs one shot and returns its amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
     """
 
     @kernel
     def run_all(begin, end, scene, work, limit, max_events, shots, log):
-        """Runs shots `begin` to `end`. Returns whether it was interrupted."""
+        """Runs shots `begin` to `end` - 1. Returns whether it was interrupted."""
         pending = 0
         for k in range(begin, end):
             load(k, shots, scene, work.state)

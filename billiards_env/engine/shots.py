@@ -1,4 +1,4 @@
-"""Shots as arrays: their starts, which an engine replaces by their outcomes."""
+"""Shots as arrays: an engine reads their starts and overwrites them with their ends."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ Int64s = NDArray[np.int64]
 
 
 class Shots(NamedTuple):
-    """m shots of n balls. The first four arrays hold the balls at the start of a shot, then those at its end.
+    """m shots of n balls. The first four arrays hold the start of each shot; the engine replaces it by the end.
 
     Attributes:
         positions: (m, n, 2) float64, m.
         velocities: (m, n, 2) float64, m/s.
         spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool: balls that are not in a pocket.
+        in_play: (m, n) bool: whether a ball is not in a pocket.
         time: (m,) float64 out: duration, s.
         cushions: (m, n) int32 out: number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32 out: number of cushion contacts that the cue ball had when it first touched
@@ -82,8 +82,8 @@ def empty_shots(m: int, n: int) -> Shots:
         *[((m,), np.int64)] * 4,
     )
     sizes = [-(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8 for shape, kind in shapes]
-    # One block of memory: the system provides a large block several times faster than its parts one by one. The parts
-    # are too small for NumPy to ask for huge pages, and the C library returns them to the system after each batch.
+    # The operating system provides one large block several times faster than its parts one by one: NumPy requests huge
+    # pages only for large blocks, and the C library returns the smaller ones to the system after each batch.
     memory = np.empty(sum(sizes), np.uint8)
     starts = itertools.accumulate(sizes[:-1], initial=0)
     return Shots(*(np.ndarray(shape, kind, memory, at) for (shape, kind), at in zip(shapes, starts, strict=True)))
@@ -91,7 +91,7 @@ def empty_shots(m: int, n: int) -> Shots:
 
 @inlined
 def load(k, shots, scene, state):
-    """Sets a `State` to the start of shot k, and the outcome of the shot to that of a shot without events."""
+    """Copies the start of shot k to a `State` and resets the counters of the shot. `begin_phase` sets the phases."""
     slips = scene.params[MOTION] == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
@@ -112,7 +112,7 @@ def load(k, shots, scene, state):
 
 @inlined
 def store(k, shots, scene, state):
-    """Stores a `State` as the end of shot k."""
+    """Copies a `State` to the end of shot k."""
     slips = scene.params[MOTION] == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
@@ -127,7 +127,7 @@ def store(k, shots, scene, state):
 
 @inlined
 def count_hit(k, i, j, shots):
-    """Counts an impact of balls i and j: the cue ball's first hit, and its first hit of ball j."""
+    """Updates `first_hit` and `cushions_before_hit` after an impact of balls i and j, if one is the cue ball."""
     if min(i, j) != CUE_BALL:
         return
     other = max(i, j)

@@ -1,4 +1,4 @@
-"""Work on many shots, spread over threads."""
+"""Distribution of the work on many shots over threads."""
 
 from __future__ import annotations
 
@@ -14,33 +14,32 @@ from time import perf_counter
 from billiards_env.physics.interrupt import helping
 
 _PIECE = 4e-4
-"""So many seconds a piece of work takes, or more: getting hold of one takes some hundredths of that, waking a thread up
-to a quarter."""
+"""s. Least duration of a piece of work. Taking a piece costs some hundredths of it, waking a thread up to a quarter."""
 
 _WAIT = 0.2  # s; on Windows a wait reacts to Ctrl-C only when it ends
 
 
 def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
-    """Calls `work(begin, end)` for pieces that make up 0 to m, on several threads where that is worth it.
+    """Calls `work(begin, end)` on consecutive pieces of range(m), on several threads if this saves time.
 
-    Pieces become smaller towards the end, for shots differ in length and the last piece is waited for (guided
-    self-scheduling, Polychronopoulos and Kuck 1987). If this thread is interrupted, the others stop, too, before the
-    exception is raised.
+    Shots differ in duration, so pieces become smaller towards the end to let all threads end together (guided
+    self-scheduling, Polychronopoulos and Kuck 1987). If the calling thread is interrupted, the other threads stop
+    before the exception is raised.
 
     Args:
-        work: Called from any thread; it should leave the interpreter's lock to the others while it computes, and call
-            `physics.interrupt.interrupted` if it may take long.
+        work: Called from any thread. It should release the interpreter's lock while it computes, and call
+            `physics.interrupt.interrupted` regularly if it can run long.
         m: Number of shots.
-        threads: Number of threads, this one among them; None for one a core.
+        threads: Number of threads, including the calling one; None for one per core.
     """
     workers = min(threads or os.cpu_count() or 1, m)
     if workers <= 1:
         work(0, m)
         return
-    at = min(max(m // 16, 1), 8)  # the first few tell how long a shot takes
+    at = min(max(m // 16, 1), 8)  # the first few shots are timed
     begun = perf_counter()
     work(0, at)
-    least = math.ceil(at * _PIECE / max(perf_counter() - begun, 1e-9))  # a coarse clock may stand still
+    least = math.ceil(at * _PIECE / max(perf_counter() - begun, 1e-9))  # a coarse clock may measure zero
     workers = min(workers, (m - at) // least)
     if workers <= 1:
         if at < m:
@@ -67,12 +66,12 @@ def spread(work: Callable[[int, int], None], m: int, threads: int | None = None)
         for _ in range(workers - 1):
             helpers.append(_helpers().submit(help_out))
         take()
-        # A helper that has not woken up by now would find nothing left to do.
+        # No work is left for helpers that have not started yet: they are cancelled.
         errors = [_outcome(helper) for helper in helpers if not helper.cancel()]
     except BaseException:
         stop.set()
         with lock:
-            at = m  # the rest is not worth doing
+            at = m  # no thread takes another piece
         for helper in helpers:
             if not helper.cancel():
                 _outcome(helper)
@@ -83,7 +82,7 @@ def spread(work: Callable[[int, int], None], m: int, threads: int | None = None)
 
 
 def _outcome(helper: Future[None]) -> BaseException | None:
-    """Waits until a helper has ended, and returns its error."""
+    """Waits until a helper has ended. Returns its exception or None."""
     while True:
         with contextlib.suppress(NotDone):
             return helper.exception(_WAIT)
@@ -93,7 +92,7 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def _helpers() -> ThreadPoolExecutor:
-    """The threads beside the caller's, started when first needed and kept."""
+    """Returns the pool of helper threads, which the first call creates."""
     global _pool
     if _pool is None:
         _pool = ThreadPoolExecutor(max(os.cpu_count() or 1, 64), "billiards")

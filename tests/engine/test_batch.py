@@ -100,7 +100,7 @@ CLEAR = [[-0.5, 0.0], [0.5, 0.0]]
         ({"positions": [[[math.nan, 0.0], [0.0, 0.0]], CLEAR]}, "positions: shot 0, ball 0 is at [nan, 0.0]"),
         ({"velocities": [1.0, 0.0, 0.0]}, "velocities has shape (3,): expected (2, 2, 2) for all balls or (2, 2) for"),
         ({"spins": [[0.0, 0.0, 1.0]]}, "spins has shape (1, 3): expected (2, 2, 3) for all balls or (2, 3) for"),
-        ({"in_play": [[True, True]]}, "in_play has shape (1, 2): expected (2,), a value a ball"),
+        ({"in_play": [[True, True]]}, "in_play has shape (1, 2): expected (2,), one value per ball"),
         ({"threads": 0}, "threads = 0: expected a whole number from 1 to 1024"),
         ({"threads": True}, "threads = True: expected a whole number from 1 to 1024"),
         ({"threads": 1.5}, "threads = 1.5: expected a whole number from 1 to 1024"),

@@ -176,8 +176,8 @@ def test_spin_is_zero_if_the_motion_has_no_spin():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"positions": [0.0, 0.0]}, "positions has shape (2,): expected (2, 2), a row a ball"),
-        ({"positions": [PLACES]}, "positions has shape (1, 2, 2): expected (2, 2), a row a ball"),
+        ({"positions": [0.0, 0.0]}, "positions has shape (2,): expected (2, 2), one row per ball"),
+        ({"positions": [PLACES]}, "positions has shape (1, 2, 2): expected (2, 2), one row per ball"),
         ({"positions": [[0.0, 0.0]]}, "positions has shape (1, 2): expected (2, 2)"),
         ({"positions": [[0.0, 0.0], [0.0, 0.05]]}, "positions: balls 0 and 1 are 0.05 m apart: expected at least"),
         ({"positions": [[0.0, 0.0], [1.25, 0.0]]}, "positions: ball 1 is at [1.25, 0.0]: expected |x|"),
@@ -193,8 +193,8 @@ def test_spin_is_zero_if_the_motion_has_no_spin():
             {"spins": [0.0, 0.0, math.nan]},
             "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s",
         ),
-        ({"in_play": [True]}, "in_play has shape (1,): expected (2,), a value a ball"),
-        ({"in_play": True}, "in_play has shape (): expected (2,), a value a ball"),
+        ({"in_play": [True]}, "in_play has shape (1,): expected (2,), one value per ball"),
+        ({"in_play": True}, "in_play has shape (): expected (2,), one value per ball"),
         ({"mode": "pik"}, "mode = 'pik': expected one of 'pic'"),
         ({"dt": 0.01}, "dt = 0.01 with mode='pic': expected None, PIC has no timestep"),
         ({"max_time": -1.0}, "max_time = -1.0: expected a number from 0 to 1e+12 s"),
@@ -218,7 +218,7 @@ def test_fixed_balls_must_be_at_rest():
 @pytest.mark.parametrize("motion", ["ideal", "rolling"])
 def test_spins_are_rejected_if_the_motion_has_no_spin(motion):
     scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
-    with rejected(f"spins with physics.motion = '{motion}': expected None, only sliding balls spin"):
+    with rejected(f"spins with physics.motion = '{motion}': expected None, spins need motion 'sliding'"):
         simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])
 
 
