@@ -1,4 +1,4 @@
 """The physics as compiled functions on scalars and arrays: motion, contact times and impulses.
 
-Nothing in here knows of scenes, environments or files; the arrays it works on are laid out in `state.py`.
+This package does not import the rest of the project. `state.py` defines the arrays that the functions use.
 """

@@ -19,7 +19,7 @@ def pair_impulse(closing, inv_mass_i, inv_mass_j, e):
 
 @kernel
 def change_velocity(state, i, dvx, dvy, params):
-    """Changes ball i's velocity by (dvx, dvy), m/s, and its slip by the same amount, so that its spin stays."""
+    """Changes ball i's velocity and slip by (dvx, dvy), m/s, so that its spin does not change."""
     s = state.rows[i]
     s[VX] += dvx
     s[VY] += dvy
@@ -30,7 +30,7 @@ def change_velocity(state, i, dvx, dvy, params):
 
 @kernel
 def _exchange_many(count, contacts, state, scene, scratch):
-    """`exchange` for more than one contact."""
+    """Implements `exchange` for more than one contact."""
     e, wanted = scene.params[E_BALL], scratch.wanted
     for c in range(count):
         wanted[c, HI] = wanted[c, LO] = 0.0
@@ -55,7 +55,7 @@ def _exchange_many(count, contacts, state, scene, scratch):
 
 @inlined
 def exchange_pair(contacts, state, scene):
-    """`exchange` for one contact."""
+    """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
     params, inv_mass = scene.params, scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     raised = params[E_BALL] * closing < rebound

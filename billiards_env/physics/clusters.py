@@ -1,11 +1,12 @@
 """Impacts of several pairs of balls at one instant, resolved as one problem.
 
-The changes of velocity are the smallest, in the norm of the kinetic energy, after which no pair approaches: the plastic
-impact, a linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0 for the impulses p
-along the contact normals N. Multiplied by 1 + e they are the generalised reflection of Smith, Kaufman, Vouga, Tamstorf
-and Grinspun (2012), Reflections on Simultaneous Impact, which keeps momentum and, for e = 1, energy, and treats all
-contacts alike. The result does not depend on how balls and contacts are numbered and mirrors bit for bit. Up to `MOST`
-contacts are solved directly in double-double arithmetic, more of them by iteration in double precision.
+In a plastic impact, the changes of velocity are the smallest, in the norm of the kinetic energy, after which no pair
+approaches. They solve the linear complementarity problem 0 <= p, 0 <= N^T (v + M^-1 N p), p . N^T (v + M^-1 N p) = 0
+for the impulses p along the contact normals N. These changes, multiplied by 1 + e, are the generalised reflection of
+Smith, Kaufman, Vouga, Tamstorf and Grinspun (2012), Reflections on Simultaneous Impact, which keeps momentum and (for
+e = 1) energy, and treats all contacts alike. The result does not depend on the numbering of balls and contacts, and a
+mirrored problem has the mirrored result bit for bit. Problems of up to `MOST` contacts are solved directly in
+double-double arithmetic, larger ones by iteration in double precision.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX,
 # Columns of `Scratch.change`: changes of velocity along x and y, double-double, m/s.
 DVX, DVX_LO, DVY, DVY_LO = 0, 1, 2, 3
 
-_SWEEPS = 2000  # of the descent, at most
-# Of the largest speed of approach. A velocity that small is the rounding of terms that cancel, and is zero.
+_SWEEPS = 2000  # largest number of iterations of `_descend`
+# Relative to the largest speed of approach: the rounding that is left after terms cancel.
 _RESIDUE = 2.0**-80
 
 
@@ -50,7 +51,7 @@ class Contacts(NamedTuple):
 
 @allocating
 def empty_contacts(most):
-    """Returns `Contacts` with room for `most` of them and no least speed of separation."""
+    """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined."""
     return Contacts(
         np.empty(most, np.int64),
         np.empty(most, np.int64),
@@ -62,14 +63,14 @@ def empty_contacts(most):
 
 
 class Scratch(NamedTuple):
-    """Space to resolve up to `most` impacts of n balls in.
+    """Scratch arrays for the resolution of up to `most` impacts of n balls.
 
     Attributes:
-        wanted: (most, 2) float64, double-double: by how much each contact's speed of separation is to rise, m/s.
+        wanted: (most, 2) float64, double-double: required increase of each contact's speed of separation, m/s.
         impulse: (most, 2) float64, double-double, kg m/s.
         change: (n, 4) float64, changes of velocity, see the columns above.
         problem: The `Problem` of up to `MOST` contacts.
-        descent: (4, most) float64, of `_descend`.
+        descent: (4, most) float64, scratch of `_descend`.
         dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
         done: (n,) bool, False between calls.
     """
@@ -111,7 +112,7 @@ def separation_speed(contacts, c, state):
 
 @kernel
 def _coupling(contacts, c, k, inv_mass):
-    """Returns how much a unit impulse at contact k opens contact c, 1/kg, as a double-double number."""
+    """Returns the change of contact c's speed of separation by a unit impulse at contact k, 1/kg, double-double."""
     first, second = contacts.first, contacts.second
     if first[c] == first[k] and second[c] == second[k]:
         shared, shared_lo = two_sum(inv_mass[first[c]], inv_mass[second[c]])
@@ -152,7 +153,7 @@ def _descend(count, contacts, inv_mass, scratch):
     """Computes the plastic impulses of many contacts by an accelerated projected gradient.
 
     Nesterov (1983), with the restart of O'Donoghue and Candes (2015), scaled to a unit diagonal. Every sum over a
-    ball's contacts is exact, see `sum_impulses`, hence independent of their order.
+    ball's contacts is exact (see `sum_impulses`), so it does not depend on their order.
     """
     first, second, nx, ny = contacts.first, contacts.second, contacts.nx, contacts.ny
     wanted, dv, done = scratch.wanted, scratch.dv, scratch.done
@@ -160,14 +161,14 @@ def _descend(count, contacts, inv_mass, scratch):
     for c in range(count):
         scale[c] = 1.0 / math.sqrt(inv_mass[first[c]] + inv_mass[second[c]])
         point[c] = last[c] = 0.0
-    bound = 1.0  # of the largest eigenvalue: the largest absolute row sum
+    bound = 1.0  # the largest absolute row sum, an upper bound of the eigenvalues
     largest = 0.0
     for c in range(count):
         row = 1.0
         for k in range(count):
             if k != c:
                 term = abs(_coupling(contacts, c, k, inv_mass)[0]) * (scale[c] * scale[k])
-                row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # a sum of such is exact in any order
+                row += math.ldexp(math.ceil(math.ldexp(term, 20)), -20)  # sums of multiples of 2^-20 are exact
         bound = max(bound, row)
         largest = max(largest, wanted[c, HI] * scale[c])
     theta = 1.0
@@ -199,7 +200,7 @@ def _descend(count, contacts, inv_mass, scratch):
 
 @kernel
 def _quantum(largest, n_terms):
-    """Returns a q for which (x + q) - q rounds x, so that n_terms such values of up to `largest` sum exactly."""
+    """Returns a q such that n_terms values (x + q) - q, which are x rounded, sum exactly for abs(x) <= `largest`."""
     _, exponent = math.frexp(largest)
     _, spare = math.frexp(float(n_terms))
     return math.ldexp(1.5, exponent + max(2, spare - 1))
@@ -207,7 +208,7 @@ def _quantum(largest, n_terms):
 
 @kernel
 def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
-    """Computes the changes of velocity by the impulses `impulse * scale`; the order of the contacts does not matter.
+    """Computes the changes of velocity by the impulses `impulse * scale`, independently of the order of the contacts.
 
     More than two terms are rounded to a common multiple before they are added (Demmel and Nguyen 2013, Fast
     Reproducible Floating-Point Summation), which makes the sum exact.
@@ -219,7 +220,7 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
         scale: (>= count,) float64.
         inv_mass: (n,) float64, 1/kg.
         dv: (n, 2) float64 out, for the balls in contact.
-        done: (n,) bool out: balls in contact.
+        done: (n,) bool out: True for the balls in contact; the caller resets it.
     """
     first, second = contacts.first, contacts.second
     largest = 0.0
@@ -247,7 +248,7 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
 
 @kernel
 def solve_plastic(count, contacts, inv_mass, scratch):
-    """Computes the smallest changes of velocity that raise each contact's speed of separation by `wanted` at least.
+    """Computes the smallest changes of velocity that raise each contact's speed of separation by at least `wanted`.
 
     Args:
         count: Number of contacts, > 1.
@@ -273,7 +274,7 @@ def solve_plastic(count, contacts, inv_mass, scratch):
 
 @inlined
 def _changed(value, change, change_lo, residue):
-    """Returns value + change, rounded once, and zero where it is no more than the residue of terms that cancel."""
+    """Returns value + change, rounded once. A small result is also rounded to a multiple of the residue."""
     x = add(value, 0.0, change, change_lo)[0]
     if abs(x) < 2.0**50 * residue:
         shift = 1.5 * 2.0**52 * residue
@@ -283,7 +284,7 @@ def _changed(value, change, change_lo, residue):
 
 @kernel
 def apply_changes(count, factor, contacts, state, scene, scratch):
-    """Adds 1 + factor times the changes of `solve_plastic` to the balls' velocities; the spins stay.
+    """Adds 1 + factor times the changes of `solve_plastic` to the balls' velocities. The spins do not change.
 
     Args:
         count: Number of contacts.

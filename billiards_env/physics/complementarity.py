@@ -1,8 +1,8 @@
 """The linear complementarity problem of simultaneous impacts, solved in double-double arithmetic.
 
 The active set is found by block principal pivoting (Judice and Pires 1994), and each linear system by an LDL^T
-factorisation in double-double arithmetic. Rounding errors are then about 1e-32 of the largest term: a matrix may have a
-condition number of 1e16; balls whose masses differ by this factor give such a matrix. The order of the unknowns does
+factorisation in double-double arithmetic. Rounding errors are then about 1e-32 of the largest term, so the matrix may
+have a condition number of 1e16, as it does for balls whose masses differ by this factor. The order of the unknowns does
 not change the result after rounding to double precision.
 """
 
@@ -16,18 +16,18 @@ from billiards_env.physics.double_double import HI, LO, add, divide, multiply, t
 from billiards_env.physics.jit import allocating, inlined, kernel
 
 MOST = 48
-"""Largest number of unknowns. The time of a solution grows with the cube of it."""
+"""Largest number of unknowns. The time of a solution grows with the cube of their number."""
 
-# Relative to the diagonal: a pivot below _SINGULAR is that of a singular matrix, such as that of a rack with more
-# contacts than it needs; _SHIFT is then added to the diagonal, which makes the solution unique (Tikhonov 1963).
+# Both are relative to the diagonal. A matrix with a pivot below _SINGULAR is singular, such as that of a rack, where
+# contacts are redundant. _SHIFT is then added to the diagonal, which makes the solution unique (Tikhonov 1963).
 _SINGULAR = 2.0**-75
 _SHIFT = 2.0**-80
-_ZERO = 2.0**-88  # relative; the sign of a smaller value is rounding
-_EXCHANGES = 100  # changes of the active set; random problems need a few
+_ZERO = 2.0**-88  # relative; a smaller value is rounding
+_EXCHANGES = 100  # largest number of changes of the active set; random problems need a few
 
 
 class Problem(NamedTuple):
-    """The problem x >= 0, a x >= b, x . (a x - b) = 0 of up to m unknowns, and space to solve it in.
+    """The problem x >= 0, a x >= b, x . (a x - b) = 0 with up to m unknowns, and its scratch arrays.
 
     The last axis of length 2 holds the two parts (hi, lo) of a double-double number.
 
@@ -69,7 +69,7 @@ def empty_problem(m):
 
 @inlined
 def _subtract_product(s, e, a, b):
-    """Returns (s, e) - a b, not normalised; a and b are (2,) arrays. As in Ogita, Rump and Oishi (2005), Dot2."""
+    """Returns (s, e) - a b, not normalised, for (2,) arrays a and b (Ogita, Rump and Oishi 2005, Dot2)."""
     p, p_lo = two_product(a[0], b[0])
     s, error = two_sum(s, -p)
     return s, e + (error - (p_lo + (a[0] * b[1] + a[1] * b[0])))
@@ -77,7 +77,7 @@ def _subtract_product(s, e, a, b):
 
 @kernel
 def _factorise(m, problem, shift):
-    """Factorises a + shift diag(a) on the m unknowns in `index`. Returns whether it is regular."""
+    """Factorises a + shift diag(a) for the m unknowns in `index`. Returns whether the matrix is regular."""
     a, factor, pivot, row, index = problem.a, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
         for j in range(i + 1):
@@ -102,7 +102,7 @@ def _factorise(m, problem, shift):
 
 @kernel
 def _substitute(m, problem):
-    """Solves for the m unknowns in `index` with the factors at hand; x holds the result."""
+    """Solves for the m unknowns in `index` with the result of `_factorise`, and writes them to x."""
     b, x, factor, pivot, row, index = problem.b, problem.x, problem.factor, problem.pivot, problem.row, problem.index
     for i in range(m):
         s, e = b[index[i], HI], b[index[i], LO]
@@ -119,7 +119,7 @@ def _substitute(m, problem):
 
 @inlined
 def _violates(i, n, problem, largest):
-    """Whether unknown i is negative, or, if it is not active, row i of a x >= b is violated, by more than rounding."""
+    """Returns whether unknown i, if active, is negative, or else violates row i of a x >= b, by more than rounding."""
     a, b, x = problem.a, problem.b, problem.x
     if problem.active[i]:
         return x[i, HI] * a[i, i, HI] < -_ZERO * largest
@@ -135,16 +135,16 @@ def _violates(i, n, problem, largest):
 
 @kernel
 def solve_complementarity(n, problem):
-    """Finds the x >= 0 with a x >= b and x . (a x - b) = 0.
+    """Computes an x >= 0 with a x >= b and x . (a x - b) = 0.
 
-    Where a is singular x is one of several solutions; a x is the same for all of them.
+    If a is singular, x is one of several solutions, and a x is the same for all of them.
 
     Args:
         n: Number of unknowns, at most `MOST`.
         problem: A `Problem`.
 
     Returns:
-        Whether it was found.
+        Whether a solution was found.
     """
     b, x, active, index = problem.b, problem.x, problem.active, problem.index
     largest = 0.0
@@ -172,7 +172,7 @@ def solve_complementarity(n, problem):
                 if x[i, HI] < 0.0:
                     x[i, HI] = x[i, LO] = 0.0
             return True
-        # All are exchanged until their number has not fallen three times, then only the last, which ends (Murty 1974).
+        # After three exchanges that do not reduce their number, only the last is exchanged, which ends (Murty 1974).
         if wrong < fewest:
             fewest, patience = wrong, 3
         else:

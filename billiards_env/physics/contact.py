@@ -1,8 +1,8 @@
-"""When a ball meets a ball, a cushion or a pocket.
+"""The times at which a ball touches a ball, a cushion or a pocket.
 
-All times count from now; infinity means not before the end of the interval asked for. The rule throughout is that the
-next contact is the next time at which the two are touching *and approaching*: at a distance of zero the known root at
-t = 0 is divided out of the polynomial instead of being stepped over.
+The next contact is the next time at which the two bodies touch *and approach*. If they touch now, the polynomial has a
+root at t = 0, which is divided out. Times are measured from now. A time is infinite if there is no contact until the
+end of the interval.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from billiards_env.physics.roots import first_descent
 
 @kernel
 def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
-    """When two centres come within `reach` of each other.
+    """Returns the time at which the distance of two centres next falls to `reach`.
 
-    With the relative position d + w t + b t^2 / 2, the squared distance less reach^2 is a quartic.
+    The relative position is d + w t + b t^2 / 2, so the squared distance minus reach^2 is a quartic in t.
 
     Args:
-        dx: Relative position, m.
-        dy: See dx.
-        wx: Relative velocity, m/s.
-        wy: See wx.
-        bx: Relative acceleration, m/s^2.
-        by: See bx.
+        dx: Relative position along x, m.
+        dy: The same along y.
+        wx: Relative velocity along x, m/s.
+        wy: The same along y.
+        bx: Relative acceleration along x, m/s^2.
+        by: The same along y.
         reach: Distance of the centres at contact, m.
-        end: Interval looked at, s; finite.
-        noise: Rounding of the relative velocity, m/s; what touches and moves no faster than that does not approach.
+        end: End of the interval, s; finite unless b is zero.
+        noise: Rounding of the relative velocity, m/s. Bodies that touch and approach no faster do not count as
+            approaching.
 
     Returns:
         The time of the next contact, s, or infinity.
@@ -41,7 +42,7 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
         dw = 0.0
     ww = wx * wx + wy * wy
     if bx == 0.0 and by == 0.0:
-        # Straight lines: the discriminant from the impact parameter |d x w| / |w|, which loses no digits far away.
+        # Straight lines: the impact parameter |d x w| / |w| gives the discriminant without loss of digits far away.
         if dw >= 0.0:
             return math.inf
         if c0 <= 0.0:
@@ -69,8 +70,8 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
     else:
         return 0.0 if c3 < 0.0 and ww > 0.0 else math.inf  # ww may have underflowed
     if t < math.inf:
-        # The quartic's constant term carries the rounding of d^2; one Newton step on the gap itself takes it out. Where
-        # the two hardly close in, the step would be the gap's own rounding divided by next to nothing: none is taken.
+        # The constant term of the quartic has the rounding error of d^2. One Newton step on the gap removes it. If the
+        # bodies hardly approach, there is no step, because it would divide the rounding of the gap by almost zero.
         px = dx + t * (wx + 0.5 * t * bx)
         py = dy + t * (wy + 0.5 * t * by)
         ux, uy = wx + t * bx, wy + t * by
@@ -83,16 +84,16 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
 
 @kernel
 def line_time(gap, v, a, end):
-    """When a coordinate moving at v + a t has covered `gap`.
+    """Returns the time at which a coordinate with the velocity v + a t next reaches a line at distance `gap`.
 
     Args:
-        gap: Distance to the line, m.
+        gap: Distance to the line, m; <= 0 at the line or beyond it.
         v: Velocity towards it, m/s.
         a: Acceleration towards it, m/s^2.
-        end: Interval looked at, s.
+        end: End of the interval, s.
 
     Returns:
-        The time at which it next touches the line and moves, or is pressed, beyond it, s, or infinity.
+        The next time at which it is at the line and moves or accelerates across it, s, or infinity.
     """
     if v <= 0.0 and a <= 0.0:
         return math.inf

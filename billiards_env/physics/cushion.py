@@ -22,14 +22,14 @@ from billiards_env.physics.state import (
 
 @inlined
 def _squeeze(needed, sx, sy, sin, cos, mu):
-    """Returns the friction and the normal impulse (pxe, pye, pze) of a given horizontal impulse, per mass, m/s.
+    """Returns the friction and the normal impulse (pxe, pye, pze) with a given horizontal sum, per mass, m/s.
 
     Args:
         needed: Impulse away from the cushion, per mass, m/s.
-        sx: Slip at the point of contact, m/s.
-        sy: See sx.
-        sin: Of the angle of the point of contact above the ball's centre.
-        cos: See sin.
+        sx: Slip at the point of contact along x, m/s.
+        sy: Slip along y, m/s.
+        sin: Sine of the angle of the point of contact above the ball's centre.
+        cos: Cosine of that angle.
         mu: Coefficient of friction.
     """
     slip = math.sqrt(sx * sx + sy * sy)
@@ -42,25 +42,26 @@ def _squeeze(needed, sx, sy, sin, cos, mu):
 
 @kernel
 def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
-    """Ball against cushion with friction and spin, after Han (2005), Dynamics in Carom and Three Cushion Billiards.
+    """Returns a ball's motion after an impact on a cushion with friction and spin.
 
-    The cushion's nose touches the ball at height h, an angle theta above its centre with sin(theta) = h/R - 1. At the
-    point of contact friction either stops the slip or acts against it throughout (his equations 14 to 23). The ball
-    stays on the table: its vertical velocity is dropped, as his carom model does. If the ball would leave more slowly
-    than `rebound`, the normal impulse and its friction are raised until the ball leaves at `rebound`.
+    The law is that of Han (2005), Dynamics in Carom and Three Cushion Billiards. The cushion's nose touches the ball at
+    height h, an angle theta above its centre with sin(theta) = h/R - 1. At the point of contact friction either stops
+    the slip or acts against it throughout (his equations 14 to 23). The vertical velocity is set to zero, as in his
+    carom model. If the ball would leave more slowly than `rebound`, the normal impulse and its friction are raised
+    until the ball leaves at `rebound`.
 
     Args:
         vn: Velocity into the cushion, >= 0, m/s.
         vt: Velocity along the tangent t = z x n, m/s.
-        un: Slip on the cloth along n and t, m/s.
-        ut: See un.
+        un: Slip on the cloth along n, m/s.
+        ut: Slip on the cloth along t, m/s.
         rwz: Spin about the vertical axis times the radius, m/s.
         radius: m.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         params: (N_PARAMS,) float64.
 
     Returns:
-        (vn, vt, un, ut, rwz, raised) after the impact; vn <= -rebound, and `raised` is whether `rebound` raised the
+        (vn, vt, un, ut, rwz, raised) after the impact, with vn <= -rebound; `raised`: whether `rebound` raised the
         impulse.
     """
     mu = params[MU_CUSHION]

@@ -1,8 +1,8 @@
 """Double-double arithmetic: a number as the unevaluated sum (hi, lo) of two doubles, about 32 decimal digits.
 
-The error-free sums and products are those of Knuth (1969, section 4.2.2) and Dekker (1971), the other operations those
-of Hida, Li and Bailey (2001), Algorithms for Quad-Double Precision Floating Point Arithmetic. Only `+ - * /` are used,
-so results have the same bits on every IEEE 754 machine.
+The error-free sums and products are those of Knuth (1969, section 4.2.2) and Dekker (1971). The other operations are
+those of Hida, Li and Bailey (2001), Algorithms for Quad-Double Precision Floating Point Arithmetic. Only `+ - * /` are
+used, so results have the same bits on every IEEE 754 machine.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _SPLITTER = 134217729.0  # 2^27 + 1
 
 @kernel
 def two_sum(a: float, b: float) -> tuple[float, float]:
-    """Returns the sum a + b exactly, as a rounded sum and its error."""
+    """Returns (s, e): the rounded sum of a and b and its error, so that s + e = a + b exactly."""
     s = a + b
     bb = s - a
     return s, (a - (s - bb)) + (b - bb)
@@ -24,14 +24,14 @@ def two_sum(a: float, b: float) -> tuple[float, float]:
 
 @inlined
 def fast_two_sum(a, b):
-    """Returns the sum a + b exactly, as `two_sum` does, for abs(a) >= abs(b)."""
+    """Returns the result of `two_sum` if abs(a) >= abs(b), with fewer operations."""
     s = a + b
     return s, b - (s - a)
 
 
 @inlined
 def two_product(a, b):
-    """Returns the product a b exactly, as a rounded product and its error."""
+    """Returns (p, e): the rounded product of a and b and its error, so that p + e = a b exactly."""
     p = a * b
     t = _SPLITTER * a
     ah = t - (t - a)
@@ -44,7 +44,7 @@ def two_product(a, b):
 
 @inlined
 def add(a, a_lo, b, b_lo):
-    """Returns (a, a_lo) + (b, b_lo)."""
+    """Returns the sum of the double-double numbers (a, a_lo) and (b, b_lo)."""
     s, e = two_sum(a, b)
     t, f = two_sum(a_lo, b_lo)
     s, e = fast_two_sum(s, e + t)
@@ -53,14 +53,14 @@ def add(a, a_lo, b, b_lo):
 
 @inlined
 def multiply(a, a_lo, b, b_lo):
-    """Returns (a, a_lo) (b, b_lo)."""
+    """Returns the product of the double-double numbers (a, a_lo) and (b, b_lo)."""
     p, e = two_product(a, b)
     return fast_two_sum(p, e + (a * b_lo + a_lo * b))
 
 
 @inlined
 def divide(a, a_lo, b, b_lo):
-    """Returns (a, a_lo) / (b, b_lo)."""
+    """Returns the quotient of the double-double numbers (a, a_lo) and (b, b_lo)."""
     q = a / b
     p, e = multiply(b, b_lo, q, 0.0)
     r, r_lo = add(a, a_lo, -p, -e)

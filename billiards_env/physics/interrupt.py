@@ -1,11 +1,11 @@
 """Ctrl-C during a long call of compiled code.
 
-Python handles a signal between two of its own instructions, so it handles none while compiled code runs. A loop that
-can run long therefore calls `interrupted` from time to time. That makes Python handle its signals and, in a thread that
-helps with a call, checks whether the call has ended. If it returns True, a Python exception is set: the loop returns
-without a result, and the entry point raises the exception with `end_call`.
+Python handles signals only between bytecode instructions, so it does not handle them while compiled code runs.
+Therefore a loop that can run long calls `interrupted` regularly. This function lets Python handle its signals. In a
+thread that helps with a call, it also checks whether the call has ended. If it returns True, a Python exception is set:
+the loop then returns without a result, and the entry point raises the exception with `end_call`.
 
-One check takes about a microsecond and waits for the interpreter's lock; a loop makes one in some ten milliseconds.
+A check takes about a microsecond and waits for the interpreter's lock. Loops make one about every ten milliseconds.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _own = threading.local()
 
 
 class Stopped(Exception):
-    """Raised in a thread that helps with a call when the call has ended."""
+    """Stops a thread that helps with a call after the call has ended."""
 
 
 @contextlib.contextmanager
 def helping(stop: threading.Event) -> Iterator[None]:
-    """Compiled code that this thread runs in the block raises `Stopped` once `stop` is set."""
+    """Makes compiled code that this thread runs in the block raise `Stopped` after `stop` is set."""
     _own.stop = stop
     try:
         yield
@@ -47,9 +47,9 @@ _MODULE, _FUNCTION = raise_if_stopped.__module__, raise_if_stopped.__name__
 
 
 def _look(context: Any, module: Any) -> Any:
-    """The function of `interrupted` in an LLVM module.
+    """Returns the LLVM function that `interrupted` calls, and defines it if the module does not contain it.
 
-    It is not inlined: in a loop it would take registers, which made a timestep of PIT 40 % slower.
+    It is not inlined: in a loop it would occupy registers, which made a timestep of PIT 40 % slower.
     """
     pointer, number, nothing = cgutils.voidptr_t, ir.IntType(32), ir.VoidType()
     look = cgutils.get_or_insert_function(module, ir.FunctionType(cgutils.bool_t, []), "billiards_env_look")
@@ -98,7 +98,7 @@ def _end_call(typing_context: Any, ending: Any) -> Any:  # pyright: ignore[repor
 
 
 def _never() -> bool:
-    """`interrupted` without compilation, where Python handles signals itself."""
+    """Replaces `interrupted` if nothing is compiled: Python then handles signals without help."""
     return False
 
 
@@ -106,6 +106,6 @@ def _go_on(ending: bool) -> None:
     pass
 
 
-_config: Any = config  # its settings are made at run time
+_config: Any = config  # numba defines its attributes at run time
 interrupted: Any = _never if _config.DISABLE_JIT else _interrupted
 end_call: Any = _go_on if _config.DISABLE_JIT else _end_call

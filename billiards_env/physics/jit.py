@@ -1,7 +1,7 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
-`kernel`, `inlined`, `merged` and `allocating` are for functions that compiled functions call, `entry_point` for those
-that Python calls. They use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher,
+Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`.
+The decorators use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher,
 the cache and events of compilation), so `pyproject.toml` has an upper bound on its version.
 """
 
@@ -33,7 +33,7 @@ _IMPORT = re.compile(rb"^from (billiards_env[\w.]*) import", re.MULTILINE)
 
 
 def kernel_sources() -> list[Path]:
-    """Returns the files of the package that contain kernels, which import this module, and those that they import."""
+    """Returns the files of the package that contain kernels, as they import this module, and all that they import."""
     imports: dict[Path, set[Path]] = {}
     for path in sorted(_PACKAGE.rglob("*.py")):
         names = (name.decode().split(".")[1:] for name in _IMPORT.findall(path.read_bytes()))
@@ -66,10 +66,10 @@ def _writable(folder: Path) -> bool:
 
 
 def cache_folder() -> Path | None:
-    """Returns the folder of the compiled code, or None if none can be written.
+    """Returns the folder of the compiled code, or None if no folder is writable.
 
-    It is the first of these that can be written: the environment variable `NUMBA_CACHE_DIR`, the package's
-    `__pycache__`, the user's cache folder. Warns if the variable is set and its folder cannot be written.
+    It is the first writable one of these: the environment variable `NUMBA_CACHE_DIR`, the package's `__pycache__`, the
+    user's cache folder. Warns if there is none, or if the variable is set and its folder is not writable.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
@@ -78,7 +78,7 @@ def cache_folder() -> Path | None:
     found = next((folder / name for folder in folders if _writable(folder / name)), None)
     if found is None:
         warnings.warn(
-            "billiards_env finds no folder that it can write compiled code to (set NUMBA_CACHE_DIR to one): "
+            "billiards_env finds no writable folder for compiled code (set NUMBA_CACHE_DIR to one): "
             "every process compiles again",
             RuntimeWarning,
             stacklevel=2,
@@ -94,18 +94,18 @@ def cache_folder() -> Path | None:
 
 
 _FOLDER = cache_folder()
-_config: Any = _numba_config  # its settings are made at run time
+_config: Any = _numba_config  # numba defines its attributes at run time
 _jit: Any = numba.jit  # its type hints leave out some options
 
-# Strict IEEE arithmetic: without fastmath nothing is fused or reordered, so results are the same on every machine.
-# `error_model="numpy"` makes a division by zero an infinity instead of an exception.
+# Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
+# `error_model="numpy"` a division by zero is infinite and does not raise an exception.
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 
 class _Kernel(_CPUDispatcher):
-    """A compiled function without the wrapper that converts arguments of Python, until Python calls it.
+    """A compiled function. Its wrapper for calls from Python is compiled only at the first such call.
 
-    Numba compiles the wrapper with every function, which takes a quarter of the time until the first shot.
+    Numba would compile a wrapper with every function, which takes a quarter of the time until the first shot.
     """
 
     @functools.cached_property
@@ -126,40 +126,40 @@ def _make_kernel(function: F, **options: Any) -> F:
 def kernel(function: F) -> F:
     """Compiles a function that other compiled functions call.
 
-    It cannot create arrays: without numba's run time (`_nrt`) references to arrays are not counted. Counting them would
-    take most of the time of an event.
+    It cannot create arrays, because it does not use numba's run time (`_nrt`), which counts references to arrays. The
+    counting would take most of the time of an event.
     """
     return _make_kernel(function, _nrt=False)
 
 
 def inlined(function: F) -> F:
-    """Compiles a `kernel` that becomes a part of its callers' machine code: for the steps of each event.
+    """Compiles a `kernel` that is inlined in the machine code of its callers, for small steps of each event.
 
-    A call passes every array as seven words, which can take longer than the function itself.
+    A call that is not inlined passes every array as seven words, which can take longer than the function.
     """
     return _make_kernel(function, _nrt=False, forceinline=True)
 
 
 def merged(function: F) -> F:
-    """Marks a `kernel` that becomes a part of its callers' source: for a large function with one caller.
+    """Marks a `kernel` that is inlined in the source of its callers, for a large function with one caller.
 
-    Numba compiles the functions that a kernel calls together with it. In a chain of calls it compiles the last ones
-    once for each link, and this removes a link.
+    Numba compiles a kernel together with all functions that it calls directly or indirectly. So it compiles the last
+    function of a chain of calls once for each link. A merged function removes a link.
     """
     return _make_kernel(function, _nrt=False, inline="always")
 
 
 def allocating(function: F) -> F:
-    """Compiles a function like `kernel` does, which may create arrays."""
+    """Compiles a function that other compiled functions call and that may create arrays."""
     return _make_kernel(function)
 
 
 LONG = 1.0
-"""s. A compilation that takes longer is announced."""
+"""s. A message announces a compilation that takes longer."""
 
 
 class _Announcer(_event.Listener):
-    """Prints one line to stderr if the compilation of an entry point takes long."""
+    """Prints one line to stderr if the compilation of an entry point takes longer than `LONG`."""
 
     def __init__(self) -> None:
         self.timers: dict[Callable[..., Any], threading.Timer] = {}
@@ -191,7 +191,7 @@ class _Cache(_FunctionCache):
         """Returns the machine code for a signature, or None if there is none."""
         try:
             return super().load_overload(sig, target_context)
-        except Exception as error:  # unpickling half a file may raise any
+        except Exception as error:  # unpickling half a file may raise any exception
             self._print("discards a damaged cache file", error)
             with contextlib.suppress(OSError):
                 self.flush()
@@ -218,7 +218,7 @@ def entry_point(function: F) -> F:
     _ENTRY_POINTS.add(function)
     dispatcher = _jit(**_OPTIONS)(function)
     if _FOLDER is not None and not _config.DISABLE_JIT:
-        # Numba reads the folder when it creates the cache. The kernels of other packages keep their own.
+        # Numba reads the folder when it creates the cache. Other packages keep their own folder.
         before = _config.CACHE_DIR
         _config.CACHE_DIR = str(_FOLDER)
         try:

@@ -4,8 +4,8 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 
 * sliding: the point that touches the cloth moves at u = v + R z x omega. Friction a = -mu_s g u/|u| keeps its
   direction, and du/dt = 7/2 a, so the phase lasts 2 |u| / (7 mu_s g) (Marlow 1995, The Physics of Pocket Billiards).
-* rolling: u = 0 and a = -mu_r g v/|v|, for |v| / (mu_r g).
-* free: a = 0, without end.
+* rolling: u = 0 and a = -mu_r g v/|v|, so the phase lasts |v| / (mu_r g).
+* free: a = 0, and the phase has no end.
 * spinning and at rest: v = 0.
 
 The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
@@ -49,7 +49,7 @@ from billiards_env.physics.state import (
 
 @kernel
 def norm(x: float, y: float) -> float:
-    """Returns the length of (x, y), also if the squares underflow."""
+    """Returns the length of (x, y). It is correct even if the squares underflow."""
     big = max(abs(x), abs(y))
     if big > 1e-140:
         return math.sqrt(x * x + y * y)
@@ -60,11 +60,11 @@ def norm(x: float, y: float) -> float:
 
 @inlined
 def begin_phase(state, i, params):
-    """Sets ball i's phase, and with it AX, AY and LASTS, from its velocity, slip and spin.
+    """Sets ball i's phase, AX, AY and LASTS from its velocity, slip and spin.
 
     Args:
         state: The `State`.
-        i: The ball; a potted one does not change.
+        i: The ball. A potted ball does not change.
         params: (N_PARAMS,) float64.
     """
     phase = state.phase
@@ -120,7 +120,7 @@ def spin_after(wz, t, params):
 
 @kernel
 def advance(state, i, time, params):
-    """Brings ball i's row to a `Time` within its phase."""
+    """Advances ball i's row to a `Time` within its phase."""
     s = state.rows[i]
     t = since(time, own_time(state, i))
     if t > 0.0:
@@ -137,9 +137,9 @@ def advance(state, i, time, params):
 
 @inlined
 def end_phase(state, i, time, params):
-    """Ends ball i's phase at the `Time` at which its slip, velocity or spin becomes exactly zero.
+    """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
-    `begin_phase` sets the next phase.
+    `begin_phase` then sets the next phase.
     """
     advance(state, i, time, params)
     s = state.rows[i]
@@ -153,7 +153,7 @@ def end_phase(state, i, time, params):
 
 @kernel
 def capture(state, i, x, y):
-    """Takes ball i out of play and puts it at the centre (x, y) of a pocket, m."""
+    """Takes ball i out of play and moves it to the centre (x, y) of a pocket, m."""
     s = state.rows[i]
     for c in (VX, VY, AX, AY, UX, UY, WZ):
         s[c] = 0.0

@@ -1,7 +1,8 @@
-"""The earliest descent of a polynomial through zero on an interval.
+"""The first root of a polynomial on an interval at which it falls from positive values to zero.
 
-No complex number is computed: the polynomial is cut into its monotone pieces, and the first piece that goes from
-positive to not positive is searched by Newton's method inside its bracket (Press et al. 2007, Numerical Recipes, 9.4).
+The interval is divided into pieces on which the polynomial is monotone. The root is on the first piece on which it
+falls from a positive value to zero or less. Newton's method finds it within the ends of the piece (Press et al. 2007,
+Numerical Recipes, 9.4). No complex numbers are used.
 """
 
 from __future__ import annotations
@@ -10,20 +11,20 @@ import math
 
 from billiards_env.physics.jit import kernel
 
-_MAX_ITERATIONS = 128  # bisection alone needs 64 to exhaust a double's digits twice over
+_MAX_ITERATIONS = 128  # a limit for safety: twice the bisections that exhaust the digits of a double
 
 
 @kernel
 def quartic(c0: float, c1: float, c2: float, c3: float, c4: float, t: float) -> float:
-    """c0 + c1 t + c2 t^2 + c3 t^3 + c4 t^4."""
+    """Returns c0 + c1 t + c2 t^2 + c3 t^3 + c4 t^4."""
     return c0 + t * (c1 + t * (c2 + t * (c3 + t * c4)))
 
 
 @kernel
 def bracketed_root(c0: float, c1: float, c2: float, c3: float, c4: float, lo: float, hi: float) -> float:
-    """The root in [lo, hi] of a quartic that is monotone there and differs in sign at its ends.
+    """Returns the root in [lo, hi] of a quartic that is monotone there and has different signs at the ends.
 
-    Newton steps that leave the bracket, or shrink it too slowly, become bisections.
+    A bisection replaces a Newton step that leaves the bracket or is longer than half of the last step.
     """
     rising = quartic(c0, c1, c2, c3, c4, lo) < quartic(c0, c1, c2, c3, c4, hi)
     d1, d2, d3, d4 = c1, 2.0 * c2, 3.0 * c3, 4.0 * c4
@@ -52,20 +53,20 @@ def bracketed_root(c0: float, c1: float, c2: float, c3: float, c4: float, lo: fl
 
 @kernel
 def first_descent(c0: float, c1: float, c2: float, c3: float, c4: float, end: float) -> float:
-    """The earliest t in (0, end] at which c0 + c1 t + ... + c4 t^4, positive just after 0, falls to zero.
+    """Returns the first t in (0, end] at which c0 + c1 t + ... + c4 t^4, which is positive just after 0, falls to zero.
 
     Args:
-        c0: Coefficients, from the constant up; any of the leading ones may vanish.
-        c1: See c0.
-        c2: See c0.
-        c3: See c0.
-        c4: See c0.
+        c0: Constant coefficient.
+        c1: Coefficient of t.
+        c2: Coefficient of t^2.
+        c3: Coefficient of t^3; may be zero, as may the others.
+        c4: Coefficient of t^4.
         end: End of the interval, finite.
 
     Returns:
         The root, or infinity if there is none.
     """
-    # Bernstein coefficients on [0, end]: the polynomial stays above the least of them (Farouki 2012, section 3).
+    # The polynomial is at least its smallest Bernstein coefficient on [0, end] (Farouki 2012, section 3).
     q1, q2, q3, q4 = c1 * end, c2 * end * end, c3 * end * end * end, c4 * end * end * end * end
     last = c0 + q1 + q2 + q3 + q4
     if (
@@ -76,7 +77,7 @@ def first_descent(c0: float, c1: float, c2: float, c3: float, c4: float, end: fl
         and c0 + 0.75 * q1 + 0.5 * q2 + 0.25 * q3 > 0.0
     ):
         return math.inf
-    # Inflections, in order: the derivative is monotone between them.
+    # Inflection points, in order: the derivative is monotone between them.
     a, b, c = 12.0 * c4, 6.0 * c3, 2.0 * c2
     i1 = i2 = end
     disc = b * b - 4.0 * a * c
@@ -89,8 +90,8 @@ def first_descent(c0: float, c1: float, c2: float, c3: float, c4: float, end: fl
         r2 = c / q if q != 0.0 else 0.0
         i1, i2 = min(r1, r2), max(r1, r2)
     d1, d2, d3, d4 = c1, 2.0 * c2, 3.0 * c3, 4.0 * c4
-    left = 0.0  # where the monotone piece in hand starts
-    at = 0.0  # how far the search for the derivative's sign changes has come
+    left = 0.0  # start of the current monotone piece
+    at = 0.0  # sign changes of the derivative are found up to here
     slope = d1
     for k in range(3):
         to = i1 if k == 0 else (i2 if k == 1 else end)
@@ -104,7 +105,7 @@ def first_descent(c0: float, c1: float, c2: float, c3: float, c4: float, end: fl
                 return bracketed_root(c0, c1, c2, c3, c4, left, turn)
             left = turn
         at = to
-        if slope_to != 0.0:  # where it just vanishes, the sign before still tells whether it changes after
+        if slope_to != 0.0:  # if it is zero, the next comparison uses the sign before it
             slope = slope_to
     if last <= 0.0 and left < end and quartic(c0, c1, c2, c3, c4, left) > 0.0:
         return bracketed_root(c0, c1, c2, c3, c4, left, end)

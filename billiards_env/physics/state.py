@@ -1,8 +1,8 @@
-"""The data that the compiled functions work on: a scene as arrays, and the motion of its balls.
+"""The data of the compiled functions: a scene as arrays, and the motion of its balls.
 
 A ball's motion is stored as a row of numbers at the ball's own time, which is the time at which its motion last
-changed. Between changes nothing is written: the position at any later time follows from the row in closed form. So
-nothing is rounded twice, and a ball at rest costs nothing.
+changed. The row stays the same until the next change: the position at any time between follows from it in closed form.
+So rounding errors do not accumulate between changes, and a ball at rest costs nothing.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ AX, AY = 4, 5  # m/s^2
 UX, UY = 6, 7  # slip: velocity of the point that touches the cloth, m/s
 WZ = 8  # spin about the vertical axis, rad/s
 T0, T0_LO = 9, 10  # the ball's own time, s
-LASTS = 11  # s from T0 until the phase ends
+LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
 
 # Phases of a ball's motion.
@@ -45,8 +45,8 @@ SLIDE, ROLL = 2, 3  # decelerations mu g, m/s^2
 SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
-DT, FIX = 11, 12  # of PIT: its timestep, s, and an index into FIXES
-TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: contact time, s, then m/s and a number
+DT, FIX = 11, 12  # of PIT: timestep, s, and index into FIXES
+TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: s, m/s and a number of impacts
 N_PARAMS = 16
 
 # Columns of angular velocities.
