@@ -103,19 +103,19 @@ def event_loop(queue: ModuleType) -> Any:
             The amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
         """
         state, changed, now = work.state, work.changed, Time(0.0, 0.0)
-        count = begin_shot(state, work.memory, changed, log)
+        n_changed = begin_shot(state, work.memory, changed, log)
         clear(state, scene, work.queue)
         total = pending = 0
         while True:
-            begin_phases(count, changed, state, scene, log)
-            spent = predict(changed, count, now, state, scene, work.queue, limit)
+            begin_phases(n_changed, changed, state, scene, log)
+            spent = predict(changed, n_changed, now, state, scene, work.queue, limit)
             event = earliest(state, scene, work.queue, limit)
             if event.time.hi > limit or event.time.hi == math.inf:
                 break
             if shots.n_events[k] >= max_events:
                 end_at(now, k, state, scene, shots, AT_EVENT_LIMIT)
                 shots.time[k] = now.hi
-                return total
+                return total + pending
             pending += spent
             if pending > LOOK_AFTER or spent < 0:
                 if spent < 0 or interrupted():
@@ -123,11 +123,11 @@ def event_loop(queue: ModuleType) -> Any:
                 total, pending = total + pending, 0
             now = event.time
             if event.rank == PAIR_RANK:
-                count = gather(now, state, scene, work.queue, work.contacts, limit)
-                count = resolve_impacts(count, now, k, scene, work, shots, log)
+                n_contacts = gather(now, state, scene, work.queue, work.contacts, limit)  # advances their balls
+                n_changed = resolve_impacts(n_contacts, now, k, scene, work, shots, log)
             else:
-                count = due(event, work.queue, changed)
-                resolve_singles(count, now, k, scene, work, shots, log)
+                n_changed = due(event, work.queue, changed)
+                resolve_singles(n_changed, now, k, scene, work, shots, log)  # advances the balls
         if limit < math.inf:
             end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
         shots.time[k] = limit if shots.status[k] == AT_MAX_TIME else now.hi
