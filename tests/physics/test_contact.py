@@ -141,7 +141,7 @@ def test_mirrored_and_swapped_circles_meet_at_the_same_time(dx, dy, wx, wy, bx, 
         (-1e-16, 1.0, -9.0, 0.0),
     ],
 )
-def test_line_time(gap, v, a, t):
+def test_the_contact_time_with_a_line_is_exact(gap, v, a, t):
     assert line_time(gap, v, a, 10.0) == t
 
 

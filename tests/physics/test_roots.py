@@ -114,7 +114,7 @@ def test_the_end_of_the_interval_is_exact():
     assert first_descent(1.0, -1.0, 0.0, 0.0, 0.0, math.nextafter(1.0, 0.0)) == math.inf
 
 
-def test_a_double_root_just_below_and_just_above_zero():
+def test_two_close_roots_are_found_and_a_minimum_just_above_zero_is_not_a_root():
     # (t - 1)^2 -+ 1e-8 and (t^2 - 1)^2 -+ 1e-8
     assert first_descent(1.0 - 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == pytest.approx(1 - 1e-4, rel=1e-9)
     assert first_descent(1.0 + 1e-8, -2.0, 1.0, 0.0, 0.0, 3.0) == math.inf

@@ -109,7 +109,7 @@ def test_balls_of_very_different_radii_collide_at_the_exact_time(ratio, e):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_cluster_of_radii_from_2_mm_to_10_cm_conserves_energy(seed):
+def test_a_shot_with_radii_from_2_mm_to_10_cm_passes_all_checks(seed):
     rng = np.random.default_rng(seed)
     radius = (0.1, 0.002, 0.05, 0.002, 0.01)
     scene = ideal(*rng.uniform(0.1, 10, 5), radius=radius, max_time=2.0)
