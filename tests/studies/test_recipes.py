@@ -1,4 +1,7 @@
+import contextlib
 import dataclasses
+import functools
+import io
 import json
 import shutil
 import subprocess
@@ -25,26 +28,48 @@ def places(folder):
     )
 
 
-@pytest.fixture
-def command(tiny, tmp_path):
-    """A function that runs the command on two tiny recipes with two seeds each; all it writes is in `tmp_path`."""
+def write_recipes(folder, tiny):
+    """Writes two tiny recipes with two seeds each."""
     for name, changes in (("one", {}), ("two", {"frame": {"name": "cut"}})):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(tiny(timesteps=256, **changes)))
-    (tmp_path / "recipes.yaml").write_text(
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(tiny(timesteps=256, **changes)))
+    (folder / "recipes.yaml").write_text(
         yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]})
     )
 
-    def run(*arguments: str) -> None:
-        files = dataclasses.asdict(places(tmp_path)).items()
-        paths = [text for option, path in files for text in (f"--{option}", str(path))]
-        main([str(tmp_path / "recipes.yaml"), *paths, *arguments])
 
-    return run
+def run_command(folder, *arguments: str) -> None:
+    """Runs the command on the recipes in a folder, which also contains all its output."""
+    files = dataclasses.asdict(places(folder)).items()
+    paths = [text for option, path in files for text in (f"--{option}", str(path))]
+    main([str(folder / "recipes.yaml"), *paths, *arguments])
 
 
-def test_every_recipe_is_trained_with_every_seed_and_reported(command, tmp_path, capsys):
-    command()
-    printed = capsys.readouterr().out
+@pytest.fixture
+def command(tiny, tmp_path):
+    """Returns a function that runs the command in `tmp_path`."""
+    write_recipes(tmp_path, tiny)
+    return functools.partial(run_command, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def trained_recipes(tiny, tmp_path_factory):
+    """Returns the folder of a finished command, and its output."""
+    folder, output = tmp_path_factory.mktemp("trained"), io.StringIO()
+    write_recipes(folder, tiny)
+    with contextlib.redirect_stdout(output):
+        run_command(folder)
+    return folder, output.getvalue()
+
+
+@pytest.fixture
+def printed(trained_recipes, tmp_path):
+    """Returns the output of a finished command, whose files are in `tmp_path`."""
+    folder, output = trained_recipes
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    return output.replace(str(folder), str(tmp_path))
+
+
+def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path):
     folders = [tmp_path / "runs" / name / f"seed{seed}" for name in ("one", "two") for seed in (3, 4)]
     assert all((folder / "policy.pt").exists() for folder in folders)
     assert len({(folder / "policy.pt").read_bytes() for folder in folders}) == 4
@@ -67,8 +92,8 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(command, tmp_path,
             assert (tmp_path / "policies" / name / file).read_bytes() == first.read_bytes()
 
 
+@pytest.mark.usefixtures("printed")
 def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
-    command()
     found = (tmp_path / "recipes.json").read_text()
     policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
     missing = tmp_path / "runs" / "one" / "seed4" / "policy.pt"
@@ -80,9 +105,7 @@ def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
     assert again[1] == json.loads(found)["results"][1]
 
 
-def test_recipes_with_results_are_not_trained_again(command, tiny, tmp_path, monkeypatch, capsys):
-    command()
-    printed = capsys.readouterr().out
+def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_path, monkeypatch, capsys):
     shutil.rmtree(tmp_path / "runs")
     figure = (tmp_path / "images" / "curves.png").read_bytes()
     with monkeypatch.context() as patch:

@@ -1,4 +1,7 @@
+import contextlib
 import copy
+import functools
+import io
 import json
 import shutil
 from pathlib import Path
@@ -34,22 +37,39 @@ RECIPE = {
 }
 
 
+def run_command(folder, *arguments: str, recipe_changes=None, **changes) -> None:
+    """Runs the command with tiny settings, with some changes; a folder contains all files."""
+    (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
+    settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
+    (folder / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
+    places = [text for name in ("runs", "results", "images") for text in (f"--{name}", str(folder / name))]
+    module.main([str(folder / "tiny.yaml"), *places, *arguments])
+
+
 @pytest.fixture
 def command(tmp_path):
-    """A function that runs the command with tiny settings, with some changes; it writes to `tmp_path`."""
-
-    def run(*arguments: str, recipe_changes=None, **changes) -> None:
-        (tmp_path / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
-        settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
-        (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
-        places = [text for name in ("runs", "results", "images") for text in (f"--{name}", str(tmp_path / name))]
-        module.main([str(tmp_path / "tiny.yaml"), *places, *arguments])
-
-    return run
+    """Returns a function that runs the command in `tmp_path`."""
+    return functools.partial(run_command, tmp_path)
 
 
-def test_a_study_trains_measures_draws_and_prints(command, tmp_path, capsys):
-    command()
+@pytest.fixture(scope="module")
+def finished_study(tmp_path_factory):
+    """Returns the folder of a finished study, and its output."""
+    folder, output = tmp_path_factory.mktemp("study"), io.StringIO()
+    with contextlib.redirect_stdout(output):
+        run_command(folder)
+    return folder, output.getvalue()
+
+
+@pytest.fixture
+def printed(finished_study, tmp_path):
+    """Returns the output of a finished study, whose files are in `tmp_path`."""
+    folder, output = finished_study
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    return output.replace(str(folder), str(tmp_path))
+
+
+def test_a_study_trains_measures_draws_and_prints(printed, tmp_path):
     runs = tmp_path / "runs" / "tiny"
     assert sorted(str(path.parent.relative_to(runs)) for path in runs.rglob("policy.pt")) == [
         "1-15/seed3",
@@ -64,15 +84,12 @@ def test_a_study_trains_measures_draws_and_prints(command, tmp_path, capsys):
     assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
     for name in ("transfer", "success", "policies"):
         assert (tmp_path / "images" / f"study_tiny_{name}.png").read_bytes().startswith(b"\x89PNG")
-    printed = capsys.readouterr().out
     blocks = timestep_report.blocks(result)
     assert blocks["findings"] in printed
     assert all(blocks[name] in printed for name in timestep_report.tables(result))
 
 
-def test_a_study_with_results_is_printed_and_drawn_without_training(command, tmp_path, monkeypatch, capsys):
-    command()
-    printed = capsys.readouterr().out
+def test_a_study_with_results_is_printed_and_drawn_without_training(command, printed, tmp_path, monkeypatch, capsys):
     figures = {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()}
     shutil.rmtree(tmp_path / "runs")
     shutil.rmtree(tmp_path / "images")
@@ -150,8 +167,8 @@ def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes,
     assert not (tmp_path / "results").exists()
 
 
-def test_runs_of_another_study_are_refused(command, tmp_path):
-    command()
+@pytest.mark.usefixtures("printed")
+def test_runs_of_another_study_are_refused(command):
     with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 in the folder, 128 requested"):
         command(recipe_changes={"timesteps": 128})
 
