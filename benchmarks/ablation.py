@@ -195,7 +195,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows += [(row["name"], *(f"{ratio['median']:.2f}" for ratio in row["ratios"])) for row in result["savings"]]
     return {
         "machine": machine_line(result["machine"]),
-        "how": f"Time without a saving over that with all savings; medians of {result['repeats']} interleaved passes.",
+        "how": "The time of a shot without a saving, divided by the time with all savings; medians of "
+        f"{result['repeats']} interleaved passes.",
         "savings": table(("without", *result["cases"]), rows),
     }
 
