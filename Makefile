@@ -1,6 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+POOLTOOL := .venv-pooltool/.installed
 ARGS ?= --players human,search:20
 
 .PHONY: help train play test docs stress lint bench results study figures format clean
@@ -31,9 +32,10 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
-bench: $(INSTALLED)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
+bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.pressed
@@ -66,11 +68,17 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-pooltool build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs again only if the list of packages changes.
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev,docs]'
+	touch $@
+
+# pooltool needs other versions of numba and llvmlite than this package.
+$(POOLTOOL): benchmarks/pooltool.txt
+	$(PYTHON) -m venv .venv-pooltool
+	.venv-pooltool/bin/pip install --quiet --no-deps -r benchmarks/pooltool.txt
 	touch $@

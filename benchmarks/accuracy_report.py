@@ -181,21 +181,6 @@ def shots_table(result: dict[str, Any]) -> str:
     )
 
 
-def comparison(scenes: dict[str, Any]) -> str:
-    """Returns the table of the README: PIC and the other simulators with a usual and a small timestep."""
-    rows = []
-    for few, many in zip(*(scenes[name]["methods"] for name in ("2 elastic disks", "gas of 16 disks")), strict=True):
-        steps = few["steps_per_second"]
-        if few["method"] == "PIT" or steps not in (None, 60, 1920):
-            continue
-        exact = few["method"] == "PIC"
-        name = "**billiards-env**" if exact else few["method"]
-        errors = [f"{row['median_error_1.0_m']:.1e} m" for row in (few, many)]
-        time = "1" if exact else f"{many['time_over_pic']:,.0f}"
-        rows.append((name, f"timestep 1/{steps} s" if steps else "event-driven", *errors, time))
-    return table(("simulator", "method", "error, 2 disks", "error, 16 disks", "run time"), rows, left=2)
-
-
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     scenes = unpacked(result)["scenes"]
@@ -208,7 +193,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "enough": enough(scenes),
         "contacts": contacts(scenes),
         "orders": orders_table(result["convergence"]),
-        "comparison": comparison(scenes),
     }
     for name, scene in scenes.items():
         if any(row["method"] in OTHERS for row in scene["methods"]):

@@ -18,6 +18,7 @@ from typing import Any
 from benchmarks import (
     ablation,
     accuracy_report,
+    comparison,
     contact_rule,
     error_limit,
     growth,
@@ -39,6 +40,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "ablation": ("benchmarks.ablation", ablation.blocks),
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
+    "comparison": ("benchmarks.comparison", comparison.blocks),
     "contact_rule": ("benchmarks.contact_rule", contact_rule.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "growth": ("benchmarks.growth", growth.blocks),

@@ -18,6 +18,7 @@ COMMANDS = {
     "benchmarks.vector": "measure steps per second of many environments",
     "benchmarks.growth": "measure run times from 2 to 10,000 balls",
     "benchmarks.accuracy": "measure errors and run times of both engines and of other simulators",
+    "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
     "benchmarks.error_limit": "measure errors against 50 digits",
     "benchmarks.stress": "check every event of ten million random shots",
     "benchmarks.readme": "write the measured tables into the documentation",

@@ -1,0 +1,365 @@
+"""Run time and error of billiards-env, pooltool and pymunk for the same shots.
+
+No law of motion is common to all three, so there are two comparisons. pooltool and billiards-env run shots with
+friction and spin; both use the same balls, table, friction, cushions (Han 2005) and elastic collisions. pymunk and
+billiards-env run elastic disks without friction for 10 s. A shot has one object ball, or is a break of 15 balls. The
+simulators take turns on one core. The errors are measured against the 50-digit oracle.
+
+pooltool needs other versions of numba and llvmlite and has a Python environment of its own, in which
+`benchmarks/pooltool_worker.py` runs. `make bench` creates it:
+
+    python3 -m venv .venv-pooltool
+    .venv-pooltool/bin/pip install --no-deps -r benchmarks/pooltool.txt
+
+A simulator that is not installed is left out.
+
+    python -m benchmarks.comparison
+    python -m benchmarks.comparison --shots 10 --passes 1 --pooltool-python PATH
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import functools
+import json
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from benchmarks import RESULTS, check_counts, error_limit, machine, machine_line, others, print_blocks, table
+from benchmarks.methods import PIC, timer
+from billiards_env.files import write_json
+from billiards_env.scene import Scene
+from billiards_env.simulation import simulate
+from reference.oracle import OracleError, run
+
+Floats = NDArray[np.float64]
+HERE = Path(__file__).resolve().parent
+POOLTOOL_PYTHON = HERE.parent / ".venv-pooltool" / "bin" / "python"
+WORKER = HERE / "pooltool_worker.py"
+
+MAX_EVENTS = 2000
+"""Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
+
+LAWS = {"friction and spin": "pooltool_carom", "elastic disks": "ideal"}
+"""The scene of each comparison."""
+
+PYMUNK_STEPS = (60, 1920)
+"""Timesteps of pymunk, as steps per second."""
+
+POOLTOOL_GAPS = (1e-6, 1e-9)
+"""m. pooltool moves balls to this distance at each contact. The first value is pooltool's own."""
+
+
+class Outcome(NamedTuple):
+    """The outcome of a shot.
+
+    Attributes:
+        positions: (n, 2) m; None if the simulator stopped before the time of comparison.
+        seconds: The run time.
+        finished: Whether the shot was run to its end, or to the time of comparison.
+    """
+
+    positions: Floats | None
+    seconds: float
+    finished: bool = True
+
+
+Runner: TypeAlias = Callable[[Scene, Floats, Floats, float | None], Outcome]
+"""Runs a shot. The arguments are the scene, the positions, the velocity of the cue ball, and the time of the returned
+positions, s, or None for the end of the shot."""
+
+
+class Kind(NamedTuple):
+    """A kind of shots.
+
+    Attributes:
+        n_object_balls: The number of object balls.
+        draw: Draws positions, m, and the velocity of the cue ball, m/s.
+        time: The time at which positions are compared, s; None for the end of the shot.
+    """
+
+    n_object_balls: int
+    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    time: float | None
+
+
+KINDS = {
+    "1 object ball": Kind(1, error_limit.KINDS["1 object ball"][1], None),
+    "15-ball break": Kind(15, error_limit.KINDS["15-ball break, loose"][1], 0.5),
+}
+
+
+def billiards_env(record: bool) -> Runner:
+    """Returns the runner of the event-driven engine, which records the shot or returns only its end."""
+
+    def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+        begin = perf_counter()
+        shot = simulate(scene, positions, velocity, max_time=time, record=record)
+        return Outcome(shot.positions, perf_counter() - begin, shot.status != "event_limit")
+
+    return run_shot
+
+
+def pymunk(steps: int) -> Runner:
+    """Returns the runner of pymunk with a number of timesteps per second."""
+
+    def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+        velocities = np.zeros_like(positions)
+        velocities[0] = velocity
+        end = scene.physics.max_time if time is None else time
+        assert end is not None
+        go_to = others.pymunk(scene, positions, velocities, 1 / steps)
+        begin = perf_counter()
+        found = go_to(end)
+        return Outcome(found, perf_counter() - begin)
+
+    return run_shot
+
+
+@contextlib.contextmanager
+def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Runner]]]:
+    """Yields the version of pooltool in another Python environment, and its runner for each of `POOLTOOL_GAPS`."""
+    with subprocess.Popen([python, worker], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        requests, replies = process.stdin, process.stdout
+
+        def reply() -> Any:
+            line = replies.readline()
+            if not line:
+                raise RuntimeError(f"{worker.name} ended; its message is above")
+            return json.loads(line)
+
+        def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
+            physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
+            shot = {
+                "table": {
+                    "l": scene.table.length,
+                    "w": scene.table.width,
+                    "cushion_height": scene.table.cushion_height,
+                },
+                "ball": {
+                    "m": scene.balls.mass[0],
+                    "R": scene.balls.radius[0],
+                    "u_s": physics.mu_slide,
+                    "u_r": physics.mu_roll,
+                    "u_sp_proportionality": 2 * physics.spin_decay / (5 * physics.g),
+                    "e_c": physics.e_cushion,
+                    "f_c": physics.mu_cushion,
+                    "g": physics.g,
+                },
+                "positions": [[half_y - y, half_x + x] for x, y in positions.tolist()],
+                "velocity": [-velocity[1], velocity[0]],
+                "time": time,
+                "gap": gap,
+                "max_events": MAX_EVENTS,
+            }
+            print(json.dumps(shot), file=requests, flush=True)
+            answer = reply()
+            if answer["positions"] is None:
+                return Outcome(None, answer["seconds"], finished=False)
+            found = np.array(answer["positions"])
+            ours = np.column_stack((found[:, 1] - half_x, half_y - found[:, 0]))
+            return Outcome(ours, answer["seconds"], answer["finished"])
+
+        yield reply(), [functools.partial(run_shot, gap) for gap in POOLTOOL_GAPS]
+        requests.close()
+
+
+def shots_of(laws: str, kind: str, count: int) -> list[tuple[Floats, Floats]]:
+    """Returns the first `count` shots of a kind."""
+    scene = scene_of(laws, kind)
+    seeds = ([k, list(LAWS).index(laws), list(KINDS).index(kind), 11] for k in range(count))
+    return [KINDS[kind].draw(scene, np.random.default_rng(seed)) for seed in seeds]
+
+
+def scene_of(laws: str, kind: str) -> Scene:
+    """Returns the scene of a kind of shots."""
+    return Scene.named(LAWS[laws], KINDS[kind].n_object_balls)
+
+
+def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Floats | None:
+    """Returns the oracle's positions; None if the contact-time rule acts, or the laws do not determine them."""
+    shot = simulate(scene, positions, velocity, record=True)
+    assert shot.events is not None
+    if shot.events["rule"][shot.events["time"] <= (np.inf if time is None else time)].any():
+        return None
+    try:
+        exact = run(scene, positions.tolist(), velocity.tolist(), max_time=time)
+    except OracleError:
+        return None
+    return np.array(exact.positions, dtype=float)
+
+
+def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
+    """Runs all measurements.
+
+    Args:
+        count: Shots of each kind.
+        passes: Repetitions of the run time measurement.
+        python: The interpreter of the environment of pooltool; None to leave pooltool out.
+
+    Returns:
+        The content of `comparison.json`.
+    """
+    found: dict[str, Any] = {"machine": machine(), "shots": count, "passes": passes, "versions": {}, "rows": []}
+    # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
+    # are compared with pooltool, because pooltool always records them.
+    simulators: dict[str, list[tuple[str, str, Runner]]] = {
+        "friction and spin": [("billiards-env", "event-driven", billiards_env(record=True))],
+        "elastic disks": [("billiards-env", "event-driven", billiards_env(record=False))],
+    }
+    with contextlib.ExitStack() as stack:
+        if python:
+            version, runners = stack.enter_context(pooltool(python))
+            found["versions"]["pooltool"] = version
+            ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
+            simulators["friction and spin"] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
+        if "pymunk" in others.available():
+            found["versions"]["pymunk"] = others.versions()["pymunk"]
+            simulators["elastic disks"] += [
+                ("pymunk", f"timestep 1/{steps} s", pymunk(steps)) for steps in PYMUNK_STEPS
+            ]
+        with tqdm(total=len(LAWS) * len(KINDS), unit="comparison") as bar:
+            for laws, some in simulators.items():
+                kinds = {}
+                for kind in KINDS:
+                    kinds[kind] = compare(laws, kind, [runner for *_, runner in some], count, passes)
+                    bar.update()
+                for k, (name, method, _) in enumerate(some):
+                    row = {"laws": laws, "simulator": name, "method": method}
+                    found["rows"].append({**row, **{kind: columns[k] for kind, columns in kinds.items()}})
+    return found
+
+
+def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes: int) -> list[dict[str, Any]]:
+    """Returns run times and errors of each simulator for one kind of shots; the first one is billiards-env."""
+    scene, time = scene_of(laws, kind), KINDS[kind].time
+    shots = shots_of(laws, kind, count)
+    exact = [exact_positions(scene, *shot, time) for shot in shots]
+    errors: list[list[float]] = [[] for _ in runners]
+    for k, runner in enumerate(runners):  # these calls also compile
+        for shot, right in zip(shots, exact, strict=True):
+            places = runner(scene, *shot, time).positions
+            if right is not None and places is not None:
+                errors[k].append(float(np.sqrt(((places - right) ** 2).sum(axis=1).mean())))
+    seconds, unfinished = np.empty((len(runners), passes, count)), [0] * len(runners)
+    for repeat in range(passes):
+        for k, runner in enumerate(runners):
+            outcomes = [runner(scene, *shot, None) for shot in shots]
+            seconds[k, repeat] = [outcome.seconds for outcome in outcomes]
+            unfinished[k] = sum(not outcome.finished for outcome in outcomes)
+    per_shot = np.median(seconds, axis=1)
+    found: list[dict[str, Any]] = [
+        {
+            "us": 1e6 * float(np.median(times)),
+            "ratio": float(np.median(times / per_shot[0])),
+            "unfinished": not_done,
+            "compared": len(off),
+            "median_error_m": float(np.median(off)) if off else None,
+            "p90_error_m": float(np.quantile(off, 0.9)) if off else None,
+        }
+        for times, not_done, off in zip(per_shot, unfinished, errors, strict=True)
+    ]
+    positions, velocities = (np.array(part) for part in zip(*shots, strict=True))
+    moving = np.zeros_like(positions)
+    moving[:, 0] = velocities
+    call = timer(scene, positions, moving, PIC)
+    found[0]["us_in_a_batch"] = 1e6 * float(np.median([call() for _ in range(passes)]))
+    return found
+
+
+def _time(microseconds: float) -> str:
+    ms = microseconds / 1e3
+    return f"{microseconds:.0f} us" if ms < 1 else f"{ms:.1f} ms" if ms < 10 else f"{ms:,.0f} ms"
+
+
+def _ratio(ratio: float) -> str:
+    return f"{ratio:.1f}" if ratio < 10 else f"{ratio:,.0f}"
+
+
+def _metres(error: float | None) -> str:
+    return "" if error is None else f"{error:.1e} m"
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    short, long = [], []
+    for row in result["rows"]:
+        ours = row["simulator"] == "billiards-env"
+        name = "**billiards-env**" if ours else row["simulator"]
+        times = [_time(row[kind]["us"]) + ("" if ours else f" ({_ratio(row[kind]['ratio'])}x)") for kind in KINDS]
+        short.append((row["laws"], name, row["method"], *times, _metres(row["1 object ball"]["median_error_m"])))
+        for kind, (_, _, time) in KINDS.items():
+            measured = row[kind]
+            when = "end" if time is None else f"{time:g} s"
+            errors = [_metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
+            cells = (_time(measured["us"]), _ratio(measured["ratio"]), f"{measured['unfinished']}", when)
+            cells += (*errors, f"{measured['compared']}")
+            long.append((row["laws"], row["simulator"], row["method"], kind, *cells))
+    batch = {
+        row["laws"]: " and ".join(f"{row[kind]['us_in_a_batch']:.3g} us" for kind in KINDS)
+        for row in result["rows"]
+        if row["simulator"] == "billiards-env"
+    }
+    versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
+    return {
+        "comparison": table(("laws", "simulator", "method", "1 object ball", "break", "error"), short, left=3),
+        "how": f"{result['shots']} shots of each kind; medians of {result['passes']} interleaved passes.",
+        "shots": table(
+            (
+                "laws",
+                "simulator",
+                "method",
+                "shot",
+                "time",
+                "ratio",
+                "unfinished",
+                "compared at",
+                "error",
+                "90 %",
+                "shots",
+            ),
+            sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
+            left=4,
+        ),
+        "batch": "In one call for all shots, billiards-env takes "
+        + "; ".join(f"{times} a shot with {laws}" for laws, times in batch.items())
+        + " (1 object ball and 15-ball break).",
+        "machine": machine_line(result["machine"]) + (f"; {versions}" if versions else ""),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.comparison --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.comparison", description="Compare billiards-env with pooltool and pymunk."
+    )
+    parser.add_argument("--shots", type=int, default=100, help="shots of each kind (100)")
+    parser.add_argument("--passes", type=int, default=5, help="repetitions of the run time measurement (5)")
+    parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (that of .venv-pooltool, if any)")
+    parser.add_argument("--output", type=Path, default=RESULTS / "comparison.json", help="JSON file")
+    args = parser.parse_args(arguments)
+    check_counts(parser, args, shots=1, passes=1)
+    python = args.pooltool_python or POOLTOOL_PYTHON
+    if not python.exists():
+        if args.pooltool_python:
+            parser.error(f"--pooltool-python = {python}: expected a Python interpreter")
+        print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
+        python = None
+    result = measure(args.shots, args.passes, python)
+    write_json(args.output, result)
+    print_blocks(blocks(result))
+    print(f"\nWritten to {args.output}.")
+
+
+if __name__ == "__main__":
+    main()
