@@ -1,8 +1,8 @@
-"""Writes the measured tables into README.md and docs/measurements.md: `python -m benchmarks.readme`.
+"""Writes the measured tables into README.md and the pages in docs: `python -m benchmarks.readme`.
 
-A line `<!-- speed: shots -->` is followed by the block "shots" that `benchmarks.speed.blocks` makes of
-`benchmarks/results/speed.json`, up to a line `<!-- end -->`. The command replaces the old block. It measures nothing,
-and does not change text outside of such markers. `--check` writes nothing and fails if a page is not up to date.
+A line `<!-- speed: shots -->` is followed by the block "shots" that `benchmarks.speed.blocks` makes from
+`benchmarks/results/speed.json`, up to a line `<!-- end -->`. The command replaces this block. It measures nothing, and
+text outside of the markers does not change. `--check` writes nothing and fails if a page is not up to date.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def test_it_agrees_with_dummy_vec_env(kwargs, wrapper):
                 finished += done
                 assert info.keys() == ({*KEPT, "episode"} if done else set())
                 for key, value in info.items():
-                    if key not in full:  # only VecMonitor has a DummyVecEnv tell of episodes
+                    if key not in full:  # only VecMonitor reports the episodes of a DummyVecEnv
                         continue
                     assert type(value) is type(full[key])
                     if key == "episode":
