@@ -60,7 +60,7 @@ from billiards_env.physics.state import (
     X,
     Y,
 )
-from billiards_env.trajectory import Trajectory
+from billiards_env.trajectory import Trajectory, position_after
 
 Floats = NDArray[np.float64]
 
@@ -182,7 +182,7 @@ def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
     if ROLLING <= ball.phase < POTTED:
         acceleration = row[[AX, AY]]
         velocity = row[[VX, VY]]
-        row[[X, Y]] += dt * (velocity + 0.5 * dt * acceleration)
+        row[[X, Y]] = position_after(ball.row, dt)
         row[[VX, VY]] += dt * acceleration
         d_acceleration = 0.0
         if ball.phase == SLIDING:
