@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.intervals import mean_interval, wilson_interval
-from agents.ppo import evaluation_seeds, load_policy, make_vector
+from agents.ppo import evaluation_seeds, in_frame, load_policy, make_vector
 from billiards_env.files import write_json
 
 
@@ -119,11 +119,12 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
         raise ValueError(f"seed = {seed}: expected a whole number >= 0")
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
-    envs.action_space.seed(seed)
+    framed = in_frame(config, envs)
+    framed.action_space.seed(seed)
     result = {
         "seed": seed,
         "policy": play_together(envs, deterministic(policy), seeds),
-        "random": play_together(envs, lambda observations: envs.action_space.sample(), seeds),
+        "random": play_together(framed, lambda observations: framed.action_space.sample(), seeds),
     }
     envs.close()
     write_json(run_dir / "evaluation.json", result)

@@ -9,9 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup, Stroke
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball
@@ -57,7 +55,7 @@ def policy(setup: Setup, argument: str) -> Player:
         balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
         observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
         action, _ = model.predict(observation, deterministic=True)
-        return make_stroke(_base_action(env, action) * base.max_speed, max_speed, place)
+        return make_stroke(base.max_speed * np.asarray(action, np.float64), max_speed, place)
 
     return stroke
 
@@ -67,12 +65,3 @@ def _nearest(setup: Setup, game: GameState) -> int:
     cue = game.positions[game.state.cue_balls[0]]
     balls = sorted(setup.game_rules.legal(game.state, game.state.player))
     return min(balls, key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))
-
-
-def _base_action(env: gym.Env[Any, Any], action: NDArray[Any]) -> NDArray[np.float64]:
-    """Returns the action of the unwrapped environment that an action of `env` stands for."""
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, gym.ActionWrapper):
-            action = env.action(action)
-        env = env.env
-    return np.asarray(action, dtype=np.float64)

@@ -19,10 +19,11 @@ from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
+from agents.frame_policy import FramePolicy, GeometryFramePolicy
 from agents.policy import Geometry, GeometryPolicy, shape
 from agents.vec_env import SameStepVecEnv
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.envs.wrappers import ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
@@ -50,18 +51,19 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
     return _FIRST_EVALUATION_SEED + np.random.SeedSequence(seed).generate_state(episodes).astype(np.int64) // 2
 
 
-def make_env(config: Config) -> gym.Env[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns one environment, with the execution noise and the action frame of the configuration.
+def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[np.float32], NDArray[np.float32]]:
+    """Returns one environment to play in, with the execution noise of the configuration.
+
+    Its actions are those of `Billiards-v0`, and so are those of `policy.predict`, also after training in an action
+    frame.
 
     Raises:
-        ValueError: If an argument of the environment, its noise or its frame is impossible.
+        ValueError: If an argument of the environment or its noise is impossible.
         TypeError: If one has the wrong type.
     """
-    env: gym.Env[Any, Any] = gym.make(ENV_ID, **config.env)
+    env: gym.Env[Any, Any] = gym.make(ENV_ID, render_mode=render_mode, **config.env)
     if config.noise is not None:
         env = ExecutionNoise(env, **dataclasses.asdict(config.noise))
-    if config.frame is not None:
-        env = ActionFrame(env, *dataclasses.astuple(config.frame))
     return env
 
 
@@ -70,14 +72,17 @@ def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
     envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", **config.env)
     if config.noise is not None:
         envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
-    if config.frame is not None:
-        envs = VectorActionFrame(envs, *dataclasses.astuple(config.frame))
     return envs
 
 
+def in_frame(config: Config, envs: VectorEnv[Any, Any, Any]) -> VectorEnv[Any, Any, Any]:
+    """Returns environments with the action frame of the configuration, if it has one."""
+    return envs if config.frame is None else VectorActionFrame(envs, *dataclasses.astuple(config.frame))
+
+
 def make_vec_env(config: Config) -> VecEnv:
-    """Returns `config.n_envs` environments for Stable-Baselines3."""
-    return SameStepVecEnv(make_vector(config, config.n_envs))
+    """Returns `config.n_envs` environments to train in, with the action frame, for Stable-Baselines3."""
+    return SameStepVecEnv(in_frame(config, make_vector(config, config.n_envs)))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
@@ -129,7 +134,8 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
         run_dir: The folder of the run, with `config.yaml` and `policy.pt`.
 
     Returns:
-        The configuration, and the policy; its value function is untrained.
+        The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`, which is the plain
+        environment. Its value function is untrained.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -178,7 +184,9 @@ def _is_value(name: str) -> bool:
 
 
 def _policy_class(config: Config) -> type[ActorCriticPolicy]:
-    return GeometryPolicy if config.policy.features == "geometry" else ActorCriticPolicy
+    if config.policy.features == "geometry":
+        return GeometryPolicy if config.frame is None else GeometryFramePolicy
+    return ActorCriticPolicy if config.frame is None else FramePolicy
 
 
 def _policy_arguments(config: Config) -> dict[str, Any]:
@@ -187,6 +195,8 @@ def _policy_arguments(config: Config) -> dict[str, Any]:
         "activation_fn": _ACTIVATIONS[config.policy.activation],
         "log_std_init": config.policy.log_std_init,
     }
+    if config.frame is not None:
+        arguments |= {"env": config.env, "frame": dataclasses.asdict(config.frame)}
     if config.policy.features == "geometry":
         env = cast(BilliardsEnv, gym.make(ENV_ID, **config.env).unwrapped)
         arguments |= {"features_extractor_class": Geometry, "features_extractor_kwargs": {"shape": shape(env)}}

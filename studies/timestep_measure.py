@@ -28,7 +28,7 @@ from agents.evaluate import deterministic
 from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.action_frames import ActionTransform, cue_velocity
+from billiards_env.envs.action_frames import cue_velocity
 from billiards_env.simulation import simulate
 from studies.causes import CAUSES, cause
 
@@ -86,7 +86,7 @@ def measure(
     }
     observations, _ = envs["exact"].reset(seed=seeds)
     positions, env = envs["exact"].positions, envs["exact"].single_env
-    shots = [_shots(run.folder, observations, positions, env) for run in tqdm(runs, "policies")]
+    shots = [_shots(run.folder, observations) for run in tqdm(runs, "policies")]
     successes = {world: [] for world in worlds}
     seconds = dict.fromkeys(worlds, 0.0)
     for world in tqdm(worlds, "worlds"):
@@ -154,15 +154,10 @@ def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> 
     return np.where(ahead > 0, across / np.where(length > 0, length, 1.0), np.inf) / reach
 
 
-def _shots(run_dir: Path, observations: NDArray[np.float32], positions: Floats, env: BilliardsEnv) -> Floats:
-    """Returns the actions of a run's policy, (m, 2), in the environment's own action space."""
-    config, policy = load_policy(run_dir)
-    actions = np.asarray(deterministic(policy)(observations), np.float64)
-    if config.frame is not None:
-        f = config.frame
-        frame = ActionTransform(f.name, env.scene, env.targets, env.max_speed, f.ball, f.least_speed)
-        return frame.velocities(actions, positions, np.zeros(positions.shape[:2], np.bool_)) / env.max_speed
-    return actions
+def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
+    """Returns the actions of a run's policy, (m, 2)."""
+    _, policy = load_policy(run_dir)
+    return np.asarray(deterministic(policy)(observations), np.float64)
 
 
 def _distributions(actions: Floats, others: Sequence[Floats], positions: Floats, env: BilliardsEnv) -> dict[str, Any]:

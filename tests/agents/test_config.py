@@ -183,7 +183,7 @@ def test_single_and_vector_environments_play_the_same_shots():
     )
     plain = dataclasses.replace(config, noise=None)
     envs, quiet = make_vec_env(config), make_vec_env(plain)
-    singles = [make_env(config) for _ in range(3)]
+    singles = [wrappers.ActionFrame(make_env(config), "cut", "first", 1.0) for _ in range(3)]
     for many in (envs, quiet):
         many.seed(5)
     observations: Any = envs.reset()

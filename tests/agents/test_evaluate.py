@@ -1,17 +1,21 @@
+import dataclasses
 import json
 import shutil
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO
+from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.config import Config
 from agents.evaluate import deterministic, evaluate, main, play, play_together
 from agents.intervals import wilson_interval
-from agents.ppo import load_policy, make_env, make_vector
+from agents.ppo import load_policy, make_env, make_model, make_vec_env, make_vector
 from agents.train import open_run, train
+from billiards_env.envs.wrappers import ActionFrame
 
 
 class Pickled:
@@ -144,6 +148,35 @@ def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
     assert one_by_one["mean_reward"] != 0
     together = play_together(make_vector(config, 7), lambda observations: np.tile(act, (7, 1)), seeds)
     assert together == one_by_one
+
+
+@pytest.mark.parametrize(
+    ("frame", "features"),
+    [
+        ({"name": "polar", "least_speed": 1.0}, "raw"),
+        ({"name": "sum_to_three", "ball": 2}, "raw"),
+        ({"name": "cut"}, "raw"),
+        ({"name": "cut"}, "geometry"),
+    ],
+)
+def test_a_policy_plays_the_shots_of_its_action_frame_in_the_plain_environment(tiny, frame, features):
+    env = {"n_object_balls": 3, "max_shots": 6, "max_speed": 5.0}
+    config = Config.from_dict(tiny(policy={"hidden": [8], "features": features}, frame=frame, env=env))
+    model, plain = make_model(config, make_vec_env(config)), gym.make("Billiards-v0", **env)
+    game: Any = plain.unwrapped
+    assert config.frame is not None
+    framed, with_potted_balls = ActionFrame(plain, *dataclasses.astuple(config.frame)), 0
+    for seed in range(30):
+        observation, _ = plain.reset(seed=seed)
+        over = False
+        while not over:
+            action, _ = model.predict(observation, deterministic=True)
+            in_frame, _ = ActorCriticPolicy.predict(model.policy, observation, deterministic=True)
+            assert plain.action_space.contains(action)
+            np.testing.assert_allclose(action, framed.action(in_frame), atol=1e-5)
+            with_potted_balls += game.potted.any()
+            observation, _, over, *_ = plain.step(action)
+    assert with_potted_balls > 0
 
 
 @pytest.mark.parametrize("policy", [{"hidden": [8]}, {"hidden": [8, 8], "features": "geometry"}])

@@ -8,7 +8,7 @@ import torch
 
 from agents.config import Config
 from agents.policy import _DIRECT, Geometry, GeometryPolicy, shape
-from agents.ppo import make_model, make_vec_env, make_vector
+from agents.ppo import in_frame, make_model, make_vec_env, make_vector
 from billiards_env.envs import BilliardsEnv
 from billiards_env.players.pots import direct_pots
 
@@ -28,7 +28,8 @@ def pots(features: torch.Tensor) -> np.ndarray:
 
 
 def test_the_first_cut_pots_nearly_every_ball():
-    envs = make_vector(Config.from_dict({"timesteps": 1, "frame": {"name": "cut"}}), 2000)
+    config = Config.from_dict({"timesteps": 1, "frame": {"name": "cut"}})
+    envs = in_frame(config, make_vector(config, 2000))
     observations, _ = envs.reset(seed=0)
     extractor, _ = geometry(cast(Any, envs.unwrapped).single_env)
     cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
@@ -138,13 +139,13 @@ def test_a_geometry_policy_mirrors_its_actions_and_its_last_layer_has_the_featur
     extractor, _ = geometry(env)
     cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
     mirrored = observations * np.array([1, -1] * 2, np.float32)
-    one, other = (policy.predict(o, deterministic=True)[0] for o in (observations, mirrored))
+    one, other = (GeometryPolicy.predict(policy, o, deterministic=True)[0] for o in (observations, mirrored))
     np.testing.assert_allclose((one * [-1, 1])[cuts != 0], other[cuts != 0], atol=1e-5)
     with torch.no_grad():
         last.weight.zero_()
         last.bias.zero_()
         last.weight[0, extractor.features_dim - 1 - 6 * POCKETS] = 0.5 / _DIRECT
-    actions, _ = policy.predict(observations, deterministic=True)
+    actions, _ = GeometryPolicy.predict(policy, observations, deterministic=True)
     np.testing.assert_allclose(actions, np.column_stack((0.5 * cuts, np.zeros(100))), atol=1e-6)
 
 
