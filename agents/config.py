@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -27,6 +28,8 @@ ENV_ID = "Billiards-v0"
 FEATURES = ("raw", "geometry")
 _CUT = ("cut", "nearest")
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 T = TypeVar("T")
 
@@ -276,11 +279,45 @@ def read(kind: type[T], path: Path) -> T:
         TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
+    name = f"config = {str(path)!r}"
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path} is not valid YAML: {error}") from error
+    except OSError as error:
+        raise type(error)(f"{name}: expected a YAML file ({error.strerror})") from error
+    except yaml.MarkedYAMLError as error:
+        line = "" if error.problem_mark is None else f", line {error.problem_mark.line + 1}"
+        raise ValueError(f"{name}{line}: expected valid YAML ({error.problem})") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{name}: expected valid YAML ({error})") from error
+    if data is None:
+        raise ValueError(f"{name}: expected settings, the file is empty")
     return read_dataclass(kind, "", data)
+
+
+def number(value: Any) -> Any:
+    """Returns the number that a text stands for, such as "1e6" or "1/60", and any other value unchanged.
+
+    YAML reads both as text.
+
+    Example:
+        >>> number("1/4"), number("1e6"), number("pool")
+        (0.25, 1000000.0, 'pool')
+    """
+    if not isinstance(value, str):
+        return value
+    match = re.fullmatch(rf"({_NUMBER})(?:/({_NUMBER}))?", re.sub(r"\s|(?<=\d)_(?=\d)", "", value))
+    if match is None or (match[2] is not None and float(match[2]) == 0):
+        return value
+    return float(match[1]) / float(match[2] or 1)
+
+
+def whole(name: str, value: Any) -> int:
+    """Returns a whole number; `value` may be a text such as "1000", "1_000" or "1e3".
+
+    Raises:
+        TypeError: If it is not a whole number.
+    """
+    return _read(int, name, value)
 
 
 def at_least(name: str, value: float, least: float) -> None:
@@ -302,7 +339,7 @@ def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
     }
     for key in given:
         choose("key of env", key, tuple(parameters))
-    return {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+    return {name: number(given.get(name, parameter.default)) for name, parameter in parameters.items()}
 
 
 def read_dataclass(kind: type[T], name: str, data: Any) -> T:
@@ -332,7 +369,7 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
 
 
 def _read(hint: Any, name: str, value: Any) -> Any:
-    """Returns `value` if it has the type `hint`; an int is converted to a float, and a list to a tuple."""
+    """Returns `value` as `hint`: texts such as "1e6" become numbers, 1e6 a whole number and lists tuples."""
     if dataclasses.is_dataclass(hint):
         return read_dataclass(typing.cast(Any, hint), name, value)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
@@ -347,14 +384,17 @@ def _read(hint: Any, name: str, value: Any) -> Any:
         if not isinstance(value, Mapping):
             raise TypeError(f"{name} = {value!r}: expected a mapping, not {type(value).__name__}")
         return dict(value)
+    if hint in (int, float):
+        value = number(value)
+    if hint is int and isinstance(value, float) and value.is_integer():
+        return int(value)
     if hint is float and type(value) in (int, float):
         if not math.isfinite(value):
             raise ValueError(f"{name} = {value!r}: expected a finite number")
         return float(value)
     if type(value) is not hint:
         wanted = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[hint]
-        note = " (YAML reads 1e-3 as text: write 1.0e-3)" if hint is float and isinstance(value, str) else ""
-        raise TypeError(f"{name} = {value!r}: expected {wanted}, not {type(value).__name__}{note}")
+        raise TypeError(f"{name} = {value!r}: expected {wanted}, not {type(value).__name__}")
     return value
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from agents.config import PPO, Config, Frame, Noise, load
 from agents.ppo import make_env, make_model, make_vec_env
@@ -85,9 +86,11 @@ def test_unknown_keys_and_impossible_values_are_refused(data, message):
     [
         (None, "the configuration = None: expected a mapping"),
         ({"timesteps": "many"}, "timesteps = 'many': expected a whole number, not str"),
-        ({"timesteps": 1.0}, "timesteps = 1.0: expected a whole number, not float"),
+        ({"timesteps": 1.5}, "timesteps = 1.5: expected a whole number, not float"),
+        ({"timesteps": "1/3"}, "timesteps = 0.333.*: expected a whole number, not float"),
+        ({"timesteps": ".inf"}, "timesteps = '.inf': expected a whole number, not str"),
         ({"timesteps": True}, "timesteps = True: expected a whole number, not bool"),
-        ({"timesteps": 1, "ppo": {"gamma": "1e-3"}}, "ppo.gamma = '1e-3': expected a number, not str .*write 1.0e-3"),
+        ({"timesteps": 1, "ppo": {"gamma": "1/0"}}, "ppo.gamma = '1/0': expected a number, not str"),
         ({"timesteps": 1, "ppo": {"gamma": True}}, "ppo.gamma = True: expected a number, not bool"),
         ({"timesteps": 1, "ppo": {"gamma": None}}, "ppo.gamma = None: expected a number, not NoneType"),
         ({"timesteps": 1, "ppo": [1]}, r"ppo = \[1\]: expected a mapping"),
@@ -131,8 +134,33 @@ def test_a_configuration_survives_yaml(tmp_path):
 def test_a_file_that_is_not_yaml_is_refused(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text("ppo: [1")
-    with pytest.raises(ValueError, match="is not valid YAML"):
+    with pytest.raises(ValueError, match=r"config = '.*config.yaml', line 1: expected valid YAML"):
         load(path)
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ValueError, match=r"config = '.*config.yaml': expected valid YAML"):
+        load(path)
+
+
+def test_a_file_that_cannot_be_read_or_is_empty_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"config = '.*none.yaml': expected a YAML file \(No such file"):
+        load(tmp_path / "none.yaml")
+    with pytest.raises(IsADirectoryError, match=r"config = '.*': expected a YAML file \(Is a directory"):
+        load(tmp_path)
+    (tmp_path / "empty.yaml").touch()
+    with pytest.raises(ValueError, match=r"config = '.*empty.yaml': expected settings, the file is empty"):
+        load(tmp_path / "empty.yaml")
+
+
+def test_numbers_that_yaml_reads_as_text_are_numbers(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(
+        "timesteps: 1e6\nn_envs: 1.6e1\nenv: {mode: pit, dt: 1/60, max_speed: 4e0}\nppo: {learning_rate: 1e-3}\n"
+    )
+    config = load(path)
+    assert (config.timesteps, config.n_envs, config.ppo.learning_rate) == (1_000_000, 16, 1e-3)
+    assert type(config.timesteps) is int
+    assert (config.env["dt"], config.env["max_speed"]) == (1 / 60, 4.0)
+    assert Config.from_dict(yaml.safe_load(config.to_yaml())) == config
 
 
 def test_yaml_with_code_is_refused(tmp_path):
