@@ -1,5 +1,33 @@
 """Training and evaluation of agents on `Billiards-v0`.
 
 `python -m agents.train CONFIG` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate
-RUN_DIR` measures the trained policy and a random one. `agents.policy_player` lets a trained policy play games.
+RUN_DIR` measures the trained policy and a random one, films it or shows it in a window. `agents.policy_player` lets a
+trained policy play games.
 """
+
+import importlib.util
+import sys
+from collections.abc import Sequence
+
+
+def missing(extra: str, package: str | None) -> str:
+    """Returns the message about a package of an extra that is not installed."""
+    return (
+        f"{package} is not installed: expected the extra {extra!r}: pip install 'billiards-env[{extra}]' "
+        f"(in a clone: pip install -e '.[{extra}]')"
+    )
+
+
+def require(extra: str, packages: Sequence[str]) -> None:
+    """Ends a command with one line if a package of an extra is missing.
+
+    The modules import these packages at the top, so the check is in the packages of the commands. `sys.argv[0]` is "-m"
+    while `python -m` imports the package of its command. Elsewhere a missing package is an ordinary import error.
+    """
+    if sys.argv[0] == "-m":
+        for package in packages:
+            if importlib.util.find_spec(package) is None:
+                sys.exit(f"error: {missing(extra, package)}")
+
+
+require("train", ("yaml", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))

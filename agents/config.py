@@ -213,7 +213,7 @@ class Config:
         for name in ("timesteps", "n_envs", "checkpoint_every", "evaluation_episodes"):
             at_least(name, getattr(self, name), 1)
         at_least("seed", self.seed, 0)
-        object.__setattr__(self, "env", _resolved_env(self.env))
+        object.__setattr__(self, "env", resolved_env(self.env))
         if self.policy.features == "geometry" and (self.frame is None or (self.frame.name, self.frame.ball) != _CUT):
             raise ValueError(f"frame = {self.frame!r} with policy.features = 'geometry': expected {{name: cut}}")
         rollout = self.n_envs * self.ppo.n_steps
@@ -326,8 +326,15 @@ def at_least(name: str, value: float, least: float) -> None:
         raise ValueError(f"{name} = {value!r}: expected a number >= {least}")
 
 
-def _resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the arguments of the environment, with the defaults of the missing ones."""
+def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the arguments of the environment, with the defaults of the missing ones.
+
+    Raises:
+        ValueError: If an argument is unknown.
+        TypeError: If `given` is not a mapping.
+    """
+    if not isinstance(given, Mapping):
+        raise TypeError(f"env = {given!r}: expected a mapping")
     entry_point = gym.spec(ENV_ID).entry_point
     creator = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
     if creator is None:

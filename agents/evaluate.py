@@ -1,10 +1,13 @@
-"""Measures a trained policy and a random one on new layouts: `python -m agents.evaluate runs/pot`."""
+"""Measures a trained policy and a random one on new layouts: `python -m agents.evaluate runs/pot`.
+
+`--film FILE.mp4` writes a film of the policy instead, and `--show` opens a window (`agents.film`).
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,11 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
+from agents.config import at_least, whole
+from agents.film import EPISODES, film, show
 from agents.intervals import mean_interval, wilson_interval
+from agents.output import print_commands, print_table
+from agents.policy_player import playable
 from agents.ppo import evaluation_seeds, in_frame, load_policy, make_vector
 from billiards_env.files import write_json
 
@@ -113,10 +120,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     config, policy = load_policy(run_dir)
     episodes = config.evaluation_episodes if episodes is None else episodes
     seed = config.seed if seed is None else seed
-    if episodes < 1:
-        raise ValueError(f"episodes = {episodes}: expected a whole number >= 1")
-    if seed < 0:
-        raise ValueError(f"seed = {seed}: expected a whole number >= 0")
+    at_least("episodes", episodes, 1)
+    at_least("seed", seed, 0)
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
     framed = in_frame(config, envs)
@@ -134,28 +139,72 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.evaluate --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m agents.evaluate", description="Measure a trained policy and a random one on new layouts."
+        prog="python -m agents.evaluate",
+        description="Measure a trained policy and a random one on new layouts, or film or show the policy.",
     )
     parser.add_argument("run_dir", type=Path, help="folder of a finished run, e.g. runs/pot")
-    parser.add_argument("--episodes", type=int, help="number of episodes (default: that of the config)")
-    parser.add_argument("--seed", type=int, help="seed of the layouts (default: that of the config)")
+    parser.add_argument(
+        "--episodes", help=f"number of episodes (default: that of the config; {EPISODES} with --film or --show)"
+    )
+    parser.add_argument("--seed", help="seed of the layouts (default: that of the config)")
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy, and do not measure")
+    instead.add_argument("--show", action="store_true", help="show the policy in a window, and do not measure")
     args = parser.parse_args(arguments)
+    run_dir: Path = args.run_dir
     try:
-        result = evaluate(args.run_dir, args.episodes, args.seed)
-    except (OSError, TypeError, ValueError) as error:
+        episodes = None if args.episodes is None else whole("episodes", args.episodes)
+        seed = None if args.seed is None else whole("seed", args.seed)
+        if episodes is not None:
+            at_least("episodes", episodes, 1)
+        if seed is not None:
+            at_least("seed", seed, 0)
+        if args.film is not None:
+            _print_episodes(film(run_dir, args.film, episodes or EPISODES, seed))
+            print(f"written to {args.film}")
+        elif args.show:
+            _print_episodes(show(run_dir, episodes or EPISODES, seed))
+        else:
+            _print(run_dir, evaluate(run_dir, episodes, seed))
+    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:  # RuntimeError: no display
         sys.exit(f"error: {error}")
-    print(f"{result['policy']['episodes']} episodes on new layouts, seed {result['seed']}:")
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def _print_episodes(infos: Sequence[Mapping[str, Any]]) -> None:
+    """Prints the outcome of each episode."""
+    for k, info in enumerate(infos, 1):
+        print(f"episode {k}: {'success' if info['success'] else 'no success'}, score {info['score']}")
+
+
+def _print(run_dir: Path, result: Mapping[str, Any]) -> None:
+    """Prints the result of `evaluate` and the commands that may follow."""
+    rows = []
     for name in ("policy", "random"):
         r = result[name]
-        low, high = r["confidence_interval_95"]
-        score = f"  score {r['mean_score']:.3f}"
-        if r["score_interval_95"] is not None:
-            score += " ({:.3f} to {:.3f})".format(*r["score_interval_95"])
-        print(
-            f"  {name:6}  success {r['success_rate']:6.1%}  (95 % confidence {low:.1%} to {high:.1%})"
-            f"{score}  mean reward {r['mean_reward']:.3f}"
+        rates, scores = r["confidence_interval_95"], r["score_interval_95"]
+        rows.append(
+            (
+                name,
+                f"{r['success_rate']:.1%}",
+                "{:.1%} to {:.1%}".format(*rates),
+                f"{r['mean_score']:.3f}",
+                "-" if scores is None else "{:.3f} to {:.3f}".format(*scores),
+                f"{r['mean_reward']:.3f}",
+            )
         )
-    print(f"written to {args.run_dir / 'evaluation.json'}")
+    title = f"{result['policy']['episodes']:,} episodes on new layouts, without exploration (seed {result['seed']})"
+    print_table(title, ("player", "success", "95 % interval", "score", "95 % interval", "reward"), rows)
+    print(f"written to {run_dir / 'evaluation.json'}\n")
+    this = ("-m", "agents.evaluate", str(run_dir))
+    commands = {"film": (*this, "--film", f"{run_dir.resolve().name}.mp4"), "watch": (*this, "--show")}
+    if (rules := playable(run_dir)) is not None:
+        players = f"human,policy:{run_dir}"
+        commands["play against it"] = ("-m", "billiards_env.play", "--rules", rules, "--players", players)
+    if (run_dir / "tensorboard").is_dir():
+        commands["learning curves"] = ("-m", "tensorboard.main", "--logdir", str(run_dir))
+    print_commands("Next:", commands)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,16 @@ ball that it may hit. In a carom game it must be trained with two object balls.
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from billiards_env.games import GameState, Setup, Stroke
+from agents import missing
+from billiards_env.games import RULES, GameState, Setup, Stroke
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball
+from billiards_env.scene import Scene
 
 
 def policy(setup: Setup, argument: str) -> Player:
@@ -25,9 +28,12 @@ def policy(setup: Setup, argument: str) -> Player:
     Raises:
         OSError: If the folder holds no finished run.
         ValueError: If the policy was trained on another table or with another number of balls.
+        ModuleNotFoundError: If the extra `train` is not installed.
     """
-    # Only a trained policy needs PyTorch.
-    from agents.ppo import load_policy, make_env
+    try:  # only a trained policy needs PyTorch
+        from agents.ppo import load_policy, make_env
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"player = 'policy:{argument}': {missing('train', error.name)}") from error
 
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
@@ -58,6 +64,16 @@ def policy(setup: Setup, argument: str) -> Player:
         return make_stroke(base.max_speed * np.asarray(action, np.float64), max_speed, place)
 
     return stroke
+
+
+def playable(run_dir: Path) -> str | None:
+    """Returns the rules of a game that the policy of a run can play, None if there are none."""
+    for rules in ("straight", "carom"):
+        pockets, (_, balls) = RULES[rules].pockets, RULES[rules].n_object_balls
+        with contextlib.suppress(ValueError):
+            policy(Setup(rules, Scene.named("pool" if pockets else "carom", balls)), str(run_dir))
+            return rules
+    return None
 
 
 def _nearest(setup: Setup, game: GameState) -> int:

@@ -144,10 +144,11 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
         TypeError: If a value of the configuration has the wrong type.
     """
     path = run_dir / "policy.pt"
-    if not (run_dir / "config.yaml").exists():
-        raise FileNotFoundError(f"{run_dir} holds no run: expected the folder of a run of agents.train")
-    if not path.exists():
-        raise FileNotFoundError(f"{run_dir} holds no policy.pt: expected a finished run; resume its training")
+    for file in (run_dir / "config.yaml", path):
+        if not file.is_file():
+            raise FileNotFoundError(
+                f"run_dir = {str(run_dir)!r}: expected the folder of a finished run of agents.train, with {file.name}"
+            )
     config = load(run_dir / "config.yaml")
     env = make_env(config)
     policy = _policy_class(config)(

@@ -11,6 +11,7 @@ seeded from the seed and the number of steps, so a resumed run ends with the sam
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import dataclasses
 import importlib.metadata
@@ -20,11 +21,13 @@ import shutil
 import sys
 import time
 from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, cast
 
 import numpy as np
 import torch
+from filelock import FileLock, Timeout
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
@@ -34,11 +37,12 @@ from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
-from agents.config import Config, load
+from agents.config import Config, load, whole
 from agents.evaluate import deterministic, play_together
+from agents.output import print_commands, print_table
 from agents.ppo import (
     evaluation_seeds,
-    make_env,
+    in_frame,
     make_model,
     make_vec_env,
     make_vector,
@@ -51,41 +55,88 @@ from billiards_env.files import write_json, write_whole
 # The files and folders of a run, apart from config.yaml, which marks the folder as one of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
+_LOCK = ".lock"
+_BAR = "{percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} shots [{remaining} left{postfix}]"
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
 
-def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
+def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = False) -> None:
     """Prepares a folder for the training of a configuration.
 
     Args:
         config: The configuration.
         run_dir: The folder of the run; created if missing.
         fresh: Whether to delete the run that is in the folder, if any.
+        longer: Whether a run in the folder may continue with more timesteps, see `_lengthen`.
 
     Raises:
-        ValueError: If the folder holds a run of another configuration or other files, or if an argument of the
-            environment is impossible.
+        ValueError: If the folder holds a run of another configuration or other files, if another process trains in it,
+            or if an argument of the environment is impossible.
         TypeError: If an argument of the environment has the wrong type.
         OSError: If the folder cannot be written.
     """
-    make_env(config).close()
+    in_frame(config, make_vector(config, 1)).close()
     saved = run_dir / "config.yaml"
-    if saved.exists():
-        if fresh:
+    if run_dir.exists() and not saved.exists() and any(path.name != _LOCK for path in run_dir.iterdir()):
+        raise ValueError(
+            f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it is not empty and holds no run"
+        )
+    with locked(run_dir):
+        if saved.exists() and fresh:
             for name in _FILES:
                 (run_dir / name).unlink(missing_ok=True)
             for name in _FOLDERS:
                 shutil.rmtree(run_dir / name, ignore_errors=True)
-        elif differences := _differences(load(saved).to_dict(), config.to_dict()):
-            raise ValueError(
-                f"{run_dir} holds a run of another configuration; choose another folder with --run-dir or start again "
-                "with --fresh:\n" + "\n".join(f"  {line}" for line in differences)
-            )
-    elif run_dir.exists() and any(run_dir.iterdir()):
-        raise ValueError(f"{run_dir} is not empty and holds no run: expected a new folder or that of a run")
-    write_whole(saved, config.to_yaml().encode())
-    if not (run_dir / "policy.pt").exists():  # a finished run keeps the versions that made it
-        write_json(run_dir / "versions.json", versions())
+        elif saved.exists():
+            found = load(saved)
+            longer = longer and found.timesteps < config.timesteps
+            expected = dataclasses.replace(found, timesteps=config.timesteps) if longer else found
+            if differences := _differences(expected.to_dict(), config.to_dict()):
+                raise ValueError(
+                    f"{run_dir} holds a run of another configuration; choose another folder with --run-dir or start "
+                    "again with --fresh:\n" + "\n".join(f"  {line}" for line in differences)
+                )
+            if longer and (run_dir / "policy.pt").exists():
+                _lengthen(run_dir)
+        write_whole(saved, config.to_yaml().encode())
+        if not (run_dir / "policy.pt").exists():  # a finished run keeps the versions that made it
+            write_json(run_dir / "versions.json", versions())
+
+
+def _lengthen(run_dir: Path) -> None:
+    """Turns a finished run into an interrupted one, whose newest checkpoint is the trained model.
+
+    Raises:
+        ValueError: If the folder does not hold the model and the learning curve.
+    """
+    model, curve = run_dir / "model.zip", learning_curve(run_dir)
+    if not curve or not model.exists():
+        raise ValueError(f"run_dir = {str(run_dir)!r}: expected model.zip and training.csv, to continue the training")
+    write_whole(run_dir / "checkpoints" / f"{curve[-1].steps:09d}.zip", model.read_bytes())
+    for name in ("policy.pt", "model.zip", "evaluation.json"):
+        (run_dir / name).unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def locked(run_dir: Path) -> Iterator[None]:
+    """Locks the folder of a run against other processes. The lock ends with the process.
+
+    Raises:
+        ValueError: If another process holds the lock.
+    """
+    run_dir.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(run_dir / _LOCK, timeout=0)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise ValueError(
+            f"run_dir = {str(run_dir)!r}: expected a folder in which no other training runs; wait for its end or "
+            "choose another folder with --run-dir"
+        ) from error
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def train(config: Config, run_dir: Path) -> None:
@@ -94,16 +145,30 @@ def train(config: Config, run_dir: Path) -> None:
     Args:
         config: The configuration.
         run_dir: The folder of the run, prepared by `open_run`.
+
+    Raises:
+        ValueError: If another process trains in the folder, or a checkpoint does not fit the configuration.
     """
     if (run_dir / "policy.pt").exists():
-        print(f"{run_dir} is trained already ({config.timesteps} steps); --fresh trains it again")
+        print(
+            f"{run_dir} is trained already ({config.timesteps} steps); a higher --timesteps continues the training, "
+            "--fresh starts again"
+        )
         return
+    with locked(run_dir):
+        _train(config, run_dir)
+
+
+def _train(config: Config, run_dir: Path) -> None:
     # Sums over several threads round differently on another machine, and such small networks gain little.
     torch.set_num_threads(1)
     envs = make_vec_env(config)
     model = make_model(config, envs)
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
     model.set_logger(logger)
+    rollout = config.n_envs * config.ppo.n_steps
+    total = -(-config.timesteps // rollout) * rollout
+    print(f"{run_dir}: {total:,} shots, in updates of {rollout:,} (n_envs * ppo.n_steps)")
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
         try:
@@ -113,8 +178,12 @@ def train(config: Config, run_dir: Path) -> None:
             raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
         model.num_timesteps = int(checkpoint.stem)
         print(f"{run_dir}: resuming after {model.num_timesteps} of {config.timesteps} steps")
+    # A first shot compiles the engine. The notices about this then precede the progress bar.
+    play_together(in_frame(config, make_vector(config, 1)), lambda observations: np.zeros((1, 2)), [0])
     try:
-        with tqdm(total=config.timesteps, initial=model.num_timesteps, unit="shot", desc=run_dir.name) as bar:
+        with tqdm(
+            total=max(total, model.num_timesteps), initial=model.num_timesteps, unit_scale=True, bar_format=_BAR
+        ) as bar:
             callback = _Callback(config, run_dir, bar)
             callback.begin(model.num_timesteps)
             remaining = max(config.timesteps - model.num_timesteps, 0)
@@ -186,6 +255,7 @@ class _Callback(BaseCallback):
     def begin(self, timesteps: int) -> None:
         """Loads the learning curve up to `timesteps` steps."""
         self.curve = [point for point in learning_curve(self.run_dir) if point.steps <= timesteps]
+        self._show()
         self.clock = time.perf_counter()
 
     def measure(self) -> None:
@@ -203,6 +273,7 @@ class _Callback(BaseCallback):
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.curve])
             write_whole(self.run_dir / "training.csv", text.getvalue().encode())
+            self._show()
         self.clock = time.perf_counter()
 
     def _on_rollout_start(self) -> None:
@@ -235,11 +306,19 @@ class _Callback(BaseCallback):
         return True
 
     def _on_rollout_end(self) -> None:
-        self.bar.update(self.num_timesteps - self.bar.n)
         if self.successes:
-            rate = sum(self.successes) / len(self.successes)
-            self.bar.set_postfix(success=f"{rate:.1%}")
-            self.logger.record("rollout/success_rate", rate)
+            self.logger.record("rollout/success_rate", sum(self.successes) / len(self.successes))
+        self._show()
+        self.bar.update(self.num_timesteps - self.bar.n)
+
+    def _show(self) -> None:
+        """Shows the success in the progress bar: of the training, and at the last point of the learning curve."""
+        shown = {}
+        if self.successes:
+            shown["exploring"] = f"{sum(self.successes) / len(self.successes):.0%}"
+        if self.curve:
+            shown["deterministic"] = f"{self.curve[-1].success:.0%}"
+        self.bar.set_postfix(shown, refresh=False)
 
 
 def _save(model: BaseAlgorithm, path: Path) -> None:
@@ -265,15 +344,17 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train PPO on Billiards-v0.")
     parser.add_argument("config", type=Path, help="YAML file of settings, e.g. configs/ppo/pot.yaml")
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME OF THE CONFIG)")
-    parser.add_argument("--seed", type=int, help="default: that of the config")
-    parser.add_argument("--timesteps", type=int, help="default: that of the config")
+    parser.add_argument("--seed", help="default: that of the config")
+    parser.add_argument(
+        "--timesteps", help="default: that of the config; a higher number continues the run in the folder"
+    )
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / args.config.stem
     try:
-        overrides = {k: v for k in ("seed", "timesteps") if (v := getattr(args, k)) is not None}
+        overrides = {k: whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None}
         config = dataclasses.replace(load(args.config), **overrides)
-        open_run(config, run_dir, args.fresh)
+        open_run(config, run_dir, args.fresh, longer=True)
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     try:
@@ -285,6 +366,25 @@ def main(arguments: list[str] | None = None) -> None:
         done = int(checkpoint.stem) if checkpoint else 0
         print(f"\ninterrupted; the same command resumes after {done} of {config.timesteps} steps", file=sys.stderr)
         sys.exit(130)
+    _print(run_dir, config)
+
+
+def _print(run_dir: Path, config: Config) -> None:
+    """Prints the last point of the learning curve and the command that may follow."""
+    if curve := learning_curve(run_dir):
+        point = curve[-1]
+        rows = (
+            ("exploring", "last 1,000 of the training", f"{point.training_success:.1%}", "-"),
+            (
+                "deterministic",
+                f"{config.evaluation_episodes:,} on new layouts",
+                f"{point.success:.1%}",
+                f"{point.score:.3f}",
+            ),
+        )
+        title = f"{run_dir} after {point.steps:,} shots in {point.seconds / 60:.1f} minutes"
+        print_table(title, ("actions", "episodes", "success", "score"), rows)
+    print_commands("Next:", {"compare with random": ("-m", "agents.evaluate", str(run_dir))})
 
 
 if __name__ == "__main__":

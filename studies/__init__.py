@@ -9,6 +9,10 @@ Modules:
 
 from pathlib import Path
 
+from agents import require
+
+require("plot", ("matplotlib",))
+
 RESULTS = Path(__file__).resolve().parent / "results"
 
 RUNS = RESULTS.parents[1] / "runs"

@@ -1,7 +1,7 @@
 """Measures the players without training of `billiards_env.players` in `Billiards-v0`: `python -m studies.players`.
 
-They play the layouts on which `agents.evaluate` measures trained policies. The results are written to
-`studies/results/players.json`.
+They play the layouts on which `agents.evaluate` measures trained policies. The results of the usual cases are written
+to `studies/results/players.json`. Those of other cases are only printed, unless `--output` names a file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.config import ENV_ID
+from agents.config import ENV_ID, resolved_env
 from agents.evaluate import play
 from agents.ppo import evaluation_seeds
 from benchmarks import table
@@ -27,6 +27,8 @@ from billiards_env.files import write_json
 from billiards_env.players.env_player import situation
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 from studies import RESULTS
+
+OUTPUT = RESULTS / "players.json"
 
 # Name: arguments of the environment, standard deviations of the execution noise (degrees, m/s), players.
 CASES: dict[str, tuple[dict[str, Any], tuple[float, float], tuple[str, ...]]] = {
@@ -109,13 +111,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--players", nargs="+", help="e.g. geometric search:100 (default: those of each case)")
     parser.add_argument("--env", help="arguments of the environment as JSON, instead of the usual cases")
     parser.add_argument("--noise", nargs=2, type=float, metavar=("DEGREES", "M/S"), help="execution noise, with --env")
-    parser.add_argument("--output", type=Path, default=RESULTS / "players.json", help="JSON file")
+    parser.add_argument(
+        "--output", type=Path, help=f"JSON file (default: {OUTPUT} without other options; with them nothing is written)"
+    )
     args = parser.parse_args(arguments)
+    usual = all(getattr(args, name) == parser.get_default(name) for name in vars(args))
+    output: Path | None = OUTPUT if usual else args.output
     try:
         cases = CASES
         noise = (args.noise[0], args.noise[1]) if args.noise else (0.0, 0.0)
         if args.env is not None or args.noise is not None:
-            cases = {"own": (json.loads(args.env or "{}"), noise, tuple(STRATEGIES))}
+            given = json.loads(args.env or "{}")
+            resolved = resolved_env(given)
+            cases = {"own": ({key: resolved[key] for key in given}, noise, tuple(STRATEGIES))}
         results = []
         for case, (env, noise, players) in cases.items():
             for name in args.players or players:
@@ -123,10 +131,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 results.append({"case": case, "env": env, "noise": list(noise), "player": name, **measured})
                 print(f"{case}, {name}: {measured['success_rate']:.1%}", flush=True)
         result = {"seed": args.seed, "results": results}
-        write_json(args.output, result)
+        if output is not None:
+            write_json(output, result)
+    except json.JSONDecodeError as error:
+        sys.exit(f"error: env = {args.env!r}: expected JSON, such as '{{\"n_object_balls\": 3}}' ({error})")
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
-    print(f"\n{blocks(result)['table']}\n\nwritten to {args.output}")
+    except KeyboardInterrupt:
+        sys.exit(130)
+    print(f"\n{blocks(result)['table']}\n")
+    print("not written, because there is no --output" if output is None else f"written to {output}")
 
 
 if __name__ == "__main__":

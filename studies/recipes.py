@@ -6,6 +6,8 @@
 * `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration,
 * `docs/images/learning_curves.png`.
 
+Another list of recipes has its results in `runs/LIST`.
+
 A recipe whose results are there is not trained again. The runs are kept in `runs/recipes/RECIPE/seedN`, so an
 interrupted command continues when it is started again. All of them take half an hour on two cores.
 """
@@ -79,6 +81,19 @@ class Places:
     summary: Path = RESULTS / "recipes.json"
     policies: Path = RESULTS / "policies"
     figure: Path = IMAGES / "learning_curves.png"
+
+
+def default_places(config: Path) -> Places:
+    """Returns the places of the project for its list of recipes, and a folder under `runs` for any other list."""
+    if config.resolve() == CONFIG:
+        return Places()
+    folder = RUNS / config.stem
+    return Places(
+        runs=folder,
+        summary=folder / "recipes.json",
+        policies=folder / "policies",
+        figure=folder / "learning_curves.png",
+    )
 
 
 def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dict[str, Any]]:
@@ -228,9 +243,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML file (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     for field in dataclasses.fields(Places):
-        parser.add_argument(f"--{field.name}", type=Path, default=field.default, help="default: %(default)s")
+        parser.add_argument(f"--{field.name}", type=Path, help=f"default: {field.default}; with another list in {RUNS}")
     args = parser.parse_args(arguments)
-    places = Places(**{field.name: getattr(args, field.name) for field in dataclasses.fields(Places)})
+    chosen = {name: path for name in Places.__dataclass_fields__ if (path := getattr(args, name)) is not None}
+    places = dataclasses.replace(default_places(args.config), **chosen)
     try:
         asked = read(Recipes, args.config)
         results = measure(asked, args.config.parent, places, args.jobs)

@@ -5,7 +5,7 @@ in steps of dt. Then every policy plays the same layouts in every world, without
 (`studies.timestep_measure`).
 
 The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figures
-to `docs/images`. If the results of a study are there, nothing is trained: the command prints its tables and draws its
+to `docs/images`; those of a study outside of `configs/study` to the folder of its runs. If the results of a study are there, nothing is trained: the command prints its tables and draws its
 figures. The runs are kept in `runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started
 again.
 """
@@ -27,6 +27,9 @@ from benchmarks.figures import IMAGES
 from billiards_env.engine.modes import check_mode
 from billiards_env.files import write_json
 from studies import RESULTS, RUNS, timestep_figures, timestep_measure, timestep_report
+
+STUDIES = RUNS.parent / "configs" / "study"
+"""The folder of the project's studies."""
 
 EXACT = "exact"
 """The name of the world without a timestep."""
@@ -168,18 +171,21 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--runs", type=Path, default=RUNS / "timestep", help="folder of the runs (default: %(default)s)"
     )
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the results (default: %(default)s)")
-    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the figures (default: %(default)s)")
+    own = f"; with a study outside of {STUDIES}, that of its runs"
+    parser.add_argument("--results", type=Path, help=f"folder of the results (default: {RESULTS}{own})")
+    parser.add_argument("--images", type=Path, help=f"folder of the figures (default: {IMAGES}{own})")
     args = parser.parse_args(arguments)
     name = args.study.stem
-    path = args.results / f"timestep_{name}.json"
+    usual = args.study.resolve().parent == STUDIES
+    path = (args.results or (RESULTS if usual else args.runs / name)) / f"timestep_{name}.json"
+    images = args.images or (IMAGES if usual else args.runs / name)
     try:
         study, recipe = load_study(args.study)
         result = find_result(path, study, recipe)
         if result is None:
             result = measure(name, study, recipe, args.runs / name, args.jobs)
             write_json(path, result)
-        drawn = timestep_figures.draw(result, args.images)
+        drawn = timestep_figures.draw(result, images)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:

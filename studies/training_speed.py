@@ -1,7 +1,7 @@
 """Measures the speed of training: `python -m studies.training_speed`.
 
 The environments play one-shot episodes at one object ball. The results are written to
-`studies/results/training_speed.json`.
+`studies/results/training_speed.json`; with another number of passes only to `--output`.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from billiards_env.files import write_json
 from studies import RESULTS
 
 RECIPE = Path(__file__).resolve().parent.parent / "configs" / "ppo" / "pot.yaml"
+OUTPUT = RESULTS / "training_speed.json"
 N_ENVS = 1024
 
 
@@ -114,13 +115,19 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.training_speed --help`."""
     parser = argparse.ArgumentParser(prog="python -m studies.training_speed", description="Measure speeds of training.")
     parser.add_argument("--repeats", type=int, default=6, help="passes (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "training_speed.json", help="JSON file")
+    parser.add_argument(
+        "--output", type=Path, help=f"JSON file (default: {OUTPUT}; with another --repeats nothing is written)"
+    )
     args = parser.parse_args(arguments)
     if args.repeats < 1:
         parser.error(f"--repeats = {args.repeats}: expected a whole number >= 1")
     result = measure(args.repeats, training_config(N_ENVS, 16, 3))
-    write_json(args.output, result)
-    print(f"{blocks(result)['summary']}\n\nwritten to {args.output}")
+    usual = args.repeats == parser.get_default("repeats")
+    output: Path | None = OUTPUT if usual and args.output is None else args.output
+    if output is not None:
+        write_json(output, result)
+    print(f"{blocks(result)['summary']}\n")
+    print("not written, because there is no --output" if output is None else f"written to {output}")
 
 
 if __name__ == "__main__":

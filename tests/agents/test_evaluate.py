@@ -13,8 +13,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from agents.config import Config
 from agents.evaluate import deterministic, evaluate, main, play, play_together
 from agents.intervals import wilson_interval
-from agents.ppo import load_policy, make_env, make_model, make_vec_env, make_vector
+from agents.ppo import evaluation_seeds, load_policy, make_env, make_model, make_vec_env, make_vector
 from agents.train import open_run, train
+from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import ActionFrame
 
 
@@ -70,9 +71,12 @@ def test_an_evaluation_is_printed_written_and_repeatable(trained, tmp_path, caps
     printed = capsys.readouterr().out
     for name in ("policy", "random"):
         assert written[name]["episodes"] == 20
-        assert f"{name:6}  success {written[name]['success_rate']:6.1%}" in printed
-        assert f"score {written[name]['mean_score']:.3f} (" in printed
+        (line,) = (line for line in printed.splitlines() if line.split()[:1] == [name])
+        rate, score = written[name]["success_rate"], written[name]["mean_score"]
+        assert (line.split()[1], line.split()[5]) == (f"{rate:.1%}", f"{score:.3f}")
         assert written[name]["confidence_interval_95"][0] <= written[name]["success_rate"]
+    for options in (f"{run_dir} --film run.mp4", f"{run_dir} --show", f"human,policy:{run_dir}", f"--logdir {run_dir}"):
+        assert f"{options}\n" in printed
     assert evaluate(run_dir) == written
     assert evaluate(run_dir, episodes=30, seed=1)["random"]["episodes"] == 30
     assert json.loads((run_dir / "evaluation.json").read_text())["seed"] == 1
@@ -230,13 +234,55 @@ def test_a_policy_of_another_shape_is_refused(trained, tmp_path, change):
 
 
 def test_bad_arguments_are_refused_with_a_message(trained, tmp_path):
-    with pytest.raises(SystemExit, match=r"error: .* holds no run"):
+    with pytest.raises(
+        SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* with config.yaml"
+    ):
         main([str(tmp_path)])
-    with pytest.raises(SystemExit, match="error: episodes = 0: expected a whole number >= 1"):
+    with pytest.raises(SystemExit, match="error: episodes = 0: expected a number >= 1"):
         main([str(trained), "--episodes", "0"])
-    with pytest.raises(SystemExit, match="error: seed = -1: expected a whole number >= 0"):
+    with pytest.raises(SystemExit, match="error: seed = -1: expected a number >= 0"):
         main([str(trained), "--seed", "-1"])
+    with pytest.raises(SystemExit, match="error: episodes = 'many': expected a whole number, not str"):
+        main([str(trained), "--episodes", "many"])
+    with pytest.raises(SystemExit, match=r"error: path = 'film.avi': expected a name that ends in '.mp4'"):
+        main([str(trained), "--film", "film.avi"])
     shutil.copytree(trained, tmp_path / "run")
     (tmp_path / "run" / "policy.pt").unlink()
-    with pytest.raises(SystemExit, match=r"error: .* holds no policy.pt: expected a finished run"):
+    with pytest.raises(
+        SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* with policy.pt"
+    ):
         main([str(tmp_path / "run")])
+
+
+def test_a_film_holds_the_first_episodes_of_the_evaluation(trained, tmp_path, monkeypatch, capsys):
+    begun = []
+    reset = BilliardsEnv.reset
+
+    def spy(self, *, seed=None, options=None):
+        begun.append(seed)
+        return reset(self, seed=seed, options=options)
+
+    monkeypatch.setattr(BilliardsEnv, "reset", spy)
+    main([str(trained), "--film", str(tmp_path / "film.mp4"), "--episodes", "2"])
+    assert begun == evaluation_seeds(5, 20)[:2].tolist()
+    printed = capsys.readouterr().out
+    assert [line.split(":")[0] for line in printed.splitlines()] == [
+        "episode 1",
+        "episode 2",
+        f"written to {tmp_path / 'film.mp4'}",
+    ]
+    assert (tmp_path / "film.mp4").read_bytes()[4:8] == b"ftyp"
+    assert list(tmp_path.iterdir()) == [tmp_path / "film.mp4"]
+
+
+def test_a_policy_is_shown_in_a_window(trained, monkeypatch, capsys):
+    shown = []
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr(
+        "billiards_env.envs.rendering.Renderer.step", lambda self, shots: shown.append(self.render_mode)
+    )
+    monkeypatch.setattr("agents.film.PAUSE", 0.0)
+    main([str(trained), "--show", "--episodes", "2"])
+    assert set(shown) == {"human"}
+    assert len(shown) >= 4  # a layout and a shot of each episode
+    assert "episode 2: " in capsys.readouterr().out

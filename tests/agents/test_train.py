@@ -1,5 +1,6 @@
 import json
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import cast
@@ -55,7 +56,7 @@ def test_a_run_folder_has_settings_versions_logs_checkpoints_and_model(trained, 
     versions = json.loads((trained / "versions.json").read_text())
     assert versions["python"] == ".".join(map(str, sys.version_info[:3]))
     assert {"numpy", "gymnasium", "numba", "stable_baselines3", "torch", "billiards_env"} <= versions.keys()
-    assert [path.name for path in sorted(trained.iterdir())] == [
+    assert [path.name for path in sorted(trained.iterdir()) if path.name != ".lock"] == [
         "checkpoints",
         "config.yaml",
         "model.zip",
@@ -165,6 +166,79 @@ def test_a_folder_with_another_configuration_is_refused_and_unchanged(command, t
     assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()} == before
 
 
+def test_a_finished_run_continues_with_more_timesteps(command, tmp_path, monkeypatch, capsys):
+    run, stopped = tmp_path / "run", tmp_path / "stopped"
+    command("--timesteps", "256")
+    first = weights(run / "model.zip")
+    shutil.copytree(run, stopped)
+    command("--timesteps", "5e2")
+    assert "resuming after 256 of 500 steps" in capsys.readouterr().out
+    assert equal(weights(run / "checkpoints" / "000000256.zip"), first)
+    assert [point.steps for point in module.learning_curve(run)] == [0, 256, 512]
+    assert load(run / "config.yaml").timesteps == 500
+    model = PPO.load(run / "model.zip", device="cpu")
+    assert model.num_timesteps == 512
+    assert not equal(model.policy.state_dict(), first)
+    assert model.policy.optimizer.param_groups[0]["lr"] < 3e-4  # that of a run of 500 steps, near its end
+
+    shutil.rmtree(run)
+    stopped.rename(run)
+    with monkeypatch.context() as patch:
+        interrupt_after(320, patch)
+        with pytest.raises(SystemExit):
+            command("--timesteps", "500")
+    assert not (run / "policy.pt").exists()
+    command("--timesteps", "500")
+    assert equal(weights(run / "model.zip"), model.policy.state_dict())
+    with pytest.raises(SystemExit, match=r"timesteps: 500 in the folder, 256 requested"):
+        command("--timesteps", "256")
+
+
+def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
+    run = tmp_path / "run"
+    run.mkdir()
+    program = "import sys, filelock\nwith filelock.FileLock(sys.argv[1]): print('locked', flush=True); sys.stdin.read()"
+    with subprocess.Popen(
+        [sys.executable, "-c", program, str(run / ".lock")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "locked\n"
+        for options in ([], ["--fresh"]):
+            with pytest.raises(SystemExit, match=r"error: run_dir = .*: expected a folder in which no other training"):
+                command(*options)
+        assert not (run / "config.yaml").exists()
+        other.kill()
+    command("--timesteps", "128")
+    assert (run / "policy.pt").exists()
+
+
+def test_the_end_of_a_training_names_both_kinds_of_success(command, tmp_path, capsys):
+    command("--timesteps", "100")
+    printed, shown = capsys.readouterr()
+    assert f"{tmp_path / 'run'}: 128 shots, in updates of 128 (n_envs * ppo.n_steps)" in printed
+    (point,) = module.learning_curve(tmp_path / "run")[1:]
+    for name, rate in (("exploring", point.training_success), ("deterministic", point.success)):
+        (line,) = (line for line in printed.splitlines() if line.split()[:1] == [name])
+        assert f" {rate:.1%} " in line
+    assert f"-m agents.evaluate {tmp_path / 'run'}\n" in printed
+    assert "128/128 shots" in shown
+    assert "deterministic=" in shown
+
+
+def test_the_engine_is_compiled_before_the_progress_bar(command, monkeypatch):
+    played = []
+    monkeypatch.setattr(module, "play_together", lambda *_: played.append(True))
+
+    def bar(*_, **__):
+        assert played
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "tqdm", bar)
+    with pytest.raises(SystemExit):
+        command()
+    assert played == [True]
+
+
 @pytest.mark.parametrize("arguments", [[], ["--fresh"]])
 def test_a_folder_with_other_files_is_refused_and_unchanged(command, tmp_path, arguments):
     (tmp_path / "run").mkdir()
@@ -192,6 +266,7 @@ def test_incomplete_checkpoints_are_ignored(tmp_path):
         ({"seed": "one"}, r"error: seed = 'one': expected a whole number"),
         ({"env": {"max_speed": -1.0}}, r"error: max_speed = -1.0: expected a number from"),
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
+        ({"frame": {"name": "cut", "ball": 7}}, r"error: ball = 7: expected a whole number from 1 to 1"),
     ],
 )
 def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path, changes, message):

@@ -5,6 +5,7 @@ import json
 import gymnasium as gym
 import pytest
 
+from agents.ppo import evaluation_seeds
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 from studies import players
 from studies.players import main, measure
@@ -42,11 +43,28 @@ def test_the_table_is_printed_and_written(tmp_path, capsys, monkeypatch):
     assert [r["case"] for r in json.loads(output.read_text())["results"]] == ["first", "last"]
 
 
+@pytest.mark.parametrize(
+    "options", [["--env", "{}"], ["--noise", "0", "0"], ["--players", "random"], ["--seed", "1"], ["--episodes", "3"]]
+)
+def test_only_the_usual_run_writes_the_results_of_the_project(options, tmp_path, monkeypatch, capsys):
+    cases = {"only": ({}, (0.0, 0.0), ("random",))}
+    monkeypatch.setattr(players, "CASES", cases)
+    monkeypatch.setattr(players, "STRATEGIES", ("random",))
+    monkeypatch.setattr(players, "OUTPUT", tmp_path / "players.json")
+    monkeypatch.setattr(players, "evaluation_seeds", lambda seed, episodes: evaluation_seeds(seed, 3))
+    main(options)
+    assert capsys.readouterr().out.endswith("not written, because there is no --output\n")
+    assert not list(tmp_path.iterdir())
+    main([])
+    assert [path.name for path in tmp_path.iterdir()] == ["players.json"]
+
+
 def test_bad_arguments_are_refused_with_a_message(tmp_path):
     for arguments, message in (
         (["--players", "nobody"], "player = 'nobody'"),
-        (["--env", "{"], "Expecting property name"),
-        (["--env", '{"scen": 1}'], "unexpected keyword argument 'scen'"),
+        (["--env", "{"], r"env = '{': expected JSON, such as '{\"n_object_balls\": 3}' \(Expecting property name"),
+        (["--env", "3"], "env = 3: expected a mapping"),
+        (["--env", '{"scen": 1}'], r"key of env = 'scen': .*did you mean 'scene'"),
         (["--env", "{}", "--noise", "-1", "0"], "angle_std = -1.0"),
         (["--episodes", "0"], "episodes = 0: expected a whole number >= 1"),
         (["--seed", "-1"], "seed = -1: expected a whole number >= 0"),
