@@ -21,7 +21,7 @@ import yaml
 from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import choose
+from billiards_env.checks import choose, whole
 from billiards_env.envs.action_frames import FRAMES
 
 ENV_ID = "Billiards-v0"
@@ -210,9 +210,13 @@ class Config:
     ppo: PPO = dataclasses.field(default_factory=PPO)
 
     def __post_init__(self) -> None:
-        for name in ("timesteps", "n_envs", "checkpoint_every", "evaluation_episodes"):
+        for name in ("timesteps", "checkpoint_every"):
             at_least(name, getattr(self, name), 1)
+        for name in ("n_envs", "evaluation_episodes"):
+            whole(name, getattr(self, name), "num_envs")
         at_least("seed", self.seed, 0)
+        if self.seed >= 2**32:  # a limit of Stable-Baselines3
+            raise ValueError(f"seed = {self.seed!r}: expected a number < 2**32")
         object.__setattr__(self, "env", resolved_env(self.env))
         if self.policy.features == "geometry" and (self.frame is None or (self.frame.name, self.frame.ball) != _CUT):
             raise ValueError(f"frame = {self.frame!r} with policy.features = 'geometry': expected {{name: cut}}")
@@ -311,7 +315,7 @@ def number(value: Any) -> Any:
     return float(match[1]) / float(match[2] or 1)
 
 
-def whole(name: str, value: Any) -> int:
+def as_whole(name: str, value: Any) -> int:
     """Returns a whole number; `value` may be a text such as "1000", "1_000" or "1e3".
 
     Raises:

@@ -17,7 +17,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import at_least, whole
+from agents.config import as_whole, at_least
 from agents.film import EPISODES, film, show
 from agents.intervals import mean_interval, wilson_interval
 from agents.output import print_commands, print_table
@@ -153,8 +153,8 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     run_dir: Path = args.run_dir
     try:
-        episodes = None if args.episodes is None else whole("episodes", args.episodes)
-        seed = None if args.seed is None else whole("seed", args.seed)
+        episodes = None if args.episodes is None else as_whole("episodes", args.episodes)
+        seed = None if args.seed is None else as_whole("seed", args.seed)
         if episodes is not None:
             at_least("episodes", episodes, 1)
         if seed is not None:

@@ -41,7 +41,7 @@ class FramePolicy(ActorCriticPolicy):
         actions, state = super().predict(observation, *args, **kwargs)
         observed = np.asarray(observation, np.float64)[..., : 2 * self._n_balls]
         balls = observed.reshape(*observed.shape[:-1], self._n_balls, 2)
-        potted = (np.abs(balls) >= 1.0).any(-1)  # the centre of a ball in play is never on a cushion line
+        potted = np.abs(balls).max(axis=-1) >= 1.0  # the centre of a ball in play is never on a cushion line
         velocities = self._frame.velocities(actions, balls * self._half, potted)
         return (velocities / self._max_speed).astype(np.float32), state
 

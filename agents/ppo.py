@@ -109,6 +109,19 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
     )
 
 
+def make_policy(config: Config) -> ActorCriticPolicy:
+    """Returns an untrained policy.
+
+    Raises:
+        ValueError: If an argument of the environment, its noise, its frame or the features are impossible.
+        TypeError: If an argument of the environment has the wrong type.
+    """
+    env = make_env(config)
+    spaces = env.observation_space, env.action_space
+    env.close()
+    return _policy_class(config)(*spaces, _learning_rate(config), **_policy_arguments(config))
+
+
 def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
     """Sets the standard deviations of the policy after `timesteps` steps, if the configuration has a schedule."""
     if config.policy.std is not None:
@@ -150,14 +163,7 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
                 f"run_dir = {str(run_dir)!r}: expected the folder of a finished run of agents.train, with {file.name}"
             )
     config = load(run_dir / "config.yaml")
-    env = make_env(config)
-    policy = _policy_class(config)(
-        env.observation_space,
-        env.action_space,
-        _learning_rate(config),
-        **_policy_arguments(config),
-    )
-    env.close()
+    policy = make_policy(config)
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
     except (

@@ -37,13 +37,14 @@ from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
-from agents.config import Config, load, whole
+from agents.config import Config, as_whole, load
 from agents.evaluate import deterministic, play_together
 from agents.output import print_commands, print_table
 from agents.ppo import (
     evaluation_seeds,
     in_frame,
     make_model,
+    make_policy,
     make_vec_env,
     make_vector,
     save_policy,
@@ -75,8 +76,10 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = 
         TypeError: If an argument of the environment has the wrong type.
         OSError: If the folder cannot be written.
     """
-    in_frame(config, make_vector(config, 1)).close()
+    make_policy(config)  # raises an error before a file is written
     saved = run_dir / "config.yaml"
+    if run_dir.is_file():
+        raise ValueError(f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it is a file")
     if run_dir.exists() and not saved.exists() and any(path.name != _LOCK for path in run_dir.iterdir()):
         raise ValueError(
             f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it is not empty and holds no run"
@@ -352,7 +355,7 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / args.config.stem
     try:
-        overrides = {k: whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None}
+        overrides = {k: as_whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None}
         config = dataclasses.replace(load(args.config), **overrides)
         open_run(config, run_dir, args.fresh, longer=True)
     except (OSError, TypeError, ValueError) as error:

@@ -5,9 +5,9 @@ in steps of dt. Then every policy plays the same layouts in every world, without
 (`studies.timestep_measure`).
 
 The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figures
-to `docs/images`; those of a study outside of `configs/study` to the folder of its runs. If the results of a study are there, nothing is trained: the command prints its tables and draws its
-figures. The runs are kept in `runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started
-again.
+to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are
+there, nothing is trained: the command prints its tables and draws its figures. The runs are kept in
+`runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started again.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.save_util import load_from_zip_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+import agents
 from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
@@ -266,6 +267,12 @@ def test_incomplete_checkpoints_are_ignored(tmp_path):
         ({"seed": "one"}, r"error: seed = 'one': expected a whole number"),
         ({"env": {"max_speed": -1.0}}, r"error: max_speed = -1.0: expected a number from"),
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
+        (
+            {"env": {"scene": "carom", "task": "carom"}, "frame": {"name": "cut"}, "policy": {"features": "geometry"}},
+            "raw",
+        ),
+        ({"seed": 2**32}, r"error: seed = 4294967296: expected a number < 2\*\*32"),
+        ({"n_envs": 10**9}, r"error: n_envs = 1000000000: expected a whole number from 1 to 10000000"),
         ({"frame": {"name": "cut", "ball": 7}}, r"error: ball = 7: expected a whole number from 1 to 1"),
     ],
 )
@@ -276,8 +283,27 @@ def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path,
 
 
 def test_a_missing_configuration_is_refused(tmp_path):
-    with pytest.raises(SystemExit, match=r"error: .*No such file"):
+    with pytest.raises(SystemExit, match=r"error: config = '.*none.yaml': expected a YAML file \(No such file"):
         module.main([str(tmp_path / "none.yaml"), "--run-dir", str(tmp_path / "run")])
+
+
+def test_a_file_is_no_folder_of_a_run(command, tmp_path):
+    (tmp_path / "run").touch()
+    with pytest.raises(SystemExit, match=r"error: run_dir = '.*run': expected a new folder .* it is a file"):
+        command()
+
+
+def test_a_command_without_its_extra_ends_with_one_line(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "torch" else object())
+    agents.require("train", ("yaml", "torch"))  # imported by another program
+    monkeypatch.setattr(sys, "argv", ["-m"])
+    agents.require("plot", ("matplotlib",))
+    with pytest.raises(SystemExit) as stopped:
+        agents.require("train", ("yaml", "torch"))
+    assert stopped.value.code == (
+        "error: torch is not installed: expected the extra 'train': pip install 'billiards-env[train]' "
+        "(in a clone: pip install -e '.[train]')"
+    )
 
 
 def test_training_and_evaluation_share_no_seeds(tiny):

@@ -158,6 +158,12 @@ def test_a_bad_list_is_refused(tmp_path, data, message):
         main([str(path)])
 
 
+def test_only_the_list_of_the_project_replaces_the_results_of_the_project(tmp_path):
+    own, project = recipes.default_places(tmp_path / "mine.yaml"), Places()
+    assert recipes.default_places(recipes.CONFIG) == project
+    assert {path.is_relative_to(recipes.RUNS / "mine") for path in dataclasses.astuple(own)} == {True}
+
+
 def test_at_least_one_job_is_needed(command):
     with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
         command("--jobs", "0")

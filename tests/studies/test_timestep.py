@@ -109,6 +109,16 @@ def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
     assert {config.timesteps for _, config in module.runs(study, recipe, tmp_path)} == {9}
 
 
+@pytest.mark.usefixtures("printed")
+def test_a_study_outside_of_the_project_has_its_results_in_the_folder_of_its_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(module.timestep_measure, "measure", lambda *_: {})
+    monkeypatch.setattr(module.timestep_figures, "draw", lambda result, images: [images])
+    monkeypatch.setattr(module.timestep_report, "blocks", lambda result: {"findings": ""})
+    monkeypatch.setattr(module.timestep_report, "tables", lambda result: ())
+    module.main([str(tmp_path / "tiny.yaml"), "--runs", str(tmp_path / "runs")])
+    assert (tmp_path / "runs" / "tiny" / "timestep_tiny.json").exists()
+
+
 def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -142,7 +152,7 @@ def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
         ({"layouts": 0}, r"layouts = 0: expected a number >= 1"),
         ({"timesteps": 0}, r"timesteps = 0: expected a number >= 1"),
         ({"fix": "pushapart"}, r"fix = 'pushapart': expected one of .*did you mean 'push_apart'"),
-        ({"recipe": "nowhere.yaml"}, r"No such file .*nowhere.yaml"),
+        ({"recipe": "nowhere.yaml"}, r"config = '.*nowhere.yaml': expected a YAML file"),
     ],
 )
 def test_bad_settings_are_refused(command, tmp_path, changes, message):
