@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -73,9 +74,12 @@ def show(run_dir: Path, episodes: int = EPISODES, seed: int | None = None) -> li
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         ImportError: If the extra `render` is not installed.
+        OSError: If there is no display.
     """
     infos = []
     for _, over, info in _play(run_dir, "human", episodes, seed):
+        if (driver := sys.modules["pygame"].display.get_driver()) == "offscreen":
+            raise OSError(f"display = {driver!r}: expected one that shows a window; a film needs none")
         if over:
             infos.append(info)
             time.sleep(PAUSE)
