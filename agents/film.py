@@ -78,8 +78,9 @@ def show(run_dir: Path, episodes: int = EPISODES, seed: int | None = None) -> li
     """
     infos = []
     for _, over, info in _play(run_dir, "human", episodes, seed):
-        if (driver := sys.modules["pygame"].display.get_driver()) == "offscreen":
-            raise OSError(f"display = {driver!r}: expected one that shows a window; a film needs none")
+        display = sys.modules["pygame"].display
+        if display.get_init() and display.get_driver() == "offscreen":  # SDL's choice without a display
+            raise OSError("display = 'offscreen': expected one that shows a window; a film needs none")
         if over:
             infos.append(info)
             time.sleep(PAUSE)

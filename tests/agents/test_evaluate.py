@@ -5,6 +5,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import pygame
 import pytest
 import torch
 from stable_baselines3 import PPO
@@ -275,14 +276,25 @@ def test_a_film_holds_the_first_episodes_of_the_evaluation(trained, tmp_path, mo
     assert list(tmp_path.iterdir()) == [tmp_path / "film.mp4"]
 
 
-def test_a_policy_is_shown_in_a_window(trained, monkeypatch, capsys):
+@pytest.mark.parametrize("driver", ["dummy", "offscreen"])
+def test_a_policy_is_shown_in_a_window_if_there_is_a_display(driver, trained, monkeypatch, capsys):
     shown = []
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    monkeypatch.setattr(
-        "billiards_env.envs.rendering.Renderer.step", lambda self, shots: shown.append(self.render_mode)
-    )
+
+    def step(self, shots):
+        pygame.display.init()
+        shown.append(self.render_mode)
+
+    monkeypatch.setenv("SDL_VIDEODRIVER", driver)
+    monkeypatch.setattr("billiards_env.envs.rendering.Renderer.step", step)
     monkeypatch.setattr("agents.film.PAUSE", 0.0)
-    main([str(trained), "--show", "--episodes", "2"])
-    assert set(shown) == {"human"}
-    assert len(shown) >= 4  # a layout and a shot of each episode
-    assert "episode 2: " in capsys.readouterr().out
+    pygame.display.quit()
+    try:
+        if driver == "offscreen":
+            with pytest.raises(SystemExit, match="error: display = 'offscreen': expected one that shows a window"):
+                main([str(trained), "--show"])
+        else:
+            main([str(trained), "--show", "--episodes", "2"])
+            assert shown == ["human"] * 4  # a layout and a shot of each episode
+            assert "episode 2: " in capsys.readouterr().out
+    finally:
+        pygame.display.quit()
