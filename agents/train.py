@@ -6,6 +6,8 @@ Stable-Baselines3 loads, and `policy.pt`, the weights of the policy, which can b
 
 The same command resumes an interrupted run from its newest checkpoint. At each checkpoint all random generators are
 seeded from the seed and the number of steps, so a resumed run ends with the same weights as an uninterrupted one.
+
+With a higher `--timesteps` a run continues, also a finished one. Its schedules are then those of a run of the new length.
 """
 
 from __future__ import annotations
@@ -171,7 +173,10 @@ def _train(config: Config, run_dir: Path) -> None:
     model.set_logger(logger)
     rollout = config.n_envs * config.ppo.n_steps
     total = -(-config.timesteps // rollout) * rollout
-    print(f"{run_dir}: {total:,} shots, in updates of {rollout:,} (n_envs * ppo.n_steps)")
+    print(
+        f"{run_dir}: {total:,} shots, which are timesteps = {config.timesteps:,} in whole updates of {rollout:,} "
+        "(n_envs * ppo.n_steps)"
+    )
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
         try:
@@ -385,7 +390,8 @@ def _print(run_dir: Path, config: Config) -> None:
                 f"{point.score:.3f}",
             ),
         )
-        title = f"{run_dir} after {point.steps:,} shots in {point.seconds / 60:.1f} minutes"
+        time_taken = f"{point.seconds / 60:.1f} minutes" if point.seconds >= 120 else f"{point.seconds:.0f} s"
+        title = f"{run_dir} after {point.steps:,} shots in {time_taken}"
         print_table(title, ("actions", "episodes", "success", "score"), rows)
     print_commands("Next:", {"compare with random": ("-m", "agents.evaluate", str(run_dir))})
 

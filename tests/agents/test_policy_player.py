@@ -1,8 +1,13 @@
 """A trained policy as a player of games."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from agents.config import Config
+from agents.policy_player import playable
+from agents.ppo import make_policy, save_policy
 from billiards_env import Scene
 from billiards_env.games import RULES, Setup, custom_opening, opening
 from billiards_env.players.game_player import find_player
@@ -33,6 +38,22 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
         find_player(text, setup("straight"))
+
+
+def test_a_policy_without_the_extra_is_refused(trained, monkeypatch):
+    monkeypatch.delitem(sys.modules, "agents.ppo", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(ModuleNotFoundError, match=r"player = 'policy:.*: torch is not installed: expected the extra"):
+        find_player(f"policy:{trained}", setup("straight"))
+
+
+def test_a_game_that_the_policy_plays_is_found(trained, tiny, tmp_path):
+    assert playable(trained) == "straight"
+    for task, scene, rules in (("carom", "carom", "carom"), ("sum_to_three", "sum_to_three", None)):
+        config = Config.from_dict(tiny(env={"task": task, "scene": scene}))
+        (tmp_path / "config.yaml").write_text(config.to_yaml())
+        save_policy(make_policy(config), tmp_path / "policy.pt")
+        assert playable(tmp_path) == rules
 
 
 def test_a_policy_of_another_game_is_refused(trained):

@@ -16,6 +16,11 @@ def test_results_are_written_and_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(training_speed, "measure", lambda repeats, config: measured)
     training_speed.main(["--repeats", "1", "--output", str(tmp_path / "speed.json")])
     assert json.loads((tmp_path / "speed.json").read_text()) == measured
+    monkeypatch.setattr(training_speed, "OUTPUT", tmp_path / "usual.json")
+    training_speed.main(["--repeats", "1"])
+    assert not (tmp_path / "usual.json").exists()
+    training_speed.main([])
+    assert json.loads((tmp_path / "usual.json").read_text()) == measured
     share = measured["training"]["environment_share"]["median"]
     assert f"the environments take {share:.1%} of that time" in capsys.readouterr().out
 
