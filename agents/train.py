@@ -7,7 +7,7 @@ Stable-Baselines3 loads, and `policy.pt`, the weights of the policy, which can b
 The same command resumes an interrupted run from its newest checkpoint. At each checkpoint all random generators are
 seeded from the seed and the number of steps, so a resumed run ends with the same weights as an uninterrupted one.
 
-With a higher `--timesteps` a run continues, also a finished one. Its schedules are then those of a run of the new length.
+With a higher `--timesteps` a run continues, also a finished one. Its schedules are then those of the new length.
 """
 
 from __future__ import annotations
