@@ -7,6 +7,7 @@ on a copy of the table, frame by frame.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import os
@@ -40,6 +41,7 @@ from billiards_env.drawing.style import (
     Look,
     looks,
 )
+from billiards_env.drawing.text import text_image
 from billiards_env.scene import Scene
 
 Frame = NDArray[np.uint8]
@@ -68,14 +70,12 @@ class Canvas:
         scene: The scene.
         size: (width, height) of a frame, pixels, both even.
         scale: Pixels per metre.
-        table: A frame of the empty table, to be copied.
         looks: The look of each ball.
     """
 
     def __init__(self, scene: Scene, width: int = 800) -> None:
         """Prepares the drawing of a scene in frames of `width` pixels."""
         width = whole("width", width, "frame_width")
-        pygame.font.init()
         self.scene = scene
         width = width // 2 * 2
         self._margin = width // 80
@@ -88,9 +88,7 @@ class Canvas:
         self.size = (width, height + height % 2)
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene)
-        self._font = pygame.font.Font(None, round(0.62 * self._bar))
         self._sprites: dict[tuple[int, int, int, int], Surface] = {}
-        self.table = self._draw_table()
 
     def pixels_of(self, points: ArrayLike) -> Floats:
         """Converts points (..., 2), m, to (..., 2) pixels from the upper left corner of a frame."""
@@ -188,7 +186,9 @@ class Canvas:
         last = np.searchsorted(at, times[1:], side="right")
         return [points[a:b] for a, b in zip(first, last, strict=True)]
 
-    def _draw_table(self) -> Surface:
+    @functools.cached_property
+    def table(self) -> Surface:
+        """A frame of the empty table, to be copied."""
         z, table = TABLE_ZOOM, self.scene.table
         large = Surface((z * self.size[0], z * self.size[1]), 0, 32)
         large.fill(PAPER)
@@ -301,7 +301,7 @@ class Canvas:
         x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
         for text, at_right in ((left, False), (right, True)):
             if text:
-                image = self._font.render(text, True, INK)
+                image = text_image(text, round(0.62 * self._bar), INK)
                 x = x1 - image.get_width() if at_right else x0
                 surface.blit(image, (round(x), round(y - image.get_height() / 2)))
         radius = min(0.3 * self._bar, 0.3 * self.size[0] / (2.4 * max(1, len(potted))) / 2.4 * 2)
@@ -327,6 +327,7 @@ def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> N
     large.blit(shine, (0, 0))
     if look.number:
         size = (1.5 if len(look.number) == 1 else 1.25) * r
+        pygame.font.init()
         text = pygame.font.Font(None, max(1, round(size))).render(look.number, True, look.ink)
         box = text.get_bounding_rect()
         large.blit(text, (round(cx - box.centerx), round(cy - box.centery)))

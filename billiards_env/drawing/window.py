@@ -1,27 +1,105 @@
-"""A window that shows frames."""
+"""Windows that show frames, with pygame. With the environment variable SDL_VIDEODRIVER=dummy they are invisible."""
 
 from __future__ import annotations
 
+import os
+
 import pygame
 
+from billiards_env.drawing.pace import faster, slower
+from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK, PAPER
+from billiards_env.drawing.text import text_image
 
-class Window:
-    """A pygame window; with the environment variable SDL_VIDEODRIVER=dummy it is invisible."""
+SLOWER_KEYS = (pygame.K_MINUS, pygame.K_KP_MINUS)
+FASTER_KEYS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
+
+LINE = 26
+"""Height of the line under a film, pixels."""
+
+
+class Screen:
+    """A window of the desktop with the project's name and icon, which the user can resize."""
 
     def __init__(self, size: tuple[int, int], title: str) -> None:
         """Opens a window of `size` (width, height), pixels."""
+        for system in ("X11", "WAYLAND"):
+            os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "billiards-env")
         pygame.display.init()
         pygame.display.set_caption(title)
-        self._screen = pygame.display.set_mode(size)
+        pygame.display.set_icon(make_icon())
+        pygame.display.set_mode(size, pygame.RESIZABLE)
         self._clock = pygame.time.Clock()
 
-    def show(self, frame: pygame.Surface, fps: float) -> None:
-        """Shows a frame at least 1 / fps seconds after the last one."""
-        self._screen.blit(frame, (0, 0))
-        pygame.event.pump()
-        self._clock.tick(fps)
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the window, pixels."""
+        return pygame.display.get_window_size()
+
+    def show(self, frame: pygame.Surface) -> None:
+        """Shows a frame in the middle of the window, reduced or enlarged to fit."""
+        width, height = self.size
+        if frame.get_size() != (width, height):
+            zoom = min(width / frame.get_width(), height / frame.get_height())
+            frame = pygame.transform.smoothscale(frame, [max(1, round(zoom * side)) for side in frame.get_size()])
+        surface = pygame.display.get_surface()
+        surface.fill(PAPER)
+        surface.blit(frame, frame.get_rect(center=(width // 2, height // 2)))
         pygame.display.flip()
+
+    def wait(self, fps: float) -> float:
+        """Waits until 1 / fps seconds after the last call and returns the seconds since then."""
+        return self._clock.tick(fps) / 1000
 
     def close(self) -> None:
         """Closes the window."""
         pygame.display.quit()
+
+
+class Window:
+    """A window that shows films. Keys change the pace; the close button, Q and Escape close the window.
+
+    Attributes:
+        open: False after the window was closed.
+        pace: Playback speed over real time.
+    """
+
+    def __init__(self, size: tuple[int, int], title: str) -> None:
+        """Opens a window for frames of `size` (width, height), pixels."""
+        self.open, self.pace = True, 1.0
+        self._frame = pygame.Surface((size[0], size[1] + LINE), 0, 32)
+        self._screen = Screen(self._frame.get_size(), title)
+
+    def show(self, frame: pygame.Surface, fps: float) -> None:
+        """Shows a frame at least 1 / (fps * pace) seconds after the last one; closes the window at a key."""
+        for event in pygame.event.get((pygame.QUIT, pygame.KEYDOWN)):
+            if event.type == pygame.QUIT or event.key in (pygame.K_q, pygame.K_ESCAPE):
+                self.close()
+                return
+            if event.key in SLOWER_KEYS:
+                self.pace = slower(self.pace)
+            elif event.key in FASTER_KEYS:
+                self.pace = faster(self.pace)
+        self._frame.fill(PAPER)
+        self._frame.blit(frame, (0, 0))
+        text = f"speed {self.pace:g} x   slower, faster: - +   close: Q"
+        line = text_image(text, 17, GREY, frame.get_width())
+        self._frame.blit(line, (frame.get_width() // 40, frame.get_height() + (LINE - line.get_height()) // 3))
+        self._screen.show(self._frame)
+        self._screen.wait(fps * self.pace)
+
+    def close(self) -> None:
+        """Closes the window."""
+        self.open = False
+        self._screen.close()
+
+
+def make_icon() -> pygame.Surface:
+    """Returns the icon of the windows, 64 pixels wide: the eight ball on the cloth."""
+    large = pygame.Surface((256, 256), pygame.SRCALPHA, 32)
+    large.fill((*pygame.Color(CLOTH)[:3], 0))
+    pygame.draw.rect(large, CLOTH, large.get_rect(), border_radius=56)
+    pygame.draw.circle(large, INK, (128, 128), 104)
+    pygame.draw.circle(large, CHALK, (128, 128), 58)
+    number = text_image("8", 130, INK)
+    large.blit(number, number.get_rect(center=(128, 132)))
+    return pygame.transform.smoothscale(large, (64, 64))

@@ -143,17 +143,29 @@ class Renderer:
         self.step(layouts)
 
     def step(self, shots: Sequence[DrawnShot]) -> None:
-        """Adds a step, one shot per environment. In the mode "human" the window shows it immediately."""
+        """Adds a step, one shot per environment. In the mode "human" the window shows it immediately.
+
+        Keys change the pace. The close button, Q and Escape close the window. Later steps then run without a window.
+        """
         if self.render_mode != "rgb_array_list":
             self._steps = []
         self._steps.append(shots)
         if self.render_mode == "human":
-            for frame in self._film(shots):
-                if self._window is None:
-                    from billiards_env.drawing.window import Window
+            self._show(shots)
 
-                    self._window = Window(frame.get_size(), "Billiards")
-                self._window.show(frame, FPS)
+    def _show(self, shots: Sequence[DrawnShot]) -> None:
+        """Shows a step in the window, unless the user has closed it."""
+        if self._window is not None and not self._window.open:
+            return
+        for frame in self._film(shots):
+            if self._window is None:
+                from billiards_env.drawing.window import Window
+
+                self._window = Window(frame.get_size(), "Billiards")
+            self._window.show(frame, FPS)
+            if not self._window.open:
+                gym.logger.warn("The window was closed: the environment continues without it.")
+                return
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Returns the result of `Env.render` in the render mode.

@@ -16,20 +16,28 @@ KEYS = (
     ("R", "replay the last shot"),
     ("G", "ghost in replays: the same shot by the other engine"),
     ("-, +", "show shots slower, faster"),
-    ("U", "undo, back to a person's last shot"),
+    ("U or Z, Y", "undo, redo a person's shot"),
     ("S", "save the game"),
     ("H", "this help"),
-    ("Q", "quit"),
+    ("Q, escape", "quit"),
 )
 """Keys and mouse actions with their effects."""
 
+UNSAVED = (
+    ("The game is not saved.", ""),
+    ("S", "save and quit"),
+    ("Q", "quit without saving"),
+    ("any other key", "continue"),
+)
+"""The question before the window closes, as rows like those of `KEYS`."""
+
 _HINTS = {
-    "placing": "move: mouse, arrows   place: click, space   undo: U   save: S   quit: Q   help: H",
-    "aiming": "aim: drag from the cue ball, arrows   shoot: click, space   undo: U   replay: R   save: S   help: H",
-    "thinking": "quit: Q   help: H",
+    "placing": "move: mouse, arrows   place: click, space   undo, redo: U Y   help: H",
+    "aiming": "aim: drag from the cue ball, arrows   shoot: click, space   undo, redo: U Y   replay: R   help: H",
+    "thinking": "undo: U   save: S   quit: Q   help: H",
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   help: H",
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   help: H",
-    "over": "undo: U   replay: R   save: S   quit: Q   help: H",
+    "over": "undo, redo: U Y   replay: R   save: S   quit: Q   help: H",
 }
 
 
@@ -61,7 +69,7 @@ def status(model: Model) -> str:
         return "Nobody wins" if state.winner < 0 else f"{player_name(model, state.winner)} wins"
     player = player_name(model, state.player)
     if model.phase == "thinking":
-        return f"{player} thinks"
+        return f"{player} thinks" + (f"   {model.clock:.0f} s" if model.clock >= 1 else "")
     if model.phase == "placing":
         return f"{player}: cue ball in hand" + (", behind the line" if state.in_hand == "behind" else "")
     degrees = round(math.degrees(model.angle), 1) + 0.0  # converts -0 to 0

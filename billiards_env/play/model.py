@@ -4,7 +4,7 @@ The phases of a model are:
 
 * "placing": a person moves the cue ball in hand; `Command("go")` places it.
 * "aiming": a person sets the direction and the speed; `Command("go")` shoots.
-* "thinking": it is a program's turn; the window calls the program and then `shoot`.
+* "thinking": it is a program's turn; the window calls the program and then `shoot`. Its clock is the time since then.
 * "rolling": the shot is shown; `Command("go")` skips to its end.
 * "replaying": the last shot is shown again, optionally with the same shot by the other engine as a ghost, until
   `Command("go")`.
@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import MAX_SPEED, Range, real
+from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.recording import Recording
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, play
@@ -33,9 +34,6 @@ HUMAN = "human"
 
 LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 """The slowest speed and the initial speed of an aim, m/s; the initial speed of a break over `max_speed`."""
-
-PACES = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-"""Playback speeds over real time."""
 
 
 class TurnAim(NamedTuple):
@@ -69,7 +67,7 @@ class MoveBy(NamedTuple):
 
 
 class Command(NamedTuple):
-    """One of "go", "place", "undo", "replay", "ghost", "help", "slower" and "faster"."""
+    """One of "go", "place", "undo", "redo", "replay", "ghost", "help", "slower" and "faster"."""
 
     name: str
 
@@ -104,6 +102,7 @@ class Model:
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         games: The state before each stroke, and the present one.
         strokes: The strokes up to now.
+        undone: The strokes that were undone, each with the state after it, the next one first.
         phase: One of the phases in the module's docstring.
         angle: Direction of the aim, radians from the x axis.
         speed: Speed of the aim, m/s.
@@ -111,7 +110,7 @@ class Model:
         preview: The preview of the aimed shot; None in other phases.
         last_shot: The last shot; None before the first.
         comparison: The last shot by the other engine; None until the first replay.
-        clock: Time within the shot that is shown, s.
+        clock: Time within the shot that is shown, or time that a program has been thinking, s.
         pace: Playback speed over real time.
         ghost: Whether a replay shows `comparison`.
         help: Whether the help is shown.
@@ -123,6 +122,7 @@ class Model:
     ghost_dt: float
     games: tuple[GameState, ...]
     strokes: tuple[Stroke, ...] = ()
+    undone: tuple[tuple[Stroke, GameState], ...] = ()
     phase: str = "thinking"
     angle: float = 0.0
     speed: float = USUAL_SPEED
@@ -236,11 +236,16 @@ def update(model: Model, user_input: Input) -> Model:
 
 
 def tick(model: Model, seconds: float) -> Model:
-    """Returns the model `seconds` later."""
-    if model.phase not in ("rolling", "replaying"):
+    """Returns the model `seconds` later; the same object if nothing changes. The help stops a shown shot."""
+    if model.phase == "thinking":
+        return dataclasses.replace(model, clock=model.clock + seconds)
+    if model.phase not in ("rolling", "replaying") or model.help:
         return model
-    model = dataclasses.replace(model, clock=min(model.clock + model.pace * seconds, model.duration))
-    return _next_turn(model) if model.phase == "rolling" and model.clock == model.duration else model
+    if model.clock + model.pace * seconds < model.duration:
+        return dataclasses.replace(model, clock=model.clock + model.pace * seconds)
+    if model.phase == "rolling":
+        return _next_turn(model)
+    return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 
 
 def shoot(model: Model, stroke: Stroke) -> Model:
@@ -261,6 +266,7 @@ def shoot(model: Model, stroke: Stroke) -> Model:
         model,
         games=(*model.games, played.game),
         strokes=(*model.strokes, stroke),
+        undone=(),
         last_shot=played,
         comparison=None,
         phase="rolling",
@@ -365,17 +371,32 @@ def _undo(model: Model) -> Model:
     """Returns the model before the last shot of a person; unchanged if there is no such shot."""
     for k in range(len(model.strokes) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
-            last_shot = play(model.setup, model.games[k - 1], model.strokes[k - 1]) if k else None
-            return _next_turn(
-                dataclasses.replace(
-                    model,
-                    games=model.games[: k + 1],
-                    strokes=model.strokes[:k],
-                    last_shot=last_shot,
-                    comparison=None,
-                )
-            )
+            undone = (*zip(model.strokes[k:], model.games[k + 1 :], strict=True), *model.undone)
+            return _restored(model, model.games[: k + 1], model.strokes[:k], undone)
     return model
+
+
+def _redo(model: Model) -> Model:
+    """Returns the model at the next turn of a person, after undone strokes; unchanged if there are none."""
+    while model.undone:
+        (stroke, game), *undone = model.undone
+        model = _restored(model, (*model.games, game), (*model.strokes, stroke), tuple(undone))
+        if model.phase != "thinking":
+            break
+    return model
+
+
+def _restored(
+    model: Model,
+    games: tuple[GameState, ...],
+    strokes: tuple[Stroke, ...],
+    undone: tuple[tuple[Stroke, GameState], ...],
+) -> Model:
+    """Returns the model at the start of a turn of the past."""
+    last_shot = play(model.setup, games[-2], strokes[-1]) if strokes else None
+    return _next_turn(
+        dataclasses.replace(model, games=games, strokes=strokes, undone=undone, last_shot=last_shot, comparison=None)
+    )
 
 
 def _replay(model: Model) -> Model:
@@ -396,21 +417,14 @@ def _help(model: Model) -> Model:
     return dataclasses.replace(model, help=not model.help)
 
 
-def _slower(model: Model) -> Model:
-    return dataclasses.replace(model, pace=max((p for p in PACES if p < model.pace), default=model.pace))
-
-
-def _faster(model: Model) -> Model:
-    return dataclasses.replace(model, pace=min((p for p in PACES if p > model.pace), default=model.pace))
-
-
 _COMMANDS = {
     "go": _go,
     "place": _place,
     "undo": _undo,
+    "redo": _redo,
     "replay": _replay,
     "ghost": _ghost,
     "help": _help,
-    "slower": _slower,
-    "faster": _faster,
+    "slower": lambda model: dataclasses.replace(model, pace=slower(model.pace)),
+    "faster": lambda model: dataclasses.replace(model, pace=faster(model.pace)),
 }

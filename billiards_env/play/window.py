@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Sequence
+from concurrent.futures import Future
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env import records
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
-from billiards_env.drawing.window import Window as Frames
+from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
+from billiards_env.games import GameState, Stroke
+from billiards_env.play.labels import UNSAVED
 from billiards_env.play.model import (
     AimAt,
     ChangeSpeed,
@@ -37,11 +43,10 @@ COMMANDS = {
     pygame.K_r: "replay",
     pygame.K_g: "ghost",
     pygame.K_h: "help",
-    pygame.K_MINUS: "slower",
-    pygame.K_KP_MINUS: "slower",
-    pygame.K_PLUS: "faster",
-    pygame.K_EQUALS: "faster",
-    pygame.K_KP_PLUS: "faster",
+    pygame.K_y: "redo",
+    pygame.K_z: "undo",
+    **dict.fromkeys(SLOWER_KEYS, "slower"),
+    **dict.fromkeys(FASTER_KEYS, "faster"),
 }
 
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
@@ -53,12 +58,21 @@ GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
 
+class _Thought(NamedTuple):
+    """The search of a program for its stroke in a state of the game, started at a time of `time.monotonic`."""
+
+    game: GameState
+    stroke: Future[Stroke]
+    start: float
+
+
 class GameWindow:
     """A game in a window.
 
     Attributes:
         model: The state of the game.
         open: False after the user has quit.
+        asking: Whether the window asks before it discards a game that is not saved.
         message: The result of the last command, such as saving.
     """
 
@@ -66,12 +80,15 @@ class GameWindow:
         self, model: Model, players: Sequence[Player | None], rng: np.random.Generator, save: Path, width: int
     ) -> None:
         """Opens a window of `width` pixels; a person is None in `players`, and "S" saves to the path `save`."""
-        self.model, self.open = model, True
-        self._players, self._rng, self._save = players, rng, save
+        self.model, self.open, self.asking, self.message = model, True, False, ""
+        self._players, self._rng, self._save, self._saved = players, rng, save, model.strokes
         self._view = View(model.setup.scene, width)
-        self._frames = Frames(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
+        self._screen = Screen(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
         pygame.key.set_repeat(300, 30)
-        self._dragging, self.message = False, ""
+        self._dragging, self._seconds = False, 0.0
+        self._thought: _Thought | None = None
+        self._shown: object = None
+        self._frame = self._view.draw(model)
 
     def run(self) -> None:
         """Plays until the window is closed."""
@@ -83,45 +100,97 @@ class GameWindow:
 
     def close(self) -> None:
         """Closes the window."""
-        self._frames.close()
+        self._screen.close()
 
     def pixels_of(self, point: ArrayLike) -> NDArray[np.float64]:
         """Returns the pixels (2,) of a point (2,), m, from the upper left corner."""
-        return self._view.canvas.pixels_of(point)
+        return self._view.pixels_of(point)
 
     def frame(self) -> pygame.Surface:
-        """Handles the events and shows a frame, 1 / FPS s after the last one.
+        """Handles the events and waits until 1 / FPS s after the last call. Draws only if something has changed.
 
         Returns:
             The frame, valid until the next call.
         """
         for event in pygame.event.get():
             self._take(event)
-        self.model = tick(self.model, 1 / FPS)
-        frame = self._view.draw(self.model, self.message)
-        self._frames.show(frame, FPS)
-        if self.model.phase == "thinking":  # after the frame that shows this phase
-            player = self._players[self.model.game.state.player]
-            assert player is not None
-            stroke = player(self.model.setup, self.model.game, self.model.max_speed, self._rng)
-            self.model = shoot(self.model, stroke)
-        return frame
+        if self.model.phase == "thinking":
+            self._think()
+        elif not self.asking:
+            self.model = tick(self.model, self._seconds)
+        if self._screen.size != self._view.size:
+            self._view.resize(self.model.setup.scene, self._screen.size)
+        shown = self.model, self.message, self.asking, self._screen.size
+        if shown != self._shown:
+            self._frame = self._view.draw(self.model, self.message, UNSAVED if self.asking else ())
+            self._screen.show(self._frame)
+            self._shown = shown
+        self._seconds = self._screen.wait(FPS)
+        return self._frame
 
     def save(self) -> None:
         """Saves the game."""
         try:
             records.save(self._save, records.record_game(self.model.history))
-            self.message = f"saved to {self._save}"
+            self.message, self._saved = f"saved to {self._save}", self.model.strokes
         except OSError as error:
             self.message = f"not saved: {error}"
 
+    def _think(self) -> None:
+        """Plays the stroke of the program whose turn it is, when its thread has found it."""
+        if self._thought is None or self._thought.game is not self.model.game:
+            self._thought = self._start_thought()
+        elif self._thought.stroke.done():
+            self.model = shoot(self.model, self._thought.stroke.result())
+        elif time.monotonic() - self._thought.start > self.model.clock + 1:
+            self.model = tick(self.model, 1.0)  # once per second, because the window shows whole seconds
+
+    def _start_thought(self) -> _Thought:
+        """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
+        model, (rng,) = self.model, self._rng.spawn(1)
+        player, stroke = self._players[model.game.state.player], Future[Stroke]()
+        assert player is not None
+
+        def think() -> None:
+            try:
+                stroke.set_result(player(model.setup, model.game, model.max_speed, rng))
+            except BaseException as error:  # raised again where the result is used
+                stroke.set_exception(error)
+
+        # The window need not wait for a daemon thread when it closes.
+        threading.Thread(target=think, daemon=True).start()
+        return _Thought(model.game, stroke, time.monotonic())
+
+    def _quit(self) -> None:
+        """Closes the window, but asks first if the game is not saved. A second call closes it."""
+        self.open = not (self.asking or self.model.strokes == self._saved)
+        self.asking = self.open
+
+    def _answer(self, key: int) -> None:
+        """Handles a key after the question whether to save."""
+        if key == pygame.K_s:
+            self.save()
+            self.open = self.model.strokes != self._saved
+        elif key == pygame.K_q:
+            self.open = False
+        self.asking = False
+
     def _take(self, event: pygame.event.Event) -> None:
         if event.type == pygame.QUIT:
-            self.open = False
+            self._quit()
+        elif event.type in (pygame.VIDEOEXPOSE, pygame.WINDOWRESTORED):
+            self._shown = None
+        elif self.asking:
+            if event.type == pygame.KEYDOWN:
+                self._answer(event.key)
+            elif event.type == pygame.MOUSEBUTTONDOWN:
+                self.asking = False
         elif event.type == pygame.KEYDOWN:
             self.message = ""
-            if event.key in (pygame.K_q, pygame.K_ESCAPE):
-                self.open = False
+            if event.key == pygame.K_ESCAPE and self.model.help:
+                self._do(Command("help"))
+            elif event.key in (pygame.K_q, pygame.K_ESCAPE):
+                self._quit()
             elif event.key == pygame.K_s:
                 self.save()
             elif event.key in ARROWS:
@@ -136,7 +205,7 @@ class GameWindow:
         elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
             self._dragging = False
         elif event.type == pygame.MOUSEMOTION:
-            point = self._view.canvas.point_of(event.pos)
+            point = self._view.point_of(event.pos)
             self._do(AimAt(point) if self._dragging else MoveTo(point))
         elif event.type == pygame.MOUSEWHEEL:
             self._do(ChangeSpeed(METRES_PER_SECOND * event.y))
@@ -152,11 +221,11 @@ class GameWindow:
 
     def _on_arrow(self, pixel: tuple[int, int]) -> bool:
         """Returns whether a pixel is on the aimed cue ball or on the tip of the arrow."""
-        model, canvas = self.model, self._view.canvas
+        model = self.model
         if model.phase != "aiming":
             return False
         radius = model.setup.scene.balls.radius[model.cue]
         velocity = np.array(model.stroke.velocity)
         tip = np.array(model.cue_position) + velocity * (ARROW + ARROW_START * radius / model.speed)
         ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_position, tip))
-        return ball < canvas.scale * radius + GRIP or tip < GRIP
+        return ball < self._view.canvas.scale * radius + GRIP or tip < GRIP

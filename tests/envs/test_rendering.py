@@ -192,7 +192,7 @@ def test_the_goal_is_drawn_at_its_position(autoreset_mode, monkeypatch):
 
 
 def test_human_shows_a_shot_in_real_time(pygame, monkeypatch):
-    from billiards_env.drawing.window import Window
+    from billiards_env.drawing.window import LINE, Window
 
     shown, paces = [], []
     show = Window.show
@@ -204,7 +204,7 @@ def test_human_shows_a_shot_in_real_time(pygame, monkeypatch):
     env = make("Billiards-v0", render_mode="human")
     env.reset(seed=0)
     assert shown == [(800, 462)]
-    assert pygame.display.get_surface().get_size() == (800, 462)
+    assert pygame.display.get_surface().get_size() == (800, 462 + LINE)
     *_, info = env.step(0.1 * SLOWLY)
     assert len(shown) == 1 + n_frames(info)
     assert set(paces) == {FPS}
@@ -212,6 +212,42 @@ def test_human_shows_a_shot_in_real_time(pygame, monkeypatch):
     env.close()
     assert not pygame.display.get_init()
     env.close()
+
+
+@pytest.mark.parametrize("key", [None, "q", "escape"])
+def test_a_closed_window_ends_the_rendering(key, pygame, monkeypatch):
+    env = make("Billiards-v0", render_mode="human", max_shots=5)
+    env.reset(seed=0)
+    event = {"key": pygame.key.key_code(key), "mod": 0} if key else {}
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN if key else pygame.QUIT, event))
+    with pytest.warns(UserWarning, match="The window was closed: the environment continues without it"):
+        env.step(SLOWLY)
+    assert not pygame.display.get_init()
+    monkeypatch.setattr(env.unwrapped._renderer, "_film", None)  # nothing is drawn
+    env.step(SLOWLY)
+    env.reset(seed=1)
+    assert env.render() is None
+    env.close()
+
+
+def test_keys_change_the_pace_of_a_window(pygame, monkeypatch):
+    from billiards_env.drawing.window import Screen, Window
+
+    waits = []
+    monkeypatch.setattr(Screen, "wait", lambda self, fps: waits.append(fps))
+    window = Window((320, 200), "test")
+    frame = pygame.Surface((320, 200))
+    window.show(frame, 30)
+    plain = pygame.surfarray.array3d(pygame.display.get_surface())
+    for key in (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_MINUS):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
+        window.show(frame, 30)
+    assert waits == [30, 60, 120, 60]
+    assert (pygame.surfarray.array3d(pygame.display.get_surface()) != plain).any()  # the pace is shown
+    pygame.display.set_mode((400, 500), pygame.RESIZABLE)
+    window.show(frame, 30)
+    assert pygame.display.get_surface().get_size() == (400, 500)
+    window.close()
 
 
 def test_human_rendering_of_gymnasium():

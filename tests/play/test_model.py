@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env import simulate
+from billiards_env.drawing.pace import PACES
 from billiards_env.games import Stroke, play
 from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
@@ -179,6 +180,34 @@ def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
     assert (back.last_shot.shot.positions == done.last_shot.shot.positions).all()
 
 
+def test_redo_restores_what_was_undone(make_model):
+    start = make_model("nine_ball")
+    done = after(start, *[Command("go")] * 6)
+    undone = after(done, Command("undo"), Command("undo"))
+    assert undone.strokes == ()
+    one = after(undone, Command("redo"))
+    assert one.strokes == done.strokes[:1]
+    two = after(one, Command("redo"))
+    assert same(two, done)
+    assert two.phase == done.phase
+    assert (two.last_shot.shot.positions == done.last_shot.shot.positions).all()
+    assert update(two, Command("redo")) is two
+    other = after(one, *[Command("go")] * 3)  # a new shot discards the undone ones
+    assert len(other.strokes) == 2
+    assert update(other, Command("redo")) is other
+
+
+def test_redo_includes_the_strokes_of_programs(make_model):
+    model = make_model(positions=STRAIGHT, players=("human", "random"))
+    model = after(model, TurnAim(90.0), Command("go"), Command("go"))
+    thinking = after(model, Command("undo"), Command("redo"))
+    assert (thinking.phase, thinking.strokes) == ("thinking", model.strokes)
+    model = after(shoot(model, Stroke((0.1, 0.1))), Command("go"))
+    again = after(model, Command("undo"), Command("redo"))
+    assert same(again, model)
+    assert again.undone == ()
+
+
 def test_undo_returns_to_the_last_shot_of_a_person(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
     model = after(model, TurnAim(90.0), Command("go"), Command("go"))
@@ -217,6 +246,17 @@ def test_slower_and_faster_change_the_pace(make_model):
     assert tick(model, 1.0).clock == 0.5
     assert after(model, *[Command("slower")] * 20).pace == PACES[0]
     assert after(model, *[Command("faster")] * 20).pace == PACES[-1]
+
+
+def test_nothing_changes_while_nothing_moves(make_model):
+    model = make_model(positions=STRAIGHT)
+    assert tick(model, 1.0) is model
+    end = tick(after(model, Command("go"), Command("go"), Command("replay")), 1e9)
+    assert end.phase == "replaying"
+    assert tick(end, 1.0) is end
+    helped = after(model, Command("go"), Command("help"))
+    assert tick(helped, 1.0) is helped  # the shot is not shown behind the help
+    assert tick(after(helped, Command("help")), 0.1).clock == 0.1
 
 
 def test_a_game_that_is_over_has_no_further_shot(make_model):

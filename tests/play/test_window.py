@@ -1,6 +1,7 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -123,6 +124,98 @@ def test_the_window_can_be_closed(make_model, window):
     assert not shown.open
 
 
+def test_quitting_asks_if_the_game_is_not_saved(make_model, window, tmp_path):
+    shown = window(make_model(positions=BALLS))
+    plain = press(shown, pygame.K_SPACE, pygame.K_SPACE)
+    asked = press(shown, pygame.K_ESCAPE)
+    assert (shown.open, shown.asking) == (True, True)
+    assert (asked != plain).any()
+    press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
+    assert (shown.asking, shown.model.phase) == (False, "aiming")
+    press(shown, pygame.K_q, pygame.K_s)
+    assert not shown.open
+    assert len(records.load(tmp_path / "game.json").strokes) == 1
+    shown.open = True
+    press(shown, pygame.K_q)  # the game is saved
+    assert not shown.open
+
+
+@pytest.mark.parametrize("last", [pygame.K_q, pygame.QUIT])
+def test_quitting_without_saving(last, make_model, window, tmp_path):
+    shown = window(make_model(positions=BALLS))
+    press(shown, pygame.K_SPACE, pygame.K_SPACE)
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    press(shown)
+    assert shown.open
+    if last == pygame.QUIT:
+        pygame.event.post(pygame.event.Event(pygame.QUIT))
+        press(shown)
+    else:
+        press(shown, last)
+    assert not shown.open
+    assert not (tmp_path / "game.json").exists()
+
+
+def test_a_game_that_cannot_be_saved_is_not_closed(make_model, window, tmp_path):
+    (tmp_path / "game.json").mkdir()
+    shown = window(make_model(positions=BALLS))
+    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q, pygame.K_s)
+    assert shown.open
+    assert shown.message.startswith("not saved: ")
+
+
+def test_nothing_is_drawn_while_nothing_changes(make_model, window, monkeypatch):
+    shown = window(make_model(positions=BALLS))
+    press(shown)
+    drawn = []
+    draw = View.draw
+    monkeypatch.setattr(View, "draw", lambda *args: drawn.append(args) or draw(*args))
+    for _ in range(3):
+        press(shown)
+    assert drawn == []
+    press(shown, pygame.K_LEFT)
+    assert len(drawn) == 1
+    pygame.event.post(pygame.event.Event(pygame.VIDEOEXPOSE))
+    press(shown)
+    assert len(drawn) == 2
+
+
+@pytest.mark.parametrize("size", [(200, 300), (640, 400), (900, 300), (401, 777)])
+def test_the_table_fits_a_window_of_any_size(size, make_model, window):
+    shown = window(make_model(positions=BALLS))
+    pygame.display.set_mode(size, pygame.RESIZABLE)
+    frame = press(shown)
+    assert frame.shape == (size[1], size[0], 3)
+    corners = np.array([shown.pixels_of((1.27 * x, 0.635 * y)) for x in (-1, 1) for y in (-1, 1)])
+    assert (corners > 0).all()
+    assert (corners < size).all()
+    assert lit(frame, shown, BALLS[1], YELLOW)
+    drag(shown, BALLS[0], (-0.1, 0.3))
+    assert shown.model.angle == pytest.approx(math.pi / 4, abs=0.05)
+    assert press(shown, pygame.K_h).shape == (size[1], size[0], 3)
+
+
+def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, monkeypatch):
+    model = update(make_model(positions=BALLS), Command("go"))
+    view = View(model.setup.scene, 320)
+    view.draw(tick(model, 0.5))
+    starts = []
+    monkeypatch.setattr(View, "_start_paths", lambda *_: starts.append(1))
+    frame = pixels(view.draw(update(tick(model, 0.51), Command("slower"))))
+    assert starts == []
+    assert lit(frame, view, model.last_shot.shot.at(0.51)[0], WHITE)
+
+
+def test_the_help_covers_the_table(make_model):
+    model = update(make_model(positions=BALLS), Command("help"))
+    view = View(model.setup.scene, 640)
+    frame = pixels(view.draw(model))
+    for point in BALLS:
+        assert not lit(frame, view, point, YELLOW)
+    cloth = pixels(view.draw(update(model, Command("help"))))[100, 100]
+    assert not (frame == cloth).all(axis=2).any()
+
+
 def test_a_saved_game_contains_the_strokes_played(make_model, window, tmp_path):
     shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
@@ -153,7 +246,8 @@ def test_a_program_plays_after_its_turn_is_shown(make_model, window):
 
     shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
     assert shown.model.phase == "thinking"
-    press(shown, pygame.K_SPACE)
+    while shown.model.phase == "thinking":
+        press(shown, pygame.K_SPACE)
     assert shown.model.strokes == (Stroke((0.3, 0.4)),)
     press(shown, pygame.K_SPACE)
     assert shown.model.game.state.player == 1
@@ -161,6 +255,42 @@ def test_a_program_plays_after_its_turn_is_shown(make_model, window):
     assert len(calls) == 1
     assert calls[0][0].positions.tolist() == BALLS
     assert calls[0][1] == 8.0
+
+
+def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
+    may_play = threading.Event()
+
+    def player(*_):
+        may_play.wait()
+        return Stroke((0.3, 0.4))
+
+    shown = window(make_model(positions=BALLS, players=("human", "program")), (None, player))
+    press(shown, pygame.K_LEFT, pygame.K_SPACE, pygame.K_SPACE)
+    first = shown.model.strokes
+    plain = press(shown)
+    assert (shown.model.phase, shown.model.game.state.player) == ("thinking", 1)
+    assert (press(shown, pygame.K_h) != plain).any()
+    assert (press(shown, pygame.K_h) == plain).all()
+    press(shown, pygame.K_u)
+    assert (shown.model.phase, shown.model.strokes) == ("aiming", ())
+    press(shown, pygame.K_y, pygame.K_q)
+    assert shown.asking
+    press(shown, pygame.K_c)
+    assert (shown.open, shown.asking) == (True, False)
+    may_play.set()
+    while shown.model.phase == "thinking":
+        press(shown)
+    assert shown.model.strokes == (*first, Stroke((0.3, 0.4)))
+
+
+def test_an_error_of_a_program_is_raised(make_model, window):
+    def player(*_):
+        raise RuntimeError("no idea")
+
+    shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
+    with pytest.raises(RuntimeError, match="no idea"):
+        while True:
+            shown.frame()
 
 
 def lit(frame, shown, point, colour):

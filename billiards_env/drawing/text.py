@@ -1,0 +1,31 @@
+"""Text as an image.
+
+A font aligns its letters with whole pixels, which makes the spaces between small letters uneven. The text is therefore
+drawn larger and then reduced.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import pygame
+
+TEXT_ZOOM = 4
+"""Enlargement of a text before it is reduced."""
+
+
+@functools.lru_cache(maxsize=64)
+def text_image(text: str, size: int, colour: str, width: int | None = None) -> pygame.Surface:
+    """Returns a text as an image with a transparent background, not to be modified.
+
+    Args:
+        text: The text, one line.
+        size: Height of the font, pixels.
+        colour: Colour of the letters.
+        width: Largest width of the image, pixels; a longer text becomes smaller. None for no limit.
+    """
+    pygame.font.init()  # another user of pygame may have closed its fonts
+    large = pygame.font.Font(None, TEXT_ZOOM * size).render(text or " ", True, colour)
+    zoom = max(TEXT_ZOOM, large.get_width() / width if width else 0)
+    reduced = [max(1, int(side / zoom)) for side in large.get_size()]
+    return pygame.transform.smoothscale(large, reduced)
