@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from billiards_env.drawing.canvas import BALL, GHOST, PATH_STEPS, RING, Canvas, Surface, pygame
 from billiards_env.drawing.recording import Floats, Recording
-from billiards_env.drawing.style import CHALK, GREY, INK, PAPER
+from billiards_env.drawing.style import CHALK, GREY, INK
 from billiards_env.drawing.text import text_image
 from billiards_env.play import labels
 from billiards_env.play.model import Model
@@ -75,7 +75,7 @@ class View:
         Returns:
             The frame, valid until the next call.
         """
-        self._frame.fill(PAPER)
+        self._frame.fill(self.canvas.table.get_at((0, 0)))  # the paper around the table
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)
         self._frame.blit(self._table, self._corner)
         x, y = self._corner[0] + self.canvas.size[0] // 40, self._corner[1] + self.canvas.size[1]
@@ -178,7 +178,7 @@ class View:
     def _draw_rows(self, rows: Sequence[tuple[str, str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""
         page = self._frame.subsurface(pygame.Rect(self._corner, self.canvas.size).clip(self._frame.get_rect()))
-        page.fill(PAPER)
+        page.fill(self.canvas.table.get_at((0, 0)))
         width, height = page.get_size()
         row = min(height // (len(rows) + 1), width // 24)
         top = (height - row * len(rows)) // 2

@@ -12,7 +12,6 @@ from billiards_env.games import Stroke, play
 from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
-    PACES,
     AimAt,
     ChangeSpeed,
     Command,
@@ -181,8 +180,8 @@ def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
 
 
 def test_redo_restores_what_was_undone(make_model):
-    start = make_model("nine_ball")
-    done = after(start, *[Command("go")] * 6)
+    start = make_model(positions=STRAIGHT)
+    done = after(start, *[Command("go")] * 4)
     undone = after(done, Command("undo"), Command("undo"))
     assert undone.strokes == ()
     one = after(undone, Command("redo"))
@@ -192,7 +191,7 @@ def test_redo_restores_what_was_undone(make_model):
     assert two.phase == done.phase
     assert (two.last_shot.shot.positions == done.last_shot.shot.positions).all()
     assert update(two, Command("redo")) is two
-    other = after(one, *[Command("go")] * 3)  # a new shot discards the undone ones
+    other = after(one, *[Command("go")] * 2)  # a new shot discards the undone ones
     assert len(other.strokes) == 2
     assert update(other, Command("redo")) is other
 
