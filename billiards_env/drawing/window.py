@@ -7,7 +7,7 @@ import os
 import pygame
 
 from billiards_env.drawing.pace import faster, slower
-from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK, PAPER
+from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK
 from billiards_env.drawing.text import text_image
 
 SLOWER_KEYS = (pygame.K_MINUS, pygame.K_KP_MINUS)
@@ -42,7 +42,7 @@ class Screen:
             zoom = min(width / frame.get_width(), height / frame.get_height())
             frame = pygame.transform.smoothscale(frame, [max(1, round(zoom * side)) for side in frame.get_size()])
         surface = pygame.display.get_surface()
-        surface.fill(PAPER)
+        surface.fill(frame.get_at((0, 0)))
         surface.blit(frame, frame.get_rect(center=(width // 2, height // 2)))
         pygame.display.flip()
 
@@ -79,7 +79,7 @@ class Window:
                 self.pace = slower(self.pace)
             elif event.key in FASTER_KEYS:
                 self.pace = faster(self.pace)
-        self._frame.fill(PAPER)
+        self._frame.fill(frame.get_at((0, 0)))
         self._frame.blit(frame, (0, 0))
         text = f"speed {self.pace:g} x   slower, faster: - +   close: Q"
         line = text_image(text, 17, GREY, frame.get_width())

@@ -112,6 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         window = GameWindow(model, players, rng, save, args.width)
     except (pygame.error, ValueError) as error:
         sys.exit(f"error: {error}")
+    window.ask = args.save is None
     window.run()
     if args.save is not None:
         window.save()

@@ -72,7 +72,8 @@ class GameWindow:
     Attributes:
         model: The state of the game.
         open: False after the user has quit.
-        asking: Whether the window asks before it discards a game that is not saved.
+        ask: Whether quitting asks first if the game is not saved; True by default.
+        asking: Whether the question is shown.
         message: The result of the last command, such as saving.
     """
 
@@ -80,7 +81,8 @@ class GameWindow:
         self, model: Model, players: Sequence[Player | None], rng: np.random.Generator, save: Path, width: int
     ) -> None:
         """Opens a window of `width` pixels; a person is None in `players`, and "S" saves to the path `save`."""
-        self.model, self.open, self.asking, self.message = model, True, False, ""
+        self.model, self.open, self.message = model, True, ""
+        self.ask, self.asking = True, False
         self._players, self._rng, self._save, self._saved = players, rng, save, model.strokes
         self._view = View(model.setup.scene, width)
         self._screen = Screen(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
@@ -163,8 +165,7 @@ class GameWindow:
 
     def _quit(self) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""
-        self.open = not (self.asking or self.model.strokes == self._saved)
-        self.asking = self.open
+        self.open = self.asking = self.ask and not self.asking and self.model.strokes != self._saved
 
     def _answer(self, key: int) -> None:
         """Handles a key after the question whether to save."""

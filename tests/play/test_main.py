@@ -71,6 +71,7 @@ def test_a_window_is_opened(frames, capsys):
     (shown,) = frames
     assert shown.count == 3
     assert (shown.model.max_speed, shown.model.pace, shown.model.players) == (3.0, 0.5, ("human", "random"))
+    assert shown.ask
     assert "saved" not in capsys.readouterr().out
 
 
@@ -78,6 +79,7 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
     path, model = saved
     main(["--load", str(path), "--players", "human,human", "--save", str(tmp_path / "again.json")])
     (shown,) = frames
+    assert not shown.ask
     assert shown.model.strokes == model.strokes
     assert (shown.model.game.positions == model.game.positions).all()
     assert capsys.readouterr().out.endswith(f"\nsaved to {tmp_path / 'again.json'}\n")
