@@ -23,7 +23,7 @@ class Screen:
     def __init__(self, size: tuple[int, int], title: str) -> None:
         """Opens a window of `size` (width, height), pixels."""
         for system in ("X11", "WAYLAND"):
-            os.environ.setdefault(f"SDL_VIDEO_{system}_WMCLASS", "billiards-env")
+            os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
         pygame.display.init()
         pygame.display.set_caption(title)
         pygame.display.set_icon(make_icon())

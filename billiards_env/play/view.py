@@ -79,7 +79,7 @@ class View:
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)
         self._frame.blit(self._table, self._corner)
         x, y = self._corner[0] + self.canvas.size[0] // 40, self._corner[1] + self.canvas.size[1]
-        text, colour = message or labels.key_hint(model), INK if message else GREY
+        text, colour = message or ("" if question else labels.key_hint(model)), INK if message else GREY
         line = text_image(text, round(0.66 * self._strip), colour, self.canvas.size[0] * 38 // 40)
         self._frame.blit(line, (x, y + (self._strip - line.get_height()) // 3))
         rows = question or (labels.KEYS if model.help else ())

@@ -19,11 +19,11 @@ from billiards_env.play.model import (
     MoveTo,
     TurnAim,
     begin,
-    make_preview,
     shoot,
     tick,
     update,
 )
+from billiards_env.play.preview import make_preview
 
 STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
