@@ -153,10 +153,16 @@ def whole(name: str, value: Any, within: str | Range) -> int:
 
 
 def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raises a ValueError unless `value` is one of `choices`. The message suggests the closest one."""
-    if value not in choices:
-        closest = difflib.get_close_matches(str(value), choices, 1)
-        hint = f" (did you mean {closest[0]!r}?)" if closest else ""
+    """Raises a ValueError unless `value` is one of `choices`. The message suggests the closest one.
+
+    Example:
+        >>> choose("mode", "pci", ("pic", "pit"))
+        Traceback (most recent call last):
+        ValueError: mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)
+    """
+    if not isinstance(value, str) or value not in choices:
+        closest = _closest(str(value), choices)
+        hint = f" (did you mean {closest!r}?)" if closest else ""
         raise ValueError(f"{name} = {short(value)}: expected one of {', '.join(map(repr, choices))}{hint}")
 
 
@@ -192,6 +198,15 @@ def finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     return array
 
 
+def missing(module: str, extra: str) -> ModuleNotFoundError:
+    """Returns the error for a module that is not installed, with the commands that install its extra."""
+    return ModuleNotFoundError(
+        f"{module} is not installed: expected the extra {extra!r}: pip install 'billiards-env[{extra}]' "
+        f"(in a clone: pip install '.[{extra}]')",
+        name=module,
+    )
+
+
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 
@@ -204,3 +219,18 @@ def _bounds(within: str | Range) -> str:
 
 def _text(bound: float) -> str:
     return str(bound) if isinstance(bound, int) else f"{bound:g}"
+
+
+def _closest(name: str, choices: tuple[str, ...]) -> str | None:
+    """Returns the choice that resembles a name most, or None. Swapped letters count less than other letters."""
+
+    def likeness(one: str, other: str) -> float:
+        return difflib.SequenceMatcher(None, one, other).ratio()
+
+    name = name.lower()
+    scored = [
+        (likeness(name, choice.lower()) + likeness("".join(sorted(name)), "".join(sorted(choice.lower()))), choice)
+        for choice in choices
+    ]
+    score, closest = max(scored, default=(0.0, ""))
+    return closest if score >= 1.2 else None

@@ -16,15 +16,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import missing, whole
+
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 try:
     import pygame
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        "pygame is not installed; frames and films need it: pip install 'billiards-env[render]'", name="pygame"
-    ) from error
+    raise missing("pygame", "render") from error
 
-from billiards_env.checks import whole
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.style import (
     ARROW,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.checks import real
+from billiards_env.checks import missing, real
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.files import check_path, replacing
@@ -44,8 +44,10 @@ def write_gif(
     path: str | os.PathLike[str], recording: Recording, fps: float, width: int, compare: Recording | None
 ) -> None:
     """Writes a shot as an animated GIF; the format stores the time of a frame in whole hundredths of a second."""
-    from PIL import Image
-
+    try:
+        from PIL import Image
+    except ModuleNotFoundError as error:
+        raise missing("pillow", "render") from error
     target = check_path(path, ".gif")
     hundredths = max(2, round(100 / real("fps", fps, "fps")))  # viewers show shorter times slowly
 
@@ -91,10 +93,7 @@ def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Call
     try:
         import imageio_ffmpeg
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            "imageio-ffmpeg is not installed; MP4 films need it: pip install 'billiards-env[render]'",
-            name="imageio_ffmpeg",
-        ) from error
+        raise missing("imageio_ffmpeg", "render") from error
     with replacing(target) as temporary:
         options: dict[str, Any] = {"fps": fps, "quality": 8, "macro_block_size": 2}
         options["output_params"] = ["-movflags", "+faststart"]

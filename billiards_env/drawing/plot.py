@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.checks import missing
+
 try:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
     from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
     from matplotlib.patheffects import Normal, Stroke
 except ModuleNotFoundError as error:
-    raise ModuleNotFoundError(
-        "matplotlib is not installed; plots need it: pip install 'billiards-env[plot]'", name="matplotlib"
-    ) from error
+    raise missing("matplotlib", "plot") from error
 
 from billiards_env.drawing.recording import Floats, Recording, check_pair
 from billiards_env.drawing.style import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, shaped
+from billiards_env.checks import choose, shaped, short
 from billiards_env.envs.episodes import cue_ball_alone
 from billiards_env.scene import Scene, check_positions
 
@@ -26,8 +26,10 @@ def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Sc
     """
     if isinstance(scene, str):
         return Scene.named(scene, n_object_balls)
+    if isinstance(scene, Scene):
+        raise TypeError("scene = Scene(...): expected a name or a dict: pass scene.to_dict(), which is JSON data")
     if not isinstance(scene, Mapping):
-        raise TypeError(f"scene = {scene!r}: expected a name or a dict in the form of Scene.to_dict()")
+        raise TypeError(f"scene = {short(scene)}: expected a name or a dict in the form of Scene.to_dict()")
     if n_object_balls is not None:
         raise ValueError(
             f"n_object_balls = {n_object_balls!r} with a scene given as a dict: expected None, the dict lists the balls"
@@ -58,7 +60,7 @@ def check_options(
     if options is None:
         return None, None
     if not isinstance(options, Mapping):
-        raise TypeError(f"options = {options!r}: expected a dict")
+        raise TypeError(f"options = {short(options)}: expected a dict")
     for key in options:
         choose("key of options", key, ("positions", "goal") if task == "place" else ("positions",))
     many = () if mask is None else (len(mask),)

@@ -373,7 +373,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f'make the environment with one, such as gym.make("Billiards-v0", render_mode="{RENDER_MODES[1]}")'
             )
             return None
-        return self._renderer.render()
+        frames = self._renderer.render()
+        return None if frames is None else frames[0]
 
     def close(self) -> None:
         """Closes the window of the render mode "human"."""

@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 FPS = 30
 WIDTH, WIDTH_OF_MANY = 800, 560
-"""Pixels. Width of a table that is drawn alone, and of each of several tables."""
+"""Pixels. Width of a frame, and of each of several tables in one window."""
+
+MAX_SHOWN = 4
+"""Largest number of environments in one window."""
 
 Circles = Sequence[tuple[float, float, float]]
 Image = NDArray[np.uint8]
@@ -114,7 +117,7 @@ def _goal_circles(goals: NDArray[np.float64]) -> Circles:
 
 
 class Renderer:
-    """Draws the shots of one environment, or of several environments in one image.
+    """Draws the shots of one environment, or of several environments.
 
     Args:
         scene: The scene of the environments.
@@ -122,17 +125,25 @@ class Renderer:
         mode: The engine, "pic" or "pit".
         dt: Timestep of "pit", s.
         fix: Treatment of overlaps in "pit".
+        count: Number of environments.
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
     """
 
     def __init__(
-        self, scene: Scene, render_mode: str, mode: str = "pic", dt: float | None = None, fix: str | None = None
+        self,
+        scene: Scene,
+        render_mode: str,
+        mode: str = "pic",
+        dt: float | None = None,
+        fix: str | None = None,
+        count: int = 1,
     ) -> None:
         self.render_mode = render_mode
         self._scene = scene
         self._engine = (mode, dt, fix)
+        self._count = count
         self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
         self._window: Window | None = None
@@ -157,7 +168,10 @@ class Renderer:
         """Shows a step in the window, unless the user has closed it."""
         if self._window is not None and not self._window.open:
             return
-        for frame in self._film(shots):
+        films = self._films(shots[:MAX_SHOWN])
+        from billiards_env.drawing.canvas import side_by_side
+
+        for frame in films[0] if len(films) == 1 else side_by_side(films):
             if self._window is None:
                 from billiards_env.drawing.window import Window
 
@@ -167,12 +181,13 @@ class Renderer:
                 gym.logger.warn("The window was closed: the environment continues without it.")
                 return
 
-    def render(self) -> RenderFrame | list[RenderFrame] | None:
-        """Returns the result of `Env.render` in the render mode.
+    def render(self) -> tuple[RenderFrame | list[RenderFrame] | None, ...] | None:
+        """Returns the result of `Env.render` in the render mode for each environment.
 
         Returns:
-            "rgb_array": the last frame of the last step, (height, width, 3) uint8. "rgb_array_list": all frames since
-            the last call or the last `begin`. "human": None; the window shows each shot during `step`.
+            "rgb_array": the last frame of the last step of each environment, (height, width, 3) uint8; None before the
+            first `begin`. "rgb_array_list": all frames of each environment since the last call or the last `begin`.
+            "human": None; the window shows each shot during `step`.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
@@ -180,16 +195,17 @@ class Renderer:
         if self.render_mode == "human":
             return None
         last = self.render_mode == "rgb_array"
-        frames: list[RenderFrame] = []
+        frames: list[list[RenderFrame]] = [[] for _ in range(self._count)]
         for shots in self._steps:
-            for frame in self._film(shots, only_last=last):
-                from billiards_env.drawing.canvas import pixels
+            films = self._films(shots, only_last=last)
+            from billiards_env.drawing.canvas import pixels
 
-                frames.append(pixels(frame))
+            for drawn, film in zip(frames, films, strict=True):
+                drawn += (pixels(frame) for frame in film)
         if last:
-            return frames[-1] if frames else None
+            return tuple(drawn[-1] if drawn else None for drawn in frames)
         self._steps = []
-        return frames
+        return tuple(frames)
 
     def close(self) -> None:
         """Closes the window if there is one."""
@@ -197,21 +213,20 @@ class Renderer:
             self._window.close()
             self._window = None
 
-    def _film(self, shots: Sequence[DrawnShot], only_last: bool = False) -> Iterator[Surface]:
-        """Returns the frames of a step."""
+    def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
+        """Returns the frames of a step, one iterator for each environment."""
         try:
-            from billiards_env.drawing.canvas import Canvas, side_by_side
+            from billiards_env.drawing.canvas import Canvas
         except ModuleNotFoundError as error:
-            raise DependencyNotInstalled(
-                f"render_mode = {self.render_mode!r}: pygame is not installed: `pip install 'billiards-env[render]'`"
-            ) from error
+            raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
-            self._canvas = Canvas(self._scene, WIDTH if len(shots) == 1 else WIDTH_OF_MANY)
+            tiled = self.render_mode == "human" and len(shots) > 1
+            self._canvas = Canvas(self._scene, WIDTH_OF_MANY if tiled else WIDTH)
         films = []
         for shot, left, right, circles in shots:
             recording = run_shot(self._scene, shot, *self._engine, record=True).recording()
             films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
-        return films[0] if len(films) == 1 else side_by_side(films)
+        return films
 
 
 class RecordVideo(gym.wrappers.RecordVideo):

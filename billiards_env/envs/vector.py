@@ -26,15 +26,13 @@ Bools = NDArray[np.bool_]
 _STATUS = np.array(STATUS, dtype=object)
 _NOTHING = np.array(None, dtype=object)
 
-MAX_DRAWN = 4
-"""Largest number of environments that are drawn."""
-
 
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
-    Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` bit for bit.
+    Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` and the same autoreset mode bit
+    for bit.
 
     ## Reset
 
@@ -53,18 +51,20 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     `autoreset_mode` is one of Gymnasium's modes. It determines what happens after the end of an episode:
 
-    - `"NextStep"` (Gymnasium's default): the next `step` ignores the action of the environment and resets it. The
-      reward of this step is 0. With `max_shots=1` every second step of an environment is a reset.
-    - `"SameStep"`: the same `step` resets the environment and returns the first observation of the new episode. The
-      last observation and info of the old episode are in `infos["final_obs"]` and `infos["final_info"]`. Training uses
-      this mode.
+    - `"SameStep"` (the default): the same `step` resets the environment and returns the first observation of the new
+      episode. The last observation and info of the old episode are in `infos["final_obs"]` and `infos["final_info"]`.
+    - `"NextStep"`: the next `step` ignores the action of the environment and resets it. The reward of this step is 0.
     - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
+
+    The default of Gymnasium's own vector environments is `"NextStep"`. There every second step of an environment with
+    `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Some of Gymnasium's
+    wrappers of observations, such as `NormalizeObservation`, accept only `"NextStep"`.
 
     ## Arguments
 
     ```python
     >>> import gymnasium as gym
-    >>> envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=3, autoreset_mode="SameStep")
+    >>> envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=3)
     >>> observations, infos = envs.reset(seed=0)
     >>> observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
     >>> observations.shape, infos["final_info"]["status"].tolist()
@@ -75,14 +75,17 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | Argument         | Type                 | Default      | Description                                          |
     |------------------|----------------------|--------------|------------------------------------------------------|
     | `num_envs`       | int                  | `1`          | number of environments                               |
-    | `autoreset_mode` | str or AutoresetMode | `"NextStep"` | what happens after the end of an episode             |
+    | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
     | `threads`        | int or None          | `None`       | number of threads; None for one per core             |
 
     All other arguments are those of `BilliardsEnv` and apply to every environment.
 
     ## Rendering
 
-    The render modes are those of `BilliardsEnv`. Each frame shows the first four environments side by side.
+    The render modes are those of `BilliardsEnv`. `render()` returns a tuple with one item for each environment: the
+    result of `BilliardsEnv.render()`. Gymnasium's wrappers `gymnasium.wrappers.vector.RecordVideo` and `HumanRendering`
+    combine the frames of the mode `"rgb_array"`. In the mode `"human"` a window shows the first four environments side
+    by side.
 
     Attributes:
         single_env: A `BilliardsEnv` with the same arguments. It holds their checked values and is never stepped.
@@ -91,13 +94,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": list(RENDER_MODES),
         "render_fps": FPS,
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
     }
 
     def __init__(
         self,
         num_envs: int = 1,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.SAME_STEP,
         threads: int | None = None,
         **arguments: Any,
     ) -> None:
@@ -109,7 +112,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
         self._renderer = (
-            None if env.render_mode is None else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix)
+            None
+            if env.render_mode is None
+            else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix, self.num_envs)
         )
         self.metadata = {**BilliardsVectorEnv.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space
@@ -202,7 +207,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         spread(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_drawn())])
+            self._renderer.begin([drawn_layout(episodes, k) for k in range(self.num_envs)])
         return observations, {}
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
@@ -238,7 +243,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         rewards, potted, last = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
         over, tally = np.empty(m, np.bool_), np.empty_like(episodes.tally)
-        goals = episodes.goals if self._renderer is None else episodes.goals[: self._n_drawn()].copy()
+        goals = episodes.goals if self._renderer is None else episodes.goals.copy()
         observations = self._new_observations() if same_step else last
 
         def work(begin: int, end: int) -> None:
@@ -268,7 +273,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                     drawn_layout(episodes, k)
                     if skip[k]
                     else drawn_shot(episodes, k, checked[k], rewards[k], tally[k], goals[k])
-                    for k in range(self._n_drawn())
+                    for k in range(self.num_envs)
                 ]
             )
         cut_off = (shots.status >= AT_EVENT_LIMIT) & ~skip
@@ -288,25 +293,25 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             infos = _masked(info, ~skip)
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
-    def render(self) -> Any:
-        """Renders the shots of the first four environments, see the class.
+    def render(self) -> tuple[Any, ...] | None:
+        """Renders the shots of all environments, see the class.
 
         Returns:
-            "rgb_array": a frame (height, width, 3) uint8. "rgb_array_list": a list of frames. None in the mode "human"
-            and without a render mode.
+            A tuple with one item for each environment. "rgb_array": a frame (height, width, 3) uint8. "rgb_array_list":
+            a list of frames. None in the mode "human" and without a render mode.
 
         Raises:
             DependencyNotInstalled: If pygame is not installed.
         """
-        return self.single_env.render() if self._renderer is None else self._renderer.render()
+        if self._renderer is None:
+            self.single_env.render()  # warns
+            return None
+        return self._renderer.render()
 
     def close_extras(self, **kwargs: Any) -> None:
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
-
-    def _n_drawn(self) -> int:
-        return min(MAX_DRAWN, self.num_envs)
 
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._episodes.shots

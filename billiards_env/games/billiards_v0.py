@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, finite, real, whole
+from billiards_env.checks import choose, finite, missing, real, whole
 from billiards_env.envs.action_frames import cue_velocity
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -38,7 +38,7 @@ try:
     import pettingzoo
     from pettingzoo.utils.wrappers import ClipOutOfBoundsWrapper, OrderEnforcingWrapper
 except ImportError as error:
-    raise DependencyNotInstalled("pettingzoo is not installed, run `pip install 'billiards-env[multi]'`") from error
+    raise DependencyNotInstalled(str(missing("pettingzoo", "multi"))) from error
 
 ID = "billiards_env/billiards-v0"
 """The name for `pettingzoo.make("aec", ...)`, once this module has been imported."""
@@ -327,7 +327,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if self._renderer is None:
             gym.logger.warn("render() does nothing without a render_mode: expected env(render_mode='rgb_array')")
             return None
-        return cast("NDArray[np.uint8] | list[Any] | None", self._renderer.render())
+        frames = self._renderer.render()
+        return None if frames is None else cast("NDArray[np.uint8] | list[Any] | None", frames[0])
 
     def close(self) -> None:
         """Closes the window of render_mode "human"."""

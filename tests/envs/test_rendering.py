@@ -352,51 +352,67 @@ def test_sync_vector_env_renders_one_frame_per_environment():
 
 
 @pytest.mark.parametrize("autoreset_mode", ["NextStep", "SameStep"])
-def test_the_vector_environment_draws_the_first_four_side_by_side(autoreset_mode):
-    """Each quarter of a frame is the frame of a single environment with the same seed."""
-    game = {"render_mode": "rgb_array_list", "max_shots": 2, "n_object_balls": 2}
+@pytest.mark.parametrize("mode", ["rgb_array", "rgb_array_list"])
+def test_the_vector_environment_renders_the_frames_of_each_environment(autoreset_mode, mode):
+    game = {"render_mode": mode, "max_shots": 2, "n_object_balls": 2}
     envs = make_vec("Billiards-v0", num_envs=6, autoreset_mode=autoreset_mode, **game)
     single = BilliardsEnv(**game)
     envs.reset(seed=5)
-    layout, *none = envs.render()
-    assert not none
+    layouts = envs.render()
     actions = np.random.default_rng(0).uniform(-0.06, 0.06, (4, 6, 2))
     steps = []
     for action in actions:
         envs.step(action)
         steps.append(envs.render())
-    width, height = (1124 - 4) // 2, (layout.shape[0] - 4) // 2
-
-    from billiards_env.drawing.canvas import Canvas
-
-    assert Canvas(single.scene, width).size == (width, height)
-    single._renderer._canvas = Canvas(single.scene, width)
-    for k in range(4):
-        y, x = k // 2 * (height + 4), k % 2 * (width + 4)
+    assert type(layouts) is tuple
+    assert {len(frames) for frames in (layouts, *steps)} == {6}
+    for k in (0, 3, 5):
         single.reset(seed=5 + k)
-        assert (single.render()[0] == layout[y : y + height, x : x + width]).all()
+        assert np.array_equal(single.render(), layouts[k])
         over = False
         for action, frames in zip(actions, steps, strict=True):
-            if over:
+            reset = over
+            if reset:
                 single.reset()
-            if not over or autoreset_mode == "SameStep":
-                if over:
-                    single.render()
-                *_, over, _, _ = single.step(action[k])
-            else:
+            if reset and autoreset_mode == "NextStep":
                 over = False
-            alone = single.render()
-            assert len(frames) >= len(alone)
-            for t, frame in enumerate(frames):
-                assert (frame[y : y + height, x : x + width] == alone[min(t, len(alone) - 1)]).all()
+            else:
+                if reset:
+                    single.render()  # SameStep: the frames of a step are those of its shot
+                *_, over, _, _ = single.step(action[k])
+            assert np.array_equal(single.render(), frames[k])
     envs.close()
 
 
-def test_the_vector_environment_in_a_window(pygame):
-    envs = make_vec("Billiards-v0", num_envs=2, render_mode="human")
+def test_the_wrappers_of_gymnasium_for_vectors_film_and_show_the_frames(tmp_path):
+    pytest.importorskip("moviepy")
+    wrappers = pytest.importorskip("gymnasium.wrappers.vector.rendering")
+    envs = make_vec("Billiards-v0", num_envs=3, render_mode="rgb_array", max_shots=3, autoreset_mode="NextStep")
+    envs = wrappers.RecordVideo(envs, str(tmp_path / "films"), video_aspect_ratio=(3, 1))
     envs.reset(seed=0)
-    envs.step(np.full((2, 2), 0.01))
-    assert pygame.display.get_surface().get_size()[0] == 2 * 560 + 4
+    for sign in (1, -1, 1):
+        envs.step(np.tile(sign * SLOWLY, (3, 1)))
+    assert [frame.shape for frame in envs.recorded_frames] == [(462, 3 * 800, 3)] * 4
+    envs.close()
+    assert os.listdir(tmp_path / "films") == ["rl-video-episode-0.mp4"]
+
+
+def test_gymnasium_shows_the_frames_of_a_vector_in_a_window(pygame):
+    pytest.importorskip("cv2")
+    wrappers = pytest.importorskip("gymnasium.wrappers.vector.rendering")
+    envs = wrappers.HumanRendering(make_vec("Billiards-v0", num_envs=3, render_mode="rgb_array"))
+    envs.reset(seed=0)
+    envs.step(np.tile(SLOWLY, (3, 1)))
+    assert pygame.display.get_surface().get_size() == (800, 462)
+    envs.close()
+
+
+@pytest.mark.parametrize(("num_envs", "size"), [(2, (1124, 324)), (6, (1124, 652))])
+def test_a_window_shows_up_to_four_environments_side_by_side(pygame, num_envs, size):
+    envs = make_vec("Billiards-v0", num_envs=num_envs, render_mode="human")
+    envs.reset(seed=0)
+    envs.step(np.full((num_envs, 2), 0.01))
+    assert pygame.display.get_surface().get_size() == size
     assert envs.render() is None
     envs.close()
     assert not pygame.display.get_init()
@@ -431,7 +447,7 @@ def test_the_error_without_pygame_contains_the_command_to_install_it(mode, monke
     env = BilliardsEnv(render_mode=mode)  # no error yet, as in Gymnasium's environments
     if mode != "human":
         env.reset(seed=0)
-    with pytest.raises(DependencyNotInstalled, match=re.escape("pip install 'billiards-env[render]'")):
+    with pytest.raises(DependencyNotInstalled, match=re.escape("(in a clone: pip install '.[render]')")):
         env.reset(seed=0) if mode == "human" else env.render()
 
 

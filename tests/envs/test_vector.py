@@ -212,7 +212,7 @@ def test_returned_arrays_share_no_memory(mode):
 
 
 def test_next_step_resets_ignore_the_action():
-    envs = BilliardsVectorEnv(2)
+    envs = BilliardsVectorEnv(2, "NextStep")
     envs.reset(seed=0)
     envs.step(np.zeros((2, 2)))
     *_, infos = envs.step(np.full((2, 2), np.nan))
@@ -277,7 +277,7 @@ TWO_APART = [[0.0, 0.0], [0.5, 0.0]]
     ],
 )
 def test_bad_resets_raise_and_the_episodes_continue(kwargs, error, message):
-    envs = BilliardsVectorEnv(2)
+    envs = BilliardsVectorEnv(2, "NextStep")
     observations, _ = envs.reset(seed=0)
     states = [rng.bit_generator.state for rng in envs.np_random]
     with pytest.raises(error, match=message):
@@ -304,6 +304,15 @@ def test_bad_arguments_raise(kwargs, error, message):
         BilliardsVectorEnv(**kwargs)
 
 
+def test_by_default_every_step_plays_a_shot_in_every_environment():
+    envs = gym.make_vec("Billiards-v0", num_envs=3)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    envs.reset(seed=0)
+    for _ in range(3):
+        *_, infos = envs.step(np.ones((3, 2)))
+        assert (infos["final_info"]["n_events"] > 0).all()
+
+
 @modes
 @variants
 def test_make_vec(kwargs, mode):
@@ -312,7 +321,7 @@ def test_make_vec(kwargs, mode):
         envs = gym.make_vec("Billiards-v0", num_envs=3, autoreset_mode=mode.value, **kwargs)
     assert isinstance(envs.unwrapped, BilliardsVectorEnv)
     assert envs.metadata["autoreset_mode"] is mode
-    assert BilliardsVectorEnv.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert BilliardsVectorEnv.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     single = BilliardsEnv(**kwargs)
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
@@ -367,7 +376,7 @@ def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
     envs.reset(options={"positions": [positions] * 2})
     with pytest.warns(RuntimeWarning, match=r"after 2 events and .* positions \[\[-0.5, 0.0\], .* action \[0.75, 0"):
         *_, infos = envs.step([[0.0, 0.0], [0.75, 0.0]])
-    assert infos["status"].tolist() == ["rest", "event_limit"]
+    assert infos["final_info"]["status"].tolist() == ["rest", "event_limit"]
 
 
 def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
