@@ -1,14 +1,27 @@
-"""Prints the version and the commands of the repository: `python -m billiards_env`."""
+"""The commands `billiards` and `python -m billiards_env`. Each command imports only the modules that it uses."""
 
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import importlib.util
+import platform
+import shutil
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from billiards_env import __version__
+import numpy as np
+
+from billiards_env import Scene, __version__
+from billiards_env.files import check_path
+
+if TYPE_CHECKING:
+    from billiards_env.shot import ShotResult
 
 COMMANDS = {
-    "billiards_env.play": "play in a window, against people or programs",
     "agents.train": "train PPO with a configuration, for example configs/ppo/pot.yaml",
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
     "studies.players": "measure players that need no learning",
@@ -23,11 +36,18 @@ COMMANDS = {
     "benchmarks.stress": "check every event of ten million random shots",
     "benchmarks.readme": "write the measured tables into the documentation",
 }
-"""Modules that run with `python -m`, and what they do."""
+"""Modules of the repository that run with `python -m`, and what they do."""
+
+PICTURES = (".png", ".svg", ".pdf")
+SUFFIXES = (".html", *PICTURES, ".gif", ".mp4", ".json")
+"""Suffixes of the files that `--out` writes: a page, pictures, films and a record."""
+
+PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
+"""The distributions that `version` lists."""
 
 
 def available() -> dict[str, str]:
-    """Returns the commands that can be imported; all but `billiards_env` need a clone of the repository."""
+    """Returns the commands of the repository that can be imported; all need a clone of the repository."""
     found = {}
     for module, text in COMMANDS.items():
         package = module.partition(".")[0]
@@ -36,20 +56,210 @@ def available() -> dict[str, str]:
     return found
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """The command line; see `python -m billiards_env --help`."""
-    parser = argparse.ArgumentParser(prog="python -m billiards_env", description="Print an overview of the commands.")
-    parser.add_argument("--version", action="version", version=f"billiards-env {__version__}")
-    parser.parse_args(arguments)
-    commands = available()
-    print(f"billiards-env {__version__}: gym.make('Billiards-v0') makes the environment. Commands:\n")
-    for module, text in commands.items():
-        print(f"  python -m {module:24}{text}")
-    print("\n'--help' after a command lists its options.")
-    if len(commands) < len(COMMANDS):
-        print("Training and benchmarks run from a clone of the repository.")
+def make_parser() -> argparse.ArgumentParser:
+    """Returns the parser of the command line."""
+    lines = [f"  python -m {module:24}{text}" for module, text in available().items()]
+    if lines:
+        epilog = "programs of the repository ('make' lists the commands that run several of these):\n"
     else:
-        print("'make' lists the commands that run several of these.")
+        epilog = "Training and benchmarks run from a clone of the repository."
+    parser = argparse.ArgumentParser(
+        prog="billiards" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env",
+        description=f"billiards-env {__version__}: gym.make('billiards_env:Billiards-v0') makes the environment.",
+        epilog=epilog + "\n".join(lines) + "\n\n'--help' after a command lists its options.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"billiards-env {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
+    commands.add_parser("play", add_help=False, help="play in a window, against people or programs")
+    _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
+    _add_replay(commands.add_parser("replay", help="run the shot or the game in a file again, and show it"))
+    commands.add_parser("version", help="print the version and those of the packages that it uses")
+    cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
+    cache.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
+    return parser
+
+
+def _add_simulate(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Run one shot. Lengths are in metres from the centre of the table, x along its length."
+    add = parser.add_argument
+    add("--scene", default="pool", help="name of the scene (default: %(default)s)")
+    add("--balls", type=int, metavar="N", help="number of object balls (default: that of the scene)")
+    add("--layout", default="random", help="starting positions of the balls (default: %(default)s)")
+    add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
+    add("--positions", type=float, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no layout")
+    add("--velocity", type=float, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
+    add("--spin", type=float, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
+    add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
+    add("--dt", type=number, help="timestep of pit, s, such as 1/60")
+    add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
+    add("--max-time", type=number, help="time at which the shot ends, s")
+    _add_out(parser)
+
+
+def _add_replay(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Run the shot or the game in a file again. The result must have the same bits."
+    parser.add_argument("file", type=Path, help="a file of 'simulate --out shot.json', of a game, or of records.save")
+    parser.add_argument("--shot", type=int, metavar="K", help="the shot of a game, from 1 (default: the last)")
+    parser.add_argument("--window", action="store_true", help="show the shot, or all shots of a game, in a window")
+    _add_out(parser)
+
+
+def _add_out(parser: argparse.ArgumentParser) -> None:
+    text = f"write the shot to a file; its suffix is one of {' '.join(SUFFIXES)}"
+    parser.add_argument("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
+
+
+def number(text: str) -> float:
+    """Converts a number or a fraction such as "1/60"."""
+    try:
+        return float(Fraction(text))
+    except ZeroDivisionError as error:
+        raise ValueError from error
+
+
+def simulate(args: argparse.Namespace) -> None:
+    """Runs the command `simulate`."""
+    from billiards_env import layouts, records
+
+    _check_out(args.out)
+    scene = Scene.named(args.scene, args.balls)
+    if args.positions is None:
+        positions = layouts.draw(args.layout, scene, np.random.default_rng(args.seed))
+    elif len(args.positions) != 2 * scene.n_balls:
+        raise ValueError(
+            f"--positions with {len(args.positions)} numbers: expected {2 * scene.n_balls}, x and y of {scene.n_balls} "
+            "balls"
+        )
+    else:
+        positions = np.reshape(args.positions, (-1, 2))
+    velocity = args.velocity
+    if velocity is None:
+        aim = positions[min(1, scene.n_balls - 1)] - positions[0]
+        velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
+    record = records.record_shot(
+        scene, positions, velocity, spins=args.spin, mode=args.mode, dt=args.dt, fix=args.fix, max_time=args.max_time
+    )
+    shot = records.replay(record, check=False, record_events=True)
+    print(shot)
+    for path in args.out:
+        if path.suffix == ".json":
+            records.save(path, record)
+        _write(shot, path)
+
+
+def replay(args: argparse.Namespace) -> None:
+    """Runs the command `replay`."""
+    from billiards_env import records
+    from billiards_env.games.game import replay as shots_of
+
+    _check_out(args.out, without=".json")
+    record = records.load(args.file)
+    if isinstance(record, records.ShotRecord):
+        shots = [records.replay(record, record_events=True)]
+    else:
+        setup, state = record.setup, records.replay(record).state
+        shots = [played.shot for played in shots_of(record.history)]
+        result = f"won by player {state.winner}" if state.winner >= 0 else "over" if state.over else "not over"
+        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(state.scores)}, {result}")
+    if args.shot is not None and not 1 <= args.shot <= len(shots):
+        raise ValueError(f"--shot = {args.shot}: expected a number from 1 to {len(shots)}")
+    if args.shot is not None:
+        shots = [shots[args.shot - 1]]
+    for shot in shots[-1:]:
+        print(shot)
+        for path in args.out:
+            _write(shot, path)
+    if args.window:
+        _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)
+
+
+def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
+    """Shows shots in a window, one after the other."""
+    from billiards_env.drawing.canvas import Canvas
+    from billiards_env.drawing.window import Window
+    from billiards_env.envs.rendering import FPS, WIDTH
+
+    canvas = Canvas(scene, WIDTH)
+    window = Window(canvas.size, "Billiards")
+    for k, shot in enumerate(shots, start=1):
+        for frame in canvas.film(shot.recording(), FPS, f"shot {k} of {len(shots)}"):
+            window.show(frame, FPS)
+    window.close()
+
+
+def _check_out(paths: Sequence[Path], without: str = "") -> None:
+    """Raises an error if a file cannot be written, before anything is simulated."""
+    for path in paths:
+        if path.suffix not in SUFFIXES or path.suffix == without:
+            suffixes = " ".join(suffix for suffix in SUFFIXES if suffix != without)
+            raise ValueError(f"--out = {str(path)!r}: expected a name that ends in one of {suffixes}")
+        check_path(path, path.suffix)
+
+
+def _write(shot: ShotResult, path: Path) -> None:
+    """Writes a shot to a file in the format of its suffix."""
+    if path.suffix == ".html":
+        shot.to_html(path)
+    elif path.suffix == ".gif":
+        shot.to_gif(path)
+    elif path.suffix == ".mp4":
+        shot.to_mp4(path)
+    elif path.suffix in PICTURES:
+        figure = shot.plot().figure
+        figure.savefig(path, dpi=150)
+    print(f"wrote {path}")
+
+
+def version() -> None:
+    """Runs the command `version`."""
+    print(f"billiards-env {__version__}\npython {platform.python_version()} ({platform.platform()})")
+    for name in PACKAGES:
+        try:
+            print(name, importlib.metadata.version(name))
+        except importlib.metadata.PackageNotFoundError:
+            print(name, "is not installed")
+
+
+def cache(clear: bool) -> None:
+    """Runs the command `cache`."""
+    from billiards_env.physics.jit import cache_folder
+
+    current = cache_folder()
+    if current is None:
+        return  # `cache_folder` warns
+    for folder in sorted(current.parent.glob("kernels-" + "[0-9a-f]" * 16)):
+        files = [path for path in folder.rglob("*") if path.is_file()]
+        note = "" if folder == current else ", of another version"
+        print(f"{folder}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB{note}")
+        if clear:
+            shutil.rmtree(folder)
+            print("deleted")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command line; see `billiards --help`."""
+    parser = make_parser()
+    args, rest = parser.parse_known_args(arguments)
+    if args.command == "play":
+        from billiards_env.play.__main__ import main as play
+
+        return play(rest)
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    try:
+        if args.command == "simulate":
+            simulate(args)
+        elif args.command == "replay":
+            replay(args)
+        elif args.command == "version":
+            version()
+        elif args.command == "cache":
+            cache(args.clear)
+        else:
+            parser.print_help()
+    except (ImportError, OSError, TypeError, ValueError) as error:
+        sys.exit(f"error: {error}")
 
 
 if __name__ == "__main__":

@@ -32,7 +32,9 @@ def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
     if target.is_dir():
         raise IsADirectoryError(f"path = {str(target)!r}: expected a file, this is a folder")
     if not target.parent.is_dir():
-        raise FileNotFoundError(f"path = {str(target)!r}: the folder {str(target.parent)!r} does not exist")
+        raise FileNotFoundError(
+            f"path = {str(target)!r}: expected an existing folder, the folder {str(target.parent)!r} does not exist"
+        )
     return target
 
 

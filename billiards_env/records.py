@@ -286,8 +286,12 @@ def load(path: str | os.PathLike[str]) -> Record:
         OSError: If the file cannot be read.
         ValueError: If the file is too large, has another format or a newer version, or its content is invalid.
     """
-    with open(path, "rb") as file:
-        content = file.read(MAX_BYTES + 1)
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (FileNotFoundError, IsADirectoryError) as error:
+        is_not = "does not exist" if isinstance(error, FileNotFoundError) else "is a folder"
+        raise type(error)(f"path = {os.fspath(path)!r}: expected the file of a shot or a game, it {is_not}") from None
     try:
         if len(content) > MAX_BYTES:
             raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")

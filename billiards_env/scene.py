@@ -256,6 +256,17 @@ class Scene:
                         f"of ball {i} ({2 * radius} m), 'han2005' cushions must hit a ball below its top"
                     )
 
+    def __repr__(self) -> str:
+        table, physics = self.table, self.physics
+        used = {"ideal": (), "rolling": ("mu_roll",), "sliding": ("mu_slide", "mu_roll")}[physics.motion]
+        constants = (*used, "e_ball", "e_cushion", *(() if physics.max_time is None else ("max_time",)))
+        return (
+            f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"
+            f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
+            f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
+            + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
+        )
+
     @property
     def n_balls(self) -> int:
         """Number of balls, including the cue ball."""
@@ -339,6 +350,11 @@ class Scene:
             name: ["inf" if math.isinf(v) else v for v in values] for name, values in data["balls"].items()
         }
         return data
+
+
+def _range(values: tuple[float, ...]) -> str:
+    least, most = min(values), max(values)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
 
 
 def _pool(n_balls: int) -> Scene:

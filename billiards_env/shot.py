@@ -106,6 +106,18 @@ class ShotResult:
     engine: str = ""
     _log: Floats | None = None  # the rows of `Log.events`; None for PIT
 
+    def __repr__(self) -> str:
+        potted, contacts = np.flatnonzero(self.potted), self.cushions
+        lines = [
+            f"ShotResult: {len(self.potted)} balls, {self.status} after {self.time:.4g} s, {self.n_events} events",
+            f"potted balls: {', '.join(map(str, potted)) or 'none'}",
+            f"first hit: {'none' if self.first_hit < 0 else f'ball {self.first_hit}'}",
+            f"cushion contacts: {contacts[0]} of the cue ball, {contacts[1:].sum()} of other balls",
+        ]
+        if self.trajectory is not None:
+            lines.append(f"recorded ({self.engine}): events, at(t), plot(), to_html(path), to_gif(path), to_mp4(path)")
+        return "\n  ".join(lines)
+
     def at(self, t: float) -> Floats:
         """Returns the positions of the balls at time t, from their trajectories.
 

@@ -153,6 +153,24 @@ class BatchResult:
     first_hit: NDArray[np.int64]
     n_contact_rule: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        m, n = self.potted.shape
+        lines = [f"BatchResult: {m} shots of {n} balls"]
+        if m > 0:
+            counts = np.bincount(self.status, minlength=len(STATUS)).tolist()
+            cue_ball, object_balls = self.potted[:, 0].sum(), self.potted[:, 1:].any(axis=1).sum()
+            lines += [
+                f"status: {', '.join(f'{name} {k}' for name, k in zip(STATUS, counts, strict=True) if k)}",
+                f"time: {_spread_of(self.time)} s",
+                f"events: {_spread_of(self.n_events)}",
+                f"shots with a potted ball: cue ball {cue_ball}, object balls {object_balls}",
+            ]
+        return "\n  ".join(lines)
+
+
+def _spread_of(values: NDArray[np.generic]) -> str:
+    return f"{values.min():.4g} to {values.max():.4g}, median {np.median(values):.4g}"
+
 
 def simulate_batch(
     scene: Scene,

@@ -178,3 +178,12 @@ def test_an_unknown_name_is_rejected_with_a_suggestion():
     choose("mode", "pic", ("pic", "pit"))
     with rejected("mode = 'pick': expected one of 'pic', 'pit' (did you mean 'pic'?)"):
         choose("mode", "pick", ("pic", "pit"))
+
+
+@pytest.mark.parametrize(
+    ("value", "closest"), [("pci", "pic"), ("PIT", "pit"), ("tip", "pit"), ("xyz", None), (3, None), (["pic"], "pic")]
+)
+def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
+    with pytest.raises(ValueError, match=r"expected one of 'pit', 'pic'") as error:
+        choose("mode", value, ("pit", "pic"))
+    assert str(error.value).partition("did you mean ")[2] == (f"{closest!r}?)" if closest else "")

@@ -442,3 +442,12 @@ def test_balls_not_in_play_may_be_anywhere():
         check_positions(SCENE, [[[0.0, 0.0]] * 2] * 2, in_play=np.array([[True, True], [True, False]]))
     with rejected("expected finite coordinates"):
         check_positions(SCENE, [[0.0, 0.0], [math.nan, 0.0]], in_play=np.array([True, False]))
+
+
+def test_a_scene_prints_its_table_balls_and_physics():
+    assert repr(Scene.named("blocked_pool")).splitlines() == [
+        "Scene: table 2.54 x 1.27 m, 6 pockets",
+        "  balls: 3, radius 0.028575 m, mass 0.170097 to inf kg",
+        "  physics: sliding motion, han2005 cushions, mu_slide 0.2, mu_roll 0.01, e_ball 0.95, e_cushion 0.85",
+    ]
+    assert repr(Scene.named("ideal")).endswith("ideal motion, restitution cushions, e_ball 1, e_cushion 1, max_time 10")

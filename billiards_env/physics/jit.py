@@ -159,20 +159,27 @@ LONG = 1.0
 
 
 class _Announcer(_event.Listener):
-    """Prints one line to stderr if the compilation of an entry point takes longer than `LONG`."""
+    """Prints one line to stderr in a process if the compilation of an entry point takes longer than `LONG`."""
 
     def __init__(self) -> None:
+        self.announced = False
         self.timers: dict[Callable[..., Any], threading.Timer] = {}
 
     def on_start(self, event: Any) -> None:
         """Handles the start of a compilation by numba, of any package."""
         function = event.data["dispatcher"].py_func
-        if function in _ENTRY_POINTS:
-            folder = f"kept in {_FOLDER}" if _FOLDER else "not kept"
-            line = f"billiards_env: compiling {function.__module__}.{function.__qualname__} ({folder}) ...\n"
-            timer = self.timers[function] = threading.Timer(LONG, sys.stderr.write, (line,))
+        if function in _ENTRY_POINTS and not self.announced:
+            timer = self.timers[function] = threading.Timer(LONG, self.announce)
             timer.daemon = True
             timer.start()
+
+    def announce(self) -> None:
+        """Prints the line, unless the process has printed it before."""
+        if not self.announced:
+            self.announced = True
+            again = "kept for later runs" if _FOLDER else "again in every process"
+            clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
+            print(f"{clear}billiards_env: compiling, about half a minute, {again} ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         """Handles the end of a compilation by numba."""

@@ -215,3 +215,16 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
         simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3).first_hit.tolist()
         == [1] * 100
     )
+
+
+def test_a_batch_prints_a_summary():
+    scene = Scene.named("ideal")
+    batch = simulate_batch(scene, [[[-0.5, 0.0], [0.0, 0.0]]] * 3, [[0.1, 0.0], [0.2, 0.0], [0.0, 0.0]])
+    assert repr(batch).splitlines() == [
+        "BatchResult: 3 shots of 2 balls",
+        "  status: rest 1, max_time 2",
+        "  time: 0 to 10, median 10 s",
+        "  events: 0 to 2, median 1",
+        "  shots with a potted ball: cue ball 0, object balls 0",
+    ]
+    assert repr(simulate_batch(scene, np.zeros((0, 2, 2)), np.zeros((0, 2)))) == "BatchResult: 0 shots of 2 balls"

@@ -230,3 +230,19 @@ def test_a_limit_on_events_must_be_a_whole_number(max_events):
         simulation.simulate(scene, places, [1.0, 0.0], max_events=max_events)
     with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
         simulation.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)
+
+
+def test_a_shot_prints_its_result_in_a_few_lines():
+    start = Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45]
+    lines = [
+        "ShotResult: 2 balls, rest after 4.642 s, 8 events",
+        "  potted balls: 1",
+        "  first hit: ball 1",
+        "  cushion contacts: 1 of the cue ball, 0 of other balls",
+    ]
+    assert repr(simulate(*start)).splitlines() == lines
+    *recorded, last = repr(simulate(*start, record=True)).splitlines()
+    assert recorded == lines
+    assert last.startswith("  recorded (PIC): events, at(t), plot()")
+    rest = simulate(start[0], start[1], [0.0, 0.0])
+    assert repr(rest).splitlines()[1:3] == ["  potted balls: none", "  first hit: none"]

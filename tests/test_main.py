@@ -1,0 +1,155 @@
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, records
+from billiards_env.__main__ import main
+from billiards_env.games import Setup, Stroke, opening
+from billiards_env.games.game import History
+from billiards_env.physics import jit
+
+SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
+
+
+def lines(capsys, *arguments):
+    main(arguments)
+    return capsys.readouterr().out.splitlines()
+
+
+def test_the_overview_needs_neither_the_engine_nor_a_window():
+    code = (
+        "import sys\n"
+        "from billiards_env.__main__ import main\n"
+        "main([])\n"
+        "assert not {'numba', 'pygame', 'matplotlib', 'torch'} & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    for command in ("play", "simulate", "replay", "version", "cache"):
+        assert f"\n    {command} " in done.stdout
+
+
+def test_the_console_script_is_the_module():
+    pyproject = (Path(__file__).parents[1] / "pyproject.toml").read_text()
+    assert '\n[project.scripts]\nbilliards = "billiards_env.__main__:main"\n' in pyproject
+
+
+def test_simulate_prints_the_result_and_writes_a_page_and_a_record(capsys, tmp_path):
+    page, record = tmp_path / "shot.html", tmp_path / "shot.json"
+    first, *printed = lines(capsys, *SHOT, "--out", str(page), "--out", str(record))
+    assert first == "ShotResult: 2 balls, rest after 4.642 s, 8 events"
+    assert printed[0] == "  potted balls: 1"
+    assert printed[-2:] == [f"wrote {page}", f"wrote {record}"]
+    assert page.read_text().startswith("<!doctype html>")
+    again = lines(capsys, "replay", str(record), "--out", str(tmp_path / "again.html"))
+    assert again[:-1] == [first, *printed[:-2]]
+    assert (tmp_path / "again.html").read_text() == page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("suffix", "module", "start"),
+    [("png", "matplotlib", b"\x89PNG"), ("svg", "matplotlib", b"<?xml"), ("gif", "pygame", b"GIF8")],
+)
+def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
+    pytest.importorskip(module)
+    path = tmp_path / f"shot.{suffix}"
+    main(["simulate", "--max-time", "1/10", "--out", str(path)])
+    assert path.read_bytes().startswith(start)
+
+
+def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):
+    first, _, hit, *_ = lines(capsys, "simulate", "--balls", "3", "--seed", "4", "--mode", "pit", "--dt", "1/60")
+    assert first.startswith("ShotResult: 4 balls, rest after ")
+    assert hit.startswith("  first hit: ball ")
+    assert lines(capsys, "simulate", "--balls", "0")[2] == "  first hit: none"
+
+
+@pytest.fixture
+def game(tmp_path):
+    setup = Setup("nine_ball", Scene.named("pool", 9))
+    strokes = (Stroke((6.0, 0.1), (-0.8, 0.0)), Stroke((1.0, 0.0), (-0.8, 0.3)))
+    history = History(setup, opening(setup, np.random.default_rng(0)), strokes)
+    records.save(tmp_path / "game.json", records.record_game(history))
+    return str(tmp_path / "game.json")
+
+
+def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
+    state, shot, *_ = lines(capsys, "replay", game, "--shot", "1", "--out", str(tmp_path / "break.html"))
+    assert state == "nine_ball, 2 players, 2 shots, scores [0, 0], not over"
+    assert shot.startswith("ShotResult: 10 balls")
+    assert (tmp_path / "break.html").exists()
+    assert lines(capsys, "replay", game)[1] != shot
+
+
+def test_replay_in_a_window(monkeypatch, game):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    shown = []
+    monkeypatch.setattr("billiards_env.drawing.window.Window.show", lambda self, frame, fps: shown.append(fps))
+    main(["replay", game, "--window"])
+    assert len(shown) > 60
+
+
+def test_play_gets_its_arguments(monkeypatch):
+    pytest.importorskip("pygame")
+    given = []
+    monkeypatch.setattr("billiards_env.play.__main__.main", given.append)
+    main(["play", "--rules", "carom", "--players", "human,human"])
+    assert given == [["--rules", "carom", "--players", "human,human"]]
+
+
+def test_version_lists_the_packages(capsys):
+    printed = lines(capsys, "version")
+    assert printed[0].startswith("billiards-env ")
+    assert {"numpy", "numba", "gymnasium"} <= {line.split()[0] for line in printed}
+    assert all(not line.endswith("is not installed") for line in printed if importlib.util.find_spec(line.split()[0]))
+
+
+def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    folder, old = tmp_path / f"kernels-{jit.source_hash()}", tmp_path / ("kernels-" + "0" * 16)
+    for each in (folder, old, tmp_path / "kernels-of-others"):
+        each.mkdir()
+        (each / "code.nbc").write_bytes(bytes(1_500_000))
+    assert sorted(lines(capsys, "cache")) == sorted(
+        [f"{folder}: 1 files, 1.5 MB", f"{old}: 1 files, 1.5 MB, of another version"]
+    )
+    lines(capsys, "cache", "--clear")
+    assert [path.name for path in tmp_path.iterdir()] == ["kernels-of-others"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate", "--mode", "pci"], "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
+        (["simulate", "--positions", "0", "0"], "--positions with 2 numbers: expected 4, x and y of 2 balls"),
+        (["simulate", "--out", "shot.txt"], "--out = 'shot.txt': expected a name that ends in one of .html .png"),
+        (["simulate", "--out", "no/shot.png"], "path = 'no/shot.png': expected an existing folder"),
+        (["replay", "no.json"], "path = 'no.json': expected the file of a shot or a game, it does not exist"),
+        (["replay", "."], "path = '.': expected the file of a shot or a game, it is a folder"),
+        (["replay", "shot.json", "--out", "copy.json"], "--out = 'copy.json': expected a name that ends in"),
+    ],
+)
+def test_errors_are_one_line(arguments, message):
+    with pytest.raises(SystemExit) as exit:
+        main(arguments)
+    assert isinstance(exit.value.code, str)
+    assert exit.value.code.startswith(f"error: {message}")
+
+
+def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
+    monkeypatch.delitem(sys.modules, "billiards_env.drawing.plot", raising=False)
+    with pytest.raises(SystemExit, match=r"error: matplotlib is not installed: expected the extra 'plot': pip install"):
+        main([*SHOT, "--out", str(tmp_path / "shot.png")])
+    assert not (tmp_path / "shot.png").exists()
+
+
+def test_unknown_options_are_refused(capsys):
+    for arguments in (["simulate", "--spede", "2"], ["simulate", "--mode", "pit", "--dt", "1/0"], ["plya"]):
+        with pytest.raises(SystemExit, match="2"):
+            main(arguments)
+        assert "error: " in capsys.readouterr().err
