@@ -71,9 +71,9 @@ RANGES: dict[str, Range] = {
 
 
 def short(value: Any) -> str:
-    """Returns `repr(value)`, cut to 200 characters."""
+    """Returns `repr(value)` in one line, cut to 200 characters."""
     try:
-        text = repr(value)
+        text = " ".join(repr(value).split("\n"))
     except (ValueError, RecursionError):  # a number of thousands of digits, deeply nested lists
         text = f"a {type(value).__name__}"
     return text if len(text) <= 200 else text[:200] + "..."
@@ -173,9 +173,20 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Returns a float64 copy of an array. Raises a ValueError unless it is an array of numbers, or lists of numbers."""
+    try:
+        array = np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        array = None
+    if array is None or array.ndim == 0:
+        raise ValueError(f"{name} = {short(value)}: expected an array of numbers")
+    return array
+
+
 def shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Returns a float64 copy of an array. Raises a ValueError unless it has the shape `shape`."""
-    array = np.array(value, dtype=np.float64, order="C")
+    """Returns a float64 copy of an array. Raises a ValueError unless it holds numbers and has the shape `shape`."""
+    array = numbers(name, value)
     if array.shape != shape:
         raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
     return array
@@ -222,15 +233,8 @@ def _text(bound: float) -> str:
 
 
 def _closest(name: str, choices: tuple[str, ...]) -> str | None:
-    """Returns the choice that resembles a name most, or None. Swapped letters count less than other letters."""
-
-    def likeness(one: str, other: str) -> float:
-        return difflib.SequenceMatcher(None, one, other).ratio()
-
-    name = name.lower()
-    scored = [
-        (likeness(name, choice.lower()) + likeness("".join(sorted(name)), "".join(sorted(choice.lower()))), choice)
-        for choice in choices
-    ]
-    score, closest = max(scored, default=(0.0, ""))
-    return closest if score >= 1.2 else None
+    """Returns the choice that resembles a name most, or None. The case and the order of the letters do not count."""
+    lower = {choice.lower(): choice for choice in choices}
+    same_letters = [choice for choice in lower if sorted(choice) == sorted(name.lower())]
+    found = same_letters or difflib.get_close_matches(name.lower(), lower, 1)
+    return lower[found[0]] if found else None

@@ -26,16 +26,22 @@ def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
         FileNotFoundError: If its folder does not exist.
         IsADirectoryError: If it is a folder.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(f"path = {path!r}: expected a path, not {type(path).__name__}")
     target = Path(path)
     if target.suffix.lower() != suffix:
         raise ValueError(f"path = {str(target)!r}: expected a name that ends in {suffix!r}")
     if target.is_dir():
         raise IsADirectoryError(f"path = {str(target)!r}: expected a file, this is a folder")
+    _check_folder(target)
+    return target
+
+
+def _check_folder(target: Path) -> None:
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"path = {str(target)!r}: expected an existing folder, the folder {str(target.parent)!r} does not exist"
         )
-    return target
 
 
 @contextlib.contextmanager
@@ -46,6 +52,7 @@ def replacing(target: Path) -> Iterator[Path]:
     to disk before it replaces `target`, so a crash does not leave a partial file. It is a new file with a random name,
     so another writer or a prepared link cannot interfere. Its permissions follow the umask.
     """
+    _check_folder(target)
     temporary = target.with_name(f".{secrets.token_hex(16)}{target.suffix}")
     os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:

@@ -44,7 +44,7 @@ from billiards_env import streams
 from billiards_env.checks import choose
 from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import entry_point, kernel
-from billiards_env.scene import Scene, check_positions
+from billiards_env.scene import Scene, check_positions, check_scene
 
 Floats = NDArray[np.float64]
 
@@ -115,7 +115,6 @@ class Plan(NamedTuple):
     pockets: Floats
 
 
-@functools.lru_cache(maxsize=256)
 def plan(name: str, scene: Scene) -> Plan:
     """Returns the plan of a layout.
 
@@ -130,6 +129,12 @@ def plan(name: str, scene: Scene) -> Plan:
         ValueError: If the name is unknown or the layout does not suit the scene's balls.
     """
     choose("layout", name, LAYOUTS)
+    check_scene(scene)
+    return _make_plan(name, scene)
+
+
+@functools.lru_cache(maxsize=256)
+def _make_plan(name: str, scene: Scene) -> Plan:
     n = scene.n_balls
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])

@@ -35,7 +35,7 @@ from billiards_env.engine.shots import STATUS
 from billiards_env.files import replacing
 from billiards_env.games.game import GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.rules import RuleState
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, check_scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
 
@@ -185,6 +185,7 @@ def record_shot(
     Raises:
         ValueError: As `simulate` does.
     """
+    check_scene(scene)
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     checked = check_shot(
@@ -316,6 +317,8 @@ def to_json(record: Record) -> str:
         for field in dataclasses.fields(record):
             data[field.name] = getattr(record, field.name)
         data["scene"] = record.scene.to_dict()
+    elif not isinstance(record, GameRecord):
+        raise TypeError(f"record = {short(record)}: expected the result of record_shot or record_game")
     else:
         setup = record.setup
         data["format"] = GAME

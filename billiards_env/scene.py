@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, real, whole
+from billiards_env.checks import Range, choose, numbers, real, short, whole
 
 MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005")
@@ -62,14 +62,14 @@ def _check(owner: object, prefix: str, **ranges: str) -> None:
 
 def _sequence(name: str, values: Any) -> tuple[Any, ...]:
     if not isinstance(values, (list, tuple)):
-        raise TypeError(f"{name} = {values!r}: expected a list")
+        raise TypeError(f"{name} = {short(values)}: expected a list")
     return tuple(values)
 
 
 def _fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
     """Returns `data` as keyword arguments of the dataclass `kind`; raises if a key is unknown or missing."""
     if not isinstance(data, Mapping):
-        raise TypeError(f"{name} = {data!r}: expected a mapping")
+        raise TypeError(f"{name} = {short(data)}: expected a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for key in data:
         choose(f"key of {name}", key, tuple(fields))
@@ -124,10 +124,10 @@ class Table:
     def __post_init__(self) -> None:
         _check(self, "table", length="length", width="length", cushion_height="cushion_height")
         if not isinstance(self.pockets, tuple):
-            raise TypeError(f"table.pockets = {self.pockets!r}: expected a tuple of Pocket objects")
+            raise TypeError(f"table.pockets = {short(self.pockets)}: expected a tuple of Pocket objects")
         for k, p in enumerate(self.pockets):
             if not isinstance(p, Pocket):
-                raise TypeError(f"table.pockets[{k}] = {p!r}: expected a Pocket")
+                raise TypeError(f"table.pockets[{k}] = {short(p)}: expected a Pocket")
         for k, p in enumerate(self.pockets):
             if abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius:
                 raise ValueError(
@@ -152,7 +152,7 @@ class Balls:
         for name, within in (("radius", "length"), ("mass", "mass")):
             values = getattr(self, name)
             if not isinstance(values, tuple):
-                raise TypeError(f"balls.{name} = {values!r}: expected a tuple of numbers")
+                raise TypeError(f"balls.{name} = {short(values)}: expected a tuple of numbers")
             checked = (
                 math.inf if name == "mass" and value == math.inf else real(f"balls.{name}[{i}]", value, within)
                 for i, value in enumerate(values)
@@ -240,9 +240,11 @@ class Scene:
     physics: Physics = Physics()
 
     def __post_init__(self) -> None:
+        if isinstance(self.balls, str):
+            raise TypeError(f"scene.balls = {self.balls!r}: expected a Balls; Scene.named(name) returns a named scene")
         for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics)):
             if not isinstance(getattr(self, name), kind):
-                raise TypeError(f"scene.{name} = {getattr(self, name)!r}: expected a {kind.__name__}")
+                raise TypeError(f"scene.{name} = {short(getattr(self, name))}: expected a {kind.__name__}")
         widest = 2 * max(self.balls.radius)
         if widest > min(self.table.length, self.table.width):
             raise ValueError(
@@ -405,6 +407,12 @@ _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
 SCENES = tuple(_NAMED)
 
 
+def check_scene(scene: Scene) -> None:
+    """Raises a TypeError unless `scene` is a Scene."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene = {short(scene)}: expected a Scene, such as Scene.named('pool')")
+
+
 def check_positions(
     scene: Scene, positions: ArrayLike, name: str = "positions", in_play: NDArray[np.bool_] | None = None
 ) -> NDArray[np.float64]:
@@ -423,7 +431,7 @@ def check_positions(
         ValueError: If a coordinate is not finite, a ball lies outside the cushions or in a pocket, or two balls
             overlap by more than `CONTACT_GAP`.
     """
-    array = np.array(positions, dtype=np.float64)
+    array = numbers(name, positions)
     n = scene.n_balls
     if array.ndim not in (2, 3) or array.shape[-2:] != (n, 2):
         raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), one row per ball")

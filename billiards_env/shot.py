@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import html
 import os
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import Range, fits, numbers, short
 from billiards_env.engine.log import (
     BALL,
     EVENT_X,
@@ -132,8 +134,8 @@ class ShotResult:
         """
         if self.trajectory is None:
             raise ValueError("shot.at: the shot was not recorded, expected simulate(..., record=True)")
-        if not 0 <= t < np.inf:
-            raise ValueError(f"t = {t!r}: expected a finite number of seconds >= 0")
+        if not fits(t, Range(0.0, sys.float_info.max)):
+            raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
         return self.trajectory.at(min(float(t), self.time))
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
@@ -165,9 +167,9 @@ class ShotResult:
         """
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError("shot.sensitivity: expected a shot of simulate(..., mode='pic', record=True)")
-        array = np.asarray(times, dtype=np.float64)
+        array = numbers("times", times)
         if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
-            raise ValueError(f"times = {times!r}: expected finite numbers of seconds >= 0 in ascending order")
+            raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
         arrays = scene_arrays(self.scene)
         return sensitivity_along(self.trajectory, self._log, arrays, np.minimum(array, self.time))
 
@@ -279,6 +281,8 @@ class ShotResult:
 
 
 def _recording(shot: ShotResult | None, method: str) -> Recording | None:
+    if not (shot is None or isinstance(shot, ShotResult)):
+        raise TypeError(f"compare = {short(shot)}: expected a ShotResult or None")
     return None if shot is None else shot.recording(method)
 
 

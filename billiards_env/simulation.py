@@ -7,13 +7,13 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import whole
+from billiards_env.checks import flag, numbers, whole
 from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
 from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import spread
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, check_scene
 from billiards_env.shot import ShotResult, read_log
 
 
@@ -63,10 +63,13 @@ def simulate(
         >>> shot.status, shot.first_hit, shot.velocities.tolist()
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
+    check_scene(scene)
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
-    if np.ndim(positions) != 2:
-        raise ValueError(f"positions has shape {np.shape(positions)}: expected ({scene.n_balls}, 2), one row per ball")
+    flag("record", record)
+    positions = numbers("positions", positions)
+    if positions.ndim != 2:
+        raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
     return run_shot(scene, checked, mode, dt, fix, record, max_events)
 
@@ -215,9 +218,10 @@ def simulate_batch(
         >>> batch.first_hit.tolist()
         [1, 1, -1]
     """
+    check_scene(scene)
     check_mode(mode, dt, fix)
     whole("max_events", max_events, "max_events")
-    positions = np.asarray(positions, dtype=np.float64)
+    positions = numbers("positions", positions)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:

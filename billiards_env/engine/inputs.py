@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, real
+from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, short
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import spread
@@ -132,7 +132,7 @@ def check_shot(
     Raises:
         ValueError: As in `simulate`; the message names the shot of a batch.
     """
-    given = np.asarray(positions, dtype=np.float64)
+    given = numbers("positions", positions)
     shape = given.shape[:-1]
     if given.ndim not in (2, 3) or given.shape[-2:] != (scene.n_balls, 2):
         check_positions(scene, given)  # raises
@@ -149,7 +149,10 @@ def check_shot(
             f"spins with physics.motion = {scene.physics.motion!r}: expected None, spins need motion 'sliding'"
         )
     _fill(shot.velocities, "velocities", velocities)
-    _fill(shot.spins, "spins", spins)
+    if spins is None:
+        shot.spins[...] = 0.0
+    else:
+        _fill(shot.spins, "spins", spins)
     if not _is_valid_fast(scene, shot, threads):
         check_positions(scene, shot.positions, in_play=shot.in_play)
         _check_motion(scene, "velocities", shot.velocities, RANGES["speed"])
@@ -159,18 +162,17 @@ def check_shot(
 
 def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
     """Fills an array with given values, or with True."""
-    given, shape = np.asarray(True if values is None else values, dtype=np.bool_), array.shape
+    given, shape = np.asarray(True if values is None else values), array.shape
+    if given.dtype != np.bool_:
+        raise ValueError(f"in_play = {short(values)}: expected True or False for each ball")
     if values is not None and given.shape not in (shape, shape[-1:]):
         raise ValueError(f"in_play has shape {given.shape}: expected {shape[-1:]}, one value per ball")
     array[...] = given
 
 
-def _fill(array: Floats, name: str, values: ArrayLike | None) -> None:
+def _fill(array: Floats, name: str, values: ArrayLike) -> None:
     """Fills an array with the values of all balls, or of the cue ball and zeros. Checks only their shape."""
-    if values is None:
-        array[...] = 0.0
-        return
-    given, full = np.asarray(values, dtype=np.float64), array.shape
+    given, full = numbers(name, values), array.shape
     cue_ball_alone = (*full[:-2], full[-1])
     if given.shape == full:
         array[...] = given

@@ -66,7 +66,7 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
         least, most, unit, _ = RANGES["dt"]
         raise ValueError(
             f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
-            "such as 1/60"
+            f"such as 1/60{', not str' if isinstance(dt, str) else ''}"
         )
     if fix is not None:
         choose("fix", fix, FIXES)

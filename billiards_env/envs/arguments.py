@@ -27,7 +27,7 @@ def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Sc
     if isinstance(scene, str):
         return Scene.named(scene, n_object_balls)
     if isinstance(scene, Scene):
-        raise TypeError("scene = Scene(...): expected a name or a dict: pass scene.to_dict(), which is JSON data")
+        raise TypeError("scene = Scene(...): expected a name or a dict: pass scene.to_dict()")
     if not isinstance(scene, Mapping):
         raise TypeError(f"scene = {short(scene)}: expected a name or a dict in the form of Scene.to_dict()")
     if n_object_balls is not None:

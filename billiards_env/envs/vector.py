@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import streams
-from billiards_env.checks import choose, shaped, whole
+from billiards_env.checks import choose, shaped, short, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import check_options
@@ -96,6 +96,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         "render_fps": FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
+    _renderer: Renderer | None = None  # Gymnasium closes an environment even if its construction failed
 
     def __init__(
         self,
@@ -350,6 +351,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             return None
         if isinstance(seed, (int, np.integer)):
             seed = [int(seed) + i for i in range(self.num_envs)]
+        if not isinstance(seed, (list, tuple, np.ndarray)):
+            raise TypeError(f"seed = {short(seed)}: expected a whole number >= 0, or a list with one per environment")
         seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"seed has {len(seeds)} entries: expected {self.num_envs}, one per environment")
@@ -369,7 +372,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 def _checked_mask(mask: Any, num_envs: int) -> Bools:
     """Returns a copy of a reset mask."""
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-        raise TypeError(f"options['reset_mask'] = {mask!r}: expected a NumPy array of bool")
+        raise TypeError(f"options['reset_mask'] = {short(mask)}: expected a NumPy array of bool")
     if mask.shape != (num_envs,):
         raise ValueError(f"options['reset_mask'] has shape {mask.shape}: expected ({num_envs},)")
     if not mask.any():

@@ -18,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import real
 from billiards_env.envs.action_frames import ActionTransform, perturb
+from billiards_env.envs.billiards import BilliardsEnv
+from billiards_env.envs.vector import BilliardsVectorEnv
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +56,7 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
     ) -> None:
         RecordConstructorArgs.__init__(self, frame=frame, ball=ball, least_speed=least_speed)
         super().__init__(env)
-        self._game: Any = env.unwrapped
+        self._game: Any = _game(env)
         self._frame = ActionTransform(
             frame, self._game.scene, self._game.targets, self._game.max_speed, ball, least_speed
         )
@@ -119,8 +121,7 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     def __init__(self, env: gym.Env[Any, Any], angle_std: float = 0.125, speed_std: float = 0.075) -> None:
         RecordConstructorArgs.__init__(self, angle_std=angle_std, speed_std=speed_std)
         super().__init__(env)
-        game: Any = env.unwrapped
-        self._scales = _scales(angle_std, speed_std, game.max_speed)
+        self._scales = _scales(angle_std, speed_std, _game(env).max_speed)
         self._stream = _stream(None)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -201,10 +202,16 @@ def _stream(seed: int | None) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
 
 
-def _game(envs: VectorEnv) -> Any:
-    """Returns a single environment with the arguments of all environments."""
-    base: Any = envs.unwrapped
-    return base.single_env if hasattr(base, "single_env") else base.get_attr("unwrapped")[0]
+def _game(env: gym.Env[Any, Any] | VectorEnv) -> BilliardsEnv:
+    """Returns a single environment with the arguments of all environments, without wrappers."""
+    base: Any = env.unwrapped
+    if isinstance(base, BilliardsVectorEnv):
+        return base.single_env
+    if isinstance(base, VectorEnv):
+        base = base.get_attr("unwrapped")[0] if hasattr(base, "get_attr") else base
+    if not isinstance(base, BilliardsEnv):
+        raise TypeError(f"env = {env}: expected the environment Billiards-v0")
+    return base
 
 
 def _each(envs: VectorEnv, name: str) -> NDArray[Any]:

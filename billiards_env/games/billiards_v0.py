@@ -348,7 +348,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
         """Converts an action to a stroke in the present state."""
         width = 4 if self.setup.game_rules.pockets else 2
-        array = finite("action", [] if action is None else action, (width,))
+        array = finite("action", action, (width,))
         state = self.game.state
         vx, vy = cue_velocity(array[:2], self.max_speed).tolist()
         place: Point | None = None

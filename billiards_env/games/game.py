@@ -19,7 +19,7 @@ from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import check_mode
 from billiards_env.games.placement import Point, cue_ball_point, spotted_point
 from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, RuleState, Verdict, facts_of, next_state
-from billiards_env.scene import Scene, check_positions
+from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import run_shot
 
@@ -57,6 +57,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         choose("rules", self.rules, tuple(RULES))
+        check_scene(self.scene)
         rules = self.game_rules
         low, high = rules.n_object_balls
         if not low <= self.scene.n_balls - 1 <= high:
@@ -72,7 +73,9 @@ class Setup:
         for i, mass in enumerate(self.scene.balls.mass):
             if math.isinf(mass):
                 raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")
-        object.__setattr__(self, "n_players", whole("n_players", self.n_players, Range(*rules.n_players)))
+        object.__setattr__(
+            self, "n_players", whole("n_players", self.n_players, Range(*rules.n_players, f"for rules {self.rules!r}"))
+        )
         if rules.target is None:
             if self.target is not None:
                 raise ValueError(
