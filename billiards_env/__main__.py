@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -206,7 +206,7 @@ def _write(shot: ShotResult, path: Path) -> None:
     elif path.suffix == ".mp4":
         shot.to_mp4(path)
     elif path.suffix in PICTURES:
-        figure = shot.plot().figure
+        figure: Any = shot.plot().figure
         figure.savefig(path, dpi=150)
     print(f"wrote {path}")
 

@@ -173,18 +173,17 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Returns a float64 copy of an array. Raises a ValueError unless it is an array of numbers, or lists of numbers."""
+def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
+    """Returns a float64 copy of an array of numbers or of lists of numbers. Raises a ValueError for other values."""
     try:
-        array = np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        array = None
-    if array is None or array.ndim == 0:
-        raise ValueError(f"{name} = {short(value)}: expected an array of numbers")
-    return array
+        if value is not None:
+            return np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError):  # a text, or lists of several lengths
+        pass
+    raise ValueError(f"{name} = {short(value)}: expected finite numbers in an array")
 
 
-def shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def shaped(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Returns a float64 copy of an array. Raises a ValueError unless it holds numbers and has the shape `shape`."""
     array = numbers(name, value)
     if array.shape != shape:
@@ -192,7 +191,7 @@ def shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     return array
 
 
-def finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Returns a copy of an array as float64, after a check of its shape and of its numbers.
 
     Raises:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -171,7 +172,7 @@ class BatchResult:
         return "\n  ".join(lines)
 
 
-def _spread_of(values: NDArray[np.generic]) -> str:
+def _spread_of(values: NDArray[Any]) -> str:
     return f"{values.min():.4g} to {values.max():.4g}, median {np.median(values):.4g}"
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import billiards_env  # noqa: F401  (registers the environment)
+from billiards_env import records
 from billiards_env.checks import RANGES, Range, choose, fits, real, whole
 from billiards_env.engine.pit import MAX_STEPS
+from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs.wrappers import ActionFrame
 from billiards_env.games import Setup, Stroke, opening, play
 from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
 from billiards_env.simulation import simulate, simulate_batch
@@ -187,3 +189,56 @@ def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
     with pytest.raises(ValueError, match=r"expected one of 'pit', 'pic'") as error:
         choose("mode", value, ("pit", "pic"))
     assert str(error.value).partition("did you mean ")[2] == (f"{closest!r}?)" if closest else "")
+
+
+POOL = Scene.named("pool")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: simulate(cast("Any", "pool"), PLACES, [1, 0]),
+            "scene = 'pool': expected a Scene, such as Scene.named",
+        ),
+        (lambda: simulate_batch(cast("Any", None), [PLACES], [[1, 0]]), "scene = None: expected a Scene"),
+        (lambda: simulate(POOL, "rack", [1, 0]), "positions = 'rack': expected finite numbers in an array"),
+        (lambda: simulate(POOL, [[0, 0], [1]], [1, 0]), "positions = [[0, 0], [1]]: expected finite numbers"),
+        (lambda: simulate(POOL, PLACES, cast("Any", None)), "velocities = None: expected finite numbers in an array"),
+        (lambda: simulate(POOL, PLACES, [1, 0], in_play=[0, 5]), "in_play = [0, 5]: expected True or False for each"),
+        (lambda: simulate(POOL, PLACES, [1, 0], record=cast("Any", "yes")), "record = 'yes': expected True or False"),
+        (lambda: Scene(cast("Any", "pool")), "scene.balls = 'pool': expected a Balls; Scene.named(name) returns"),
+        (lambda: Setup("nine_ball", cast("Any", "pool")), "scene = 'pool': expected a Scene"),
+        (
+            lambda: records.save("no/shot.json", records.record_shot(POOL, PLACES, [1, 0])),
+            "path = 'no/shot.json': expec",
+        ),
+        (
+            lambda: records.to_json(cast("Any", simulate(POOL, PLACES, [1, 0]))),
+            "record = ShotResult: 2 balls, rest aft",
+        ),
+        (
+            lambda: gym.make("Billiards-v0", scene=POOL),
+            "scene = Scene(...): expected a name or a dict: pass scene.to_dict",
+        ),
+        (lambda: gym.make("Billiards-v0", layout=["rack"]), "layout = ['rack']: expected one of 'random', 'rack'"),
+        (lambda: gym.make("Billiards-v0").unwrapped.step(cast("Any", "go")), "The episode is over or has not begun"),
+        (
+            lambda: gym.make_vec("Billiards-v0", 2).reset(seed=cast("Any", 1.5)),
+            "seed = 1.5: expected a whole number >= 0,",
+        ),
+        (lambda: ActionFrame(gym.make("CartPole-v1"), "cut"), "env = <TimeLimit<"),
+        (
+            lambda: BilliardsVectorEnv(2).reset(options={"positions": "abc"}),
+            "options['positions'] = 'abc': expected fin",
+        ),
+    ],
+)
+def test_a_wrong_type_is_named(call, message):
+    with pytest.raises((TypeError, ValueError, OSError, gym.error.ResetNeeded)) as error:
+        call()
+    assert str(error.value).startswith(message)
+
+
+def test_a_vector_environment_whose_construction_failed_can_be_closed():
+    BilliardsVectorEnv.__new__(BilliardsVectorEnv).close_extras()

@@ -234,7 +234,7 @@ class Episodes:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
         warnings.warn(
             f"the engine ended a shot at its limit, after {self.shots.n_events[k]} events and {self.shots.time[k]} s; "
-            f"scene {self.settings.scene}, positions {self.start[k].tolist()}, action {action.tolist()}",
+            f"scene {self.settings.scene.to_dict()}, positions {self.start[k].tolist()}, action {action.tolist()}",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import real
 from billiards_env.envs.action_frames import ActionTransform, perturb
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.vector import BilliardsVectorEnv
 
 Floats = NDArray[np.float64]
 
@@ -205,10 +204,10 @@ def _stream(seed: int | None) -> np.random.Generator:
 def _game(env: gym.Env[Any, Any] | VectorEnv) -> BilliardsEnv:
     """Returns a single environment with the arguments of all environments, without wrappers."""
     base: Any = env.unwrapped
-    if isinstance(base, BilliardsVectorEnv):
-        return base.single_env
-    if isinstance(base, VectorEnv):
-        base = base.get_attr("unwrapped")[0] if hasattr(base, "get_attr") else base
+    if hasattr(base, "single_env"):  # the native vector environment
+        base = base.single_env
+    elif hasattr(base, "get_attr"):  # a vector environment of Gymnasium
+        base = base.get_attr("unwrapped")[0]
     if not isinstance(base, BilliardsEnv):
         raise TypeError(f"env = {env}: expected the environment Billiards-v0")
     return base
