@@ -170,6 +170,9 @@ class Renderer:
             return
         films = self._films(shots[:MAX_SHOWN])
         from billiards_env.drawing.canvas import side_by_side
+            for frame in self._film(shots):
+                if self._window is None:
+                    from billiards_env.drawing.window import Window
 
         for frame in films[0] if len(films) == 1 else side_by_side(films):
             if self._window is None:
@@ -212,6 +215,13 @@ class Renderer:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+    def _film(self, shots: Sequence[DrawnShot]) -> Iterator[Surface]:
+        """Returns the frames of a step for the window, with the first environments side by side."""
+        films = self._films(shots[:MAX_SHOWN])
+        from billiards_env.drawing.canvas import side_by_side
+
+        return films[0] if len(films) == 1 else side_by_side(films)
 
     def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
         """Returns the frames of a step, one iterator for each environment."""
