@@ -185,6 +185,8 @@ def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
     for k, shot in enumerate(shots, start=1):
         for frame in canvas.film(shot.recording(), FPS, f"shot {k} of {len(shots)}"):
             window.show(frame, FPS)
+            if not window.open:  # the user closed it
+                return
     window.close()
 
 

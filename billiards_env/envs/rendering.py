@@ -168,13 +168,7 @@ class Renderer:
         """Shows a step in the window, unless the user has closed it."""
         if self._window is not None and not self._window.open:
             return
-        films = self._films(shots[:MAX_SHOWN])
-        from billiards_env.drawing.canvas import side_by_side
-            for frame in self._film(shots):
-                if self._window is None:
-                    from billiards_env.drawing.window import Window
-
-        for frame in films[0] if len(films) == 1 else side_by_side(films):
+        for frame in self._film(shots):
             if self._window is None:
                 from billiards_env.drawing.window import Window
 

@@ -409,10 +409,12 @@ def test_gymnasium_shows_the_frames_of_a_vector_in_a_window(pygame):
 
 @pytest.mark.parametrize(("num_envs", "size"), [(2, (1124, 324)), (6, (1124, 652))])
 def test_a_window_shows_up_to_four_environments_side_by_side(pygame, num_envs, size):
+    from billiards_env.drawing.window import LINE
+
     envs = make_vec("Billiards-v0", num_envs=num_envs, render_mode="human")
     envs.reset(seed=0)
     envs.step(np.full((num_envs, 2), 0.01))
-    assert pygame.display.get_surface().get_size() == size
+    assert pygame.display.get_surface().get_size() == (size[0], size[1] + LINE)
     assert envs.render() is None
     envs.close()
     assert not pygame.display.get_init()
