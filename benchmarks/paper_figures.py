@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks.figures import IMAGES, save
 from billiards_env.drawing.plot import MARKS
-from billiards_env.drawing.style import CHALK, CLOTH, CUSHION, INK
+from billiards_env.drawing.style import CHALK, INK
 from billiards_env.failures import FAILURES, Failure
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
@@ -30,6 +30,7 @@ from billiards_env.simulation import simulate
 Floats = NDArray[np.float64]
 
 COLOURS, FIXED, OVERLAP, QUIET = ("#0072b2", "#e69f00"), "#8c8c8c", "#d55e00", "#555555"
+CLOTH, CUSHION = "#dfe9e2", "#a9c4b1"  # lighter than in pictures of shots, for dark lines
 ARROW = 0.02  # s; the length of an arrow is the distance in this time
 # In inches: the width of the picture, the size of a panel, the gaps at the sides and between the columns, the heights
 # of the column heads, of a panel's title and of the legend.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 import os
 import sys
 from collections.abc import Iterator
@@ -258,11 +257,9 @@ class ShotResult:
         """Returns the page of `to_html` for a notebook, or None if the shot was not recorded or is very long."""
         if self.trajectory is None or len(self.trajectory.ball) > LONGEST_SHOWN:
             return None
-        from billiards_env.drawing.page import make_page
+        from billiards_env.drawing.page import notebook_output
 
-        page = html.escape(make_page(self.recording("_repr_html_")), quote=True)
-        style = "width: 100%; height: 680px; border: 0"
-        return f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" style="{style}"></iframe>'
+        return notebook_output(self.recording("_repr_html_"))
 
     def recording(self, method: str = "recording") -> Recording:
         """Returns the shot as the `Recording` that `billiards_env.drawing` uses.

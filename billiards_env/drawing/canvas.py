@@ -11,6 +11,7 @@ import functools
 import itertools
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -29,16 +30,15 @@ from billiards_env.drawing.style import (
     ARROW,
     ARROW_START,
     CHALK,
-    CLOTH,
-    CUSHION,
-    CUSHION_SHARE,
     INK,
     PAPER,
-    POCKET,
+    POTTED,
     RAIL,
-    RAIL_SHARE,
     Look,
+    draw_table,
     looks,
+    rail_width,
+    tray,
 )
 from billiards_env.drawing.text import text_image
 from billiards_env.scene import Scene
@@ -79,14 +79,15 @@ class Canvas:
         width = width // 2 * 2
         self._margin = width // 80
         self._bar = width // 24
-        self._rail = RAIL_SHARE * scene.table.length
-        length, breadth = scene.table.length + 2 * self._rail, scene.table.width + 2 * self._rail
+        rail = rail_width(scene.table)
+        length, breadth = scene.table.length + 2 * rail, scene.table.width + 2 * rail
         available = width - 2 * self._margin
         self.scale = min(available / length, available / breadth)
         height = math.ceil(breadth * self.scale) + self._margin + self._bar
         self.size = (width, height + height % 2)
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene)
+        self._tray = tray(scene.n_balls, width, self._bar)
         self._sprites: dict[tuple[int, int, int, int], Surface] = {}
 
     def pixels_of(self, points: ArrayLike) -> Floats:
@@ -140,7 +141,7 @@ class Canvas:
         for x, y, radius in circles:
             angles = np.linspace(0.0, 2 * np.pi, 97)
             rim = np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
-            self.draw_path(base, self.pixels_of(rim), INK)
+            self.draw_path(base, self.pixels_of(rim), CHALK)
         if arrow and recording.gone[0] > 0:
             paths = recording.trajectory
             self.draw_arrow(base, 0, paths.position[0], paths.velocity[0])
@@ -188,29 +189,10 @@ class Canvas:
     @functools.cached_property
     def table(self) -> Surface:
         """A frame of the empty table, to be copied."""
-        z, table = TABLE_ZOOM, self.scene.table
-        large = Surface((z * self.size[0], z * self.size[1]), 0, 32)
+        large = Surface((TABLE_ZOOM * self.size[0], TABLE_ZOOM * self.size[1]), 0, 32)
         large.fill(PAPER)
-        for edge, colour, corner in (
-            (self._rail, RAIL, 0.6 * self._rail),
-            (CUSHION_SHARE * table.length, CUSHION, 0.0),
-            (0.0, CLOTH, 0.0),
-        ):
-            half = np.array([table.length / 2 + edge, table.width / 2 + edge])
-            low, high = z * self.pixels_of(half * (-1, 1)), z * self.pixels_of(half * (1, -1))
-            box = pygame.Rect(np.round(low).astype(int).tolist(), np.round(high - low).astype(int).tolist())
-            pygame.draw.rect(large, colour, box, border_radius=round(z * self.scale * corner))
-        for pocket in table.pockets:
-            centre = z * self.pixels_of((pocket.x, pocket.y))
-            pygame.draw.circle(large, POCKET, centre.tolist(), z * self.scale * pocket.radius)
-        away = 0.68 * self._rail
-        x, y = table.length / 2, table.width / 2
-        diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) if k for s in (-1, 1)]
-        diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
-        size = z * 0.06 * self._rail * self.scale
-        for point in diamonds:
-            cx, cy = (z * self.pixels_of(point)).tolist()
-            pygame.draw.polygon(large, CHALK, [(cx - size, cy), (cx, cy - size), (cx + size, cy), (cx, cy + size)])
+        for corners, colour in draw_table(self.scene.table):
+            pygame.draw.polygon(large, colour, (TABLE_ZOOM * self.pixels_of(corners)).tolist())
         return pygame.transform.smoothscale(large, self.size)
 
     def stamp(self, surface: Surface, ball: int, centre: Floats, style: int) -> None:
@@ -234,7 +216,7 @@ class Canvas:
         look, z = self.looks[ball], BALL_ZOOM
         r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
         side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
-        edge = pygame.Color(INK if style == BALL else look.path)
+        edge = pygame.Color(CHALK if style == BALL else look.path)
         # The transparent background has the colour of the edge, because the reduction mixes them.
         large = Surface((z * side, z * side), pygame.SRCALPHA, 32)
         large.fill((edge.r, edge.g, edge.b, 0))
@@ -279,6 +261,11 @@ class Canvas:
         radius = self.scale * self.scene.balls.radius[ball]
         start = self.pixels_of(position) + ARROW_START * radius * along
         length = max(self.scale * ARROW * speed, 0.8 * radius)
+        low, high = np.full(2, 0.45 * radius), np.array([self.size[0], self.size[1] - self._bar]) - 0.45 * radius
+        for k in np.flatnonzero(along):  # the tip stays in the frame
+            length = min(length, ((high if along[k] > 0 else low)[k] - start[k]) / along[k])
+        if length <= 0:
+            return
         head, half = min(0.9 * radius, length), 0.16 * radius
         tip, neck = start + length * along, start + (length - head) * along
         shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]
@@ -287,33 +274,59 @@ class Canvas:
         corner = np.floor(points.min(0) - 1).astype(int)
         side = np.ceil(points.max(0) + 1).astype(int) - corner
         large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
-        ink = pygame.Color(INK)
+        ink = pygame.Color(CHALK)
         large.fill((ink.r, ink.g, ink.b, 0))
         pygame.draw.polygon(large, ink, (PATH_ZOOM * (points - corner)).tolist())
         small = pygame.transform.smoothscale(large, side.tolist())
-        small.set_alpha(150)
+        small.set_alpha(210)
         surface.blit(small, corner.tolist())
 
     def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Draws the bar under the table: a text on the left, the potted balls, and a text on the right."""
-        y = self.size[1] - self._bar / 2
-        x0, x1 = 2.0 * self._margin, self.size[0] - 2.0 * self._margin
-        for text, at_right in ((left, False), (right, True)):
-            if text:
-                image = text_image(text, round(0.62 * self._bar), INK)
-                x = x1 - image.get_width() if at_right else x0
-                surface.blit(image, (round(x), round(y - image.get_height() / 2)))
-        radius = min(0.3 * self._bar, 0.3 * self.size[0] / (2.4 * max(1, len(potted))) / 2.4 * 2)
-        for k, ball in enumerate(potted):
-            image = self._draw_ball(int(ball), BALL, 0.0, 0.0, radius)
-            x = self.size[0] / 2 + 2.4 * radius * (k - (len(potted) - 1) / 2)
-            surface.blit(image, (round(x - image.get_width() / 2), round(y - image.get_height() / 2)))
+        """Draws the bar under the table.
+
+        Args:
+            surface: The frame.
+            left: Text on the left.
+            right: Text on the right.
+            potted: The potted balls; a table without pockets has no place for them.
+        """
+        place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
+        size = round(0.62 * self._bar)
+        end = text_image(right, size, INK)
+        texts = [(end, self.size[0] - edge - end.get_width())]
+        for part in re.findall(r"\d|\D+", left):  # the images of single digits are kept, and the time changes quickly
+            texts.append((text_image(part, size, INK), edge))
+            edge += texts[-1][0].get_width()
+        if self.scene.table.pockets:
+            label = text_image(POTTED, size, INK)
+            room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
+            middle = max(self.size[0] / 2, edge + room + place.half)
+            texts.append((label, middle - place.half - place.radius - label.get_width()))
+            groove = self._groove
+            surface.blit(groove, (round(middle - groove.get_width() / 2), round(y - groove.get_height() / 2)))
+            for ball, x in zip(potted, place.x, strict=False):
+                image = self._tray_balls[ball]
+                surface.blit(image, (round(middle + x - image.get_width() / 2), round(y - image.get_height() / 2)))
+        for image, x in texts:
+            surface.blit(image, (round(x), round(y - 0.35 * size)))
+
+    @functools.cached_property
+    def _groove(self) -> Surface:
+        size = np.round([2 * self._tray.half, 2.7 * self._tray.radius]).astype(int)
+        large = Surface((TABLE_ZOOM * size).tolist(), 0, 32)
+        large.fill(PAPER)
+        pygame.draw.rect(large, RAIL, large.get_rect(), border_radius=large.get_height() // 2)
+        return pygame.transform.smoothscale(large, size.tolist())
+
+    @functools.cached_property
+    def _tray_balls(self) -> list[Surface]:
+        return [self._draw_ball(i, BALL, 0.0, 0.0, self._tray.radius) for i in range(self.scene.n_balls)]
 
 
 def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> None:
     """Draws a ball with its number at (cx, cy), `BALL_ZOOM` times as large as in the frame."""
-    inner = r - max(BALL_ZOOM, 0.08 * r)
-    pygame.draw.circle(large, INK, (cx, cy), r)
+    inner = r - min(max(BALL_ZOOM, 0.08 * r), 0.2 * r)
+    pygame.draw.circle(large, CHALK, (cx, cy), r)
     pygame.draw.circle(large, CHALK if look.striped else look.fill, (cx, cy), inner)
     if look.striped:  # a band across the middle
         band = Surface(large.get_size(), pygame.SRCALPHA, 32)

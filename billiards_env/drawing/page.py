@@ -12,19 +12,14 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing.recording import Recording, check_pair
-from billiards_env.drawing.style import (
-    CHALK,
-    CLOTH,
-    CUSHION,
-    CUSHION_SHARE,
-    INK,
-    KINDS,
-    POCKET,
-    RAIL,
-    RAIL_SHARE,
-    looks,
-)
+from billiards_env.drawing.style import CHALK, KINDS, POTTED, RAIL, draw_table, looks, rail_width, tray, tray_height
 from billiards_env.files import check_path, replacing
+from billiards_env.scene import Table
+
+SIDE, CONTROLS, LIST, NARROW, LARGEST = 296, 172, 225, 760, 640
+"""Pixels: the width of the events next to the table, the heights of all controls and of the events under the table, the
+width from which the events are next to the table, and the largest height of a table in a notebook. page.html has the
+same layout."""
 
 
 def write_page(
@@ -62,24 +57,13 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
         title += "" if compare is None else f"; rings: {compare.label}"
     scene = recording.scene
     data = {
-        "table": {
-            "length": scene.table.length,
-            "width": scene.table.width,
-            "pockets": [[pocket.x, pocket.y, pocket.radius] for pocket in scene.table.pockets],
-        },
+        "view": _view(scene.table),
+        "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in draw_table(scene.table)],
+        "tray": {**tray(scene.n_balls, *_view(scene.table)[::2])._asdict(), "label": POTTED, "colour": RAIL},
         "balls": [
             {"radius": radius, **look._asdict()} for radius, look in zip(scene.balls.radius, looks(scene), strict=True)
         ],
-        "colours": {
-            "cloth": CLOTH,
-            "cushion": CUSHION,
-            "rail": RAIL,
-            "pocket": POCKET,
-            "ink": INK,
-            "chalk": CHALK,
-            "rail_share": RAIL_SHARE,
-            "cushion_share": CUSHION_SHARE,
-        },
+        "chalk": CHALK,
         "kinds": KINDS,
         "runs": [_run(run) for run in runs],
     }
@@ -88,6 +72,27 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
     # "<" could end the script. It occurs only in JSON strings, where \u003c is equivalent.
     before, after = template.split("{{data}}")
     return before.replace("{{title}}", html.escape(title)) + text.replace("<", "\\u003c") + after
+
+
+def notebook_output(recording: Recording) -> str:
+    """Returns the page of a shot in an iframe whose height follows its width without a script."""
+    width, height, _ = _view(recording.scene.table)
+    page, ratio = html.escape(make_page(recording)), height / width
+    more = f"clamp(0px, ({NARROW}px - 100%) * 1000, {LIST}px)"  # the events are under the table of a narrow page
+    side = f"clamp(0px, (100% - {NARROW - 1}px) * 1000, {SIDE}px)"
+    table = f"min({LARGEST}px, {ratio:.4f} * (100% - 24px - {side}))"
+    return (
+        '<div style="max-width: 1100px">'
+        f'<div style="position: relative; padding-bottom: calc({CONTROLS}px + {table} + {more})">'
+        f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" '
+        'style="position: absolute; inset: 0; width: 100%; height: 100%; border: 0"></iframe></div></div>'
+    )
+
+
+def _view(table: Table) -> tuple[float, float, float]:
+    """Returns the width and the height of the picture and the height of the tray in it, m."""
+    rail, strip = 1.1 * rail_width(table), tray_height(table)
+    return table.length + 2 * rail, table.width + 2 * rail + strip, strip
 
 
 def _run(recording: Recording) -> dict[str, Any]:

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from billiards_env.checks import missing
 
 try:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Circle, FancyBboxPatch, Rectangle
+    from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
     from matplotlib.patheffects import Normal, Stroke
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
@@ -25,14 +26,16 @@ from billiards_env.drawing.recording import Floats, Recording, check_pair
 from billiards_env.drawing.style import (
     CHALK,
     CLOTH,
-    CUSHION,
-    CUSHION_SHARE,
     INK,
     POCKET,
+    POTTED,
     RAIL,
-    RAIL_SHARE,
     Look,
+    draw_table,
     looks,
+    rail_width,
+    tray,
+    tray_height,
 )
 from billiards_env.scene import Scene
 
@@ -74,7 +77,7 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
         figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
         figure.legend(handles=legend_handles(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     scene, look = recording.scene, looks(recording.scene)
-    draw_table(ax, scene)
+    _draw_table(ax, recording, look)
     if compare is not None:
         for i in _in_play(compare):
             _draw_path(ax, compare, i, look[i], (0, (3, 2)))
@@ -83,41 +86,39 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
     for i in _in_play(recording):
         if recording.moves(i):
             _draw_path(ax, recording, i, look[i], "-")
-            _draw_ball(ax, scene, i, look[i], recording.path(i, [0.0])[0], ghost=True)
+            _draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
         if recording.gone[i] == np.inf:
-            _draw_ball(ax, scene, i, look[i], recording.path(i, [recording.time])[0], ghost=False)
+            _draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
     _draw_events(ax, recording, look)
     return ax
 
 
-def draw_table(ax: Axes, scene: Scene) -> None:
-    """Draws the cloth, the cushions and the pockets of a scene, in metres."""
-    table = scene.table
-    half_x, half_y = table.length / 2, table.width / 2
-    rail, cushion = RAIL_SHARE * table.length, CUSHION_SHARE * table.length
-    for edge, colour, round_corner in ((rail, RAIL, 0.6 * rail), (cushion, CUSHION, 0.0)):
-        corner, size = (-half_x - edge, -half_y - edge), (2 * (half_x + edge), 2 * (half_y + edge))
-        style = f"round,pad=0,rounding_size={round_corner}"
-        ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=style, facecolor=colour, edgecolor="none", zorder=1))
-    ax.add_patch(Rectangle((-half_x, -half_y), 2 * half_x, 2 * half_y, facecolor=CLOTH, edgecolor="none", zorder=2))
-    for pocket in table.pockets:
-        ax.add_patch(Circle((pocket.x, pocket.y), pocket.radius, facecolor=POCKET, edgecolor="none", zorder=3))
-    away = 0.68 * rail
-    for x in [k * half_x / 4 for k in (-3, -2, -1, 1, 2, 3)]:
-        ax.plot([x, x], [-half_y - away, half_y + away], "D", color=CHALK, markersize=2.5, zorder=3)
-    for y in [k * half_y / 2 for k in (-1, 0, 1)]:
-        ax.plot([-half_x - away, half_x + away], [y, y], "D", color=CHALK, markersize=2.5, zorder=3)
-    ax.set_xlim(-half_x - 1.1 * rail, half_x + 1.1 * rail)
-    ax.set_ylim(-half_y - 1.1 * rail, half_y + 1.1 * rail)
+def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
+    """Draws the empty table and the potted balls under it, in metres."""
+    table = recording.scene.table
+    rail = rail_width(table)
+    for corners, colour in draw_table(table):
+        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
+    x, y, strip = table.length / 2 + 1.1 * rail, table.width / 2 + 1.1 * rail, tray_height(table)
+    if table.pockets:
+        radius, half, places = tray(recording.scene.n_balls, 2 * x, strip)
+        corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
+        groove = f"round,pad=0,rounding_size={1.35 * radius}"
+        ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=groove, facecolor=RAIL, edgecolor="none", zorder=1))
+        ax.text(-half - radius, -y - strip / 2, POTTED, color=INK, fontsize=8.5, ha="right", va="center_baseline")
+        for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
+            _draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
+    ax.set_xlim(-x, x)
+    ax.set_ylim(-y - strip, y)
     ax.set_aspect("equal")
     ax.axis("off")
 
 
 def legend_handles() -> list[Line2D]:
     """Returns the legend entries of the balls and marks."""
-    marks = [("o", 9, "#e9c98a", "#c78a00", "start"), ("o", 9, "#e69f00", INK, "end")]
+    marks = [("o", 9, "#63762f", "#e69f00", "start"), ("o", 9, "#e69f00", CHALK, "end")]
     for kind, (marker, size, label) in MARKS.items():
-        fill = CHALK if kind == "sliding_rolling" else INK if kind == "ball_ball" else "#888888"
+        fill = CHALK if kind in ("sliding_rolling", "ball_ball") else "#888888"
         marks.append((marker, size, fill, INK, label))
     return [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
@@ -143,8 +144,9 @@ def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, 
     ax.add_patch(circle)
 
 
-def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, ghost: bool) -> None:
-    centre, radius = (float(position[0]), float(position[1])), scene.balls.radius[ball]
+def _draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: bool) -> None:
+    x, y = np.asarray(position).tolist()
+    centre = x, y
     if ghost:
         ax.add_patch(Circle(centre, radius, facecolor=CLOTH, edgecolor="none", zorder=5))
         ax.add_patch(Circle(centre, radius, facecolor=look.fill, alpha=0.35, edgecolor="none", zorder=5.1))
@@ -158,9 +160,9 @@ def _draw_ball(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, 
             band = Rectangle(low, *size, facecolor=look.fill, edgecolor="none", zorder=8.1)
             ax.add_patch(band)
             band.set_clip_path(disc)
-        ax.add_patch(Circle(centre, radius, facecolor="none", edgecolor=INK, linewidth=0.8, zorder=8.2))
+        ax.add_patch(Circle(centre, radius, facecolor="none", edgecolor=CHALK, linewidth=0.8, zorder=8.2))
     size = 8 if len(look.number) < 2 else 6.5
-    colour = INK if ghost else look.ink
+    colour = CHALK if ghost else look.ink
     ax.text(
         *centre, look.number, fontsize=size, color=colour, ha="center", va="center_baseline", zorder=9, clip_on=True
     )
@@ -180,7 +182,7 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
             first, second = (recording.path(k, [time])[0] for k in (ball, other))
             share = scene.balls.radius[ball] / (scene.balls.radius[ball] + scene.balls.radius[other])
             point = first + share * (second - first)
-            edge, fill = CHALK, INK
+            fill = CHALK
             for k, centre in ((ball, first), (other, second)):  # only balls that have moved
                 if (centre != recording.path(k, [0.0])[0]).any():
                     _draw_ring(ax, scene, k, look[k], centre, 0.8)
@@ -202,7 +204,7 @@ def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
     if kind == "ball_ball":
         x, y = np.where(point > 0, -1, 1).tolist()
-        ground, style["color"], style["xytext"] = CLOTH, INK, (8 * x, 8 * y)
+        ground, style["color"], style["xytext"] = CLOTH, CHALK, (8 * x, 8 * y)
         style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
         x, y = ((-1, 0), (1, 0), (0, -1), (0, 1))[other]

@@ -1,8 +1,11 @@
-"""Colours and proportions of all pictures.
+"""Colours and geometry of all pictures.
+
+`draw_table` describes a table as coloured polygons and `tray` places the potted balls. The plot, the frames and the
+page draw these descriptions.
 
 The ball colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish, in the order of pool
 balls. The seventh is wine from Tol (2021) and the eighth is black. Balls 9 to 15 are striped, and each object ball has
-its number, so no information depends on colour alone.
+its number, so no information depends on colour alone. Paths have lighter colours, which are visible on the cloth.
 """
 
 from __future__ import annotations
@@ -10,18 +13,30 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from billiards_env.scene import Scene
+import numpy as np
+from numpy.typing import NDArray
 
-CLOTH, CUSHION, RAIL, POCKET = "#dfe9e2", "#a9c4b1", "#7a5c43", "#1c1c1c"
-PAPER, INK, CHALK, GREY = "#ffffff", "#222222", "#ffffff", "#6b6b6b"
+from billiards_env.scene import Pocket, Scene, Table
 
-RAIL_SHARE, CUSHION_SHARE = 0.04, 0.014
-"""Widths of the drawn rail and cushion over the table's length."""
+CLOTH, MOUTH, CUSHION, CUSHION_EDGE = "#1c6049", "#114031", "#2f8163", "#123d2f"
+RAIL, RAIL_EDGE, POCKET_RIM, POCKET = "#5a3a22", "#3b2413", "#28180d", "#0c0c0c"
+PAPER, INK, CHALK, GREY = "#ffffff", "#1a1a1a", "#ffffff", "#6b6b6b"
 
 ARROW, ARROW_START = 0.09, 1.4
 """Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
 
+POTTED = "potted"
+"""The label of the tray."""
+
 _POOL = ("#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#009e73", "#882255", "#1c1c1c")
+_PATHS = {
+    "#0072b2": "#6cbcf0",
+    "#d55e00": "#ff8f4d",
+    "#cc79a7": "#eba6cb",
+    "#009e73": "#4fd6ac",
+    "#882255": "#c9a0dc",
+    "#1c1c1c": "#b8bfbc",
+}
 _CAROM = ("#d55e00", "#f0e442")
 _DARK = ("#0072b2", "#882255", "#1c1c1c", GREY)
 
@@ -58,11 +73,110 @@ def looks(scene: Scene) -> tuple[Look, ...]:
     """Returns the look of each ball: white, red and yellow in carom, otherwise pool balls; fixed balls are grey."""
     carom = not scene.table.pockets and scene.n_balls <= 3
     colours = _CAROM if carom else _POOL
-    balls = [Look(CHALK, INK, "#555555", False, "")]
+    balls = [Look(CHALK, INK, "#d2dbd6", False, "")]
     for i in range(1, scene.n_balls):
         fill = GREY if math.isinf(scene.balls.mass[i]) else colours[(i - 1) % len(colours)]
         striped = fill != GREY and not carom and i % 16 > 8
         ink = CHALK if fill in _DARK else INK
-        path = "#b3a600" if fill == "#f0e442" else fill
-        balls.append(Look(fill, ink, path, striped, str(i)))
+        balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i)))
     return tuple(balls)
+
+
+class Shape(NamedTuple):
+    """A filled polygon of the drawn table: (m, 2) corners, m, and the colour."""
+
+    corners: NDArray[np.float64]
+    colour: str
+
+
+def draw_table(table: Table) -> list[Shape]:
+    """Returns the polygons of a table in the order in which they are drawn.
+
+    A pocket is a dark hole in the rail. The circle of the physics, which captures the balls, is drawn as the mouth of
+    the pocket: dark cloth between the cushions, to scale.
+    """
+    rail, unit = rail_width(table), _unit(table)
+    shapes = [
+        _box(table, rail, RAIL_EDGE, 0.6 * rail),
+        _box(table, 0.93 * rail, RAIL, 0.54 * rail),
+        _box(table, 0.031 * unit, CUSHION_EDGE),
+        _box(table, 0.028 * unit, CUSHION),
+        _box(table, 0.0, CUSHION_EDGE),
+        _box(table, -0.003 * unit, CLOTH),
+    ]
+    holes = [_hole(table, pocket) for pocket in table.pockets]
+    for pocket, (x, y, radius) in zip(table.pockets, holes, strict=True):
+        outwards = math.atan2(y - pocket.y, x - pocket.x)
+        inner = _arc(pocket.x, pocket.y, pocket.radius, outwards + math.pi / 2, math.pi)
+        outer = _arc(x, y, radius, outwards - math.pi / 2, math.pi)
+        shapes.append(Shape(_arc(x, y, 1.16 * radius), POCKET_RIM))
+        shapes.append(Shape(np.vstack((inner, outer)), MOUTH))
+    shapes += [Shape(_arc(*hole), POCKET) for hole in holes]
+    x, y, away = table.length / 2, table.width / 2, 0.6 * rail
+    diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) for s in (-1, 1)]
+    diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
+    for cx, cy in diamonds:
+        if all(math.hypot(cx - hole[0], cy - hole[1]) > 1.5 * hole[2] for hole in holes):
+            size = 0.008 * unit
+            shapes.append(Shape(np.array([cx, cy]) + size * np.array([[-1, 0], [0, 1], [1, 0], [0, -1]]), CHALK))
+    return shapes
+
+
+def rail_width(table: Table) -> float:
+    """Returns the width of the drawn rail, m, which contains all pockets."""
+    half = table.length / 2, table.width / 2
+    holes = [_hole(table, pocket) for pocket in table.pockets]
+    reach = [abs(c) + 1.25 * radius - h for *centre, radius in holes for c, h in zip(centre, half, strict=True)]
+    return max(0.08 * _unit(table), *reach, 0.0)
+
+
+class Tray(NamedTuple):
+    """The groove of the potted balls, with its label on the left, in the unit of the arguments of `tray`.
+
+    Attributes:
+        radius: Radius of the balls.
+        half: Half the length of the groove.
+        x: (n,) places of the balls from the centre of the groove, in the order in which they are filled.
+    """
+
+    radius: float
+    half: float
+    x: list[float]
+
+
+def tray(n: int, width: float, height: float) -> Tray:
+    """Returns the tray of n balls in the middle of a strip of `width` x `height` under the table."""
+    radius = min(0.3 * height, 0.125 * width / n)
+    return Tray(radius, (1.2 * n + 0.3) * radius, [2.4 * radius * (k - (n - 1) / 2) for k in range(n)])
+
+
+def tray_height(table: Table) -> float:
+    """Returns the height of the strip of the tray under a table in a plot and in a page, m; 0 without pockets."""
+    return 0.09 * _unit(table) if table.pockets else 0.0
+
+
+def _unit(table: Table) -> float:
+    """Returns the width of a table of the same area that is twice as long as wide, m."""
+    return math.sqrt(table.length * table.width / 2)
+
+
+def _hole(table: Table, pocket: Pocket) -> tuple[float, float, float]:
+    """Returns the centre and the radius of the hole of a pocket, which lies further outside than the pocket."""
+    r = pocket.radius
+    shift = [
+        math.copysign(0.45 * min(max(abs(c) + r - side / 2, 0.0), r), c)
+        for c, side in ((pocket.x, table.length), (pocket.y, table.width))
+    ]
+    return pocket.x + shift[0], pocket.y + shift[1], r - 0.36 * math.hypot(*shift)
+
+
+def _arc(x: float, y: float, radius: float, start: float = 0.0, angle: float = 2 * math.pi) -> NDArray[np.float64]:
+    angles = start + angle * (np.arange(40) + 0.5) / 40
+    return np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
+
+
+def _box(table: Table, margin: float, colour: str, corner: float = 0.0) -> Shape:
+    """Returns a rectangle at a distance from the cushions, with round corners."""
+    circle = _arc(0.0, 0.0, 1.0)
+    half = np.array([table.length, table.width]) / 2 + margin - corner
+    return Shape(corner * circle + half * np.sign(circle), colour)

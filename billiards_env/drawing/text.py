@@ -27,5 +27,5 @@ def text_image(text: str, size: int, colour: str, width: int | None = None) -> p
     pygame.font.init()  # another user of pygame may have closed its fonts
     large = pygame.font.Font(None, TEXT_ZOOM * size).render(text or " ", True, colour)
     zoom = max(TEXT_ZOOM, large.get_width() / width if width else 0)
-    reduced = [max(1, int(side / zoom)) for side in large.get_size()]
+    reduced = max(1, int(large.get_width() / zoom)), max(1, round(large.get_height() / zoom))
     return pygame.transform.smoothscale(large, reduced)

@@ -11,7 +11,7 @@ from billiards_env.simulation import simulate
 pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, pixels, side_by_side
-from billiards_env.drawing.style import looks
+from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks
 
 
 def rgb(colour):
@@ -72,15 +72,15 @@ def test_balls_are_drawn_at_their_positions_to_scale(width):
         centre = canvas.pixels_of(place)
         # Next to the number; the band of a striped ball is coloured there too.
         assert near(frame, centre, look.fill, 40, dx=-0.72 * radius)
-        assert near(frame, centre, "#dfe9e2", dy=1.6 * radius)
-        assert near(frame, centre, "#dfe9e2", dy=-1.6 * radius)
+        assert near(frame, centre, CLOTH, dy=1.6 * radius)
+        assert near(frame, centre, CLOTH, dy=-1.6 * radius)
     assert near(frame, canvas.pixels_of(positions[0]), "#ffffff")
 
 
 def test_balls_are_drawn_with_their_radius():
     scene = Scene(Balls((0.05,), (0.2,)))
     canvas, frame = still(scene, [[0.3, -0.2]], width=960)
-    cloth = np.abs(frame.astype(int) - rgb("#dfe9e2")).max(-1) <= 6
+    cloth = np.abs(frame.astype(int) - rgb(CLOTH)).max(-1) <= 6
     x, y = np.floor(canvas.pixels_of([0.3, -0.2])).astype(int)
     window = ~cloth[y - 30 : y + 31, x - 30 : x + 31]
     assert window.sum() == pytest.approx(math.pi * (0.05 * canvas.scale) ** 2, rel=0.06)
@@ -105,7 +105,7 @@ def test_potted_balls_move_from_the_table_to_the_bar(shot):
     for ball in (1, 4):
         assert near(last, canvas.pixels_of(shot.positions[ball]), look[ball].fill, 30, dx=-6)
     for pocket in shot.scene.table.pockets:
-        assert near(last, canvas.pixels_of((pocket.x, pocket.y)), "#1c1c1c")
+        assert near(last, canvas.pixels_of((pocket.x, pocket.y)), POCKET)
 
 
 def test_paths_grow_behind_the_balls(shot):
@@ -131,6 +131,31 @@ def test_the_arrow_points_along_the_velocity_of_the_cue_ball():
     assert middle[1] - rows.min() == pytest.approx(0.09 * 2 * canvas.scale + 12, abs=4)
 
 
+@pytest.mark.parametrize("velocity", [(9.0, 4.0), (0.0, 9.0), (-9.0, 0.1), (0.0, -9.0)])
+def test_arrows_stay_in_the_frame(velocity):
+    scene = Scene.named("pool", 0)
+    canvas = Canvas(scene)
+    for place in ([1.2, 0.58], [-1.2, -0.58]):
+        frame = canvas.table.copy()
+        canvas.draw_arrow(frame, 0, np.array(place), np.array(velocity))
+        rows, columns = np.nonzero((pixels(frame) != pixels(canvas.table)).any(-1))
+        assert len(rows) > 20
+        assert 0 < columns.min() <= columns.max() < canvas.size[0] - 1
+        assert 0 < rows.min() <= rows.max() < canvas.size[1] - 33  # above the bar
+        ends = canvas.pixels_of(place) + np.sign(velocity) * (1, -1)
+        assert np.hypot(columns - ends[0], rows - ends[1]).max() > 20
+
+
+def test_a_long_text_moves_the_tray():
+    canvas = Canvas(Scene.named("pool", 15))
+    starts = []
+    for text in ("", "a text that is as long as half of the frame"):
+        frame = canvas.table.copy()
+        canvas.draw_bar(frame, text, "", [])
+        starts.append(np.flatnonzero(np.abs(pixels(frame)[-17].astype(int) - rgb(RAIL)).max(-1) < 3)[0])
+    assert starts[1] > starts[0] + 50
+
+
 def test_the_other_run_is_drawn_as_rings(shot, pit):
     canvas = Canvas(shot.scene)
     *_, alone = (pixels(f) for f in canvas.film(shot.recording(), 30))
@@ -139,8 +164,8 @@ def test_the_other_run_is_drawn_as_rings(shot, pit):
     centre = canvas.pixels_of(pit.positions[2])  # this ball is not potted in this run
     path = looks(shot.scene)[2].path
     assert any(near(both, centre, path, 60, dx=radius - back) for back in (0, 0.5, 1, 1.5))
-    assert near(both, centre, "#dfe9e2", dx=radius / 2)
-    assert near(alone, centre, "#dfe9e2", dx=radius - 1)
+    assert near(both, centre, CLOTH, dx=radius / 2)
+    assert near(alone, centre, CLOTH, dx=radius - 1)
 
 
 def test_texts_are_drawn_in_the_bar(shot):

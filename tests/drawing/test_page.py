@@ -9,6 +9,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.page import make_page
+from billiards_env.drawing.style import CLOTH, POCKET, looks
 from billiards_env.simulation import simulate
 from tests.helpers.browser import browser, find_browser
 
@@ -35,6 +36,10 @@ def player(tab, shot, pit, tmp_path):
 
 def at(tab, run, t):
     return np.array(tab.run(f"billiards.at({run}, {t!r})"))
+
+
+def rgb(colour):
+    return [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
 
 
 def text(tab, selector):
@@ -78,8 +83,8 @@ def test_balls_are_drawn_at_their_positions(player, shot):
         x, y = shot.at(1.0)[ball]
         assert pixel(player, x - 0.7 * 0.028, y) == pytest.approx(colour, abs=3)
     assert pixel(player, *shot.at(1.0)[0]) == [255, 255, 255]
-    assert pixel(player, 0.0, 0.0) == pytest.approx((223, 233, 226), abs=1)
-    assert pixel(player, -1.27, 0.635) == pytest.approx((28, 28, 28), abs=1)
+    assert pixel(player, 0.0, 0.0) == pytest.approx(rgb(CLOTH), abs=1)
+    assert pixel(player, -1.27, 0.635) == pytest.approx(rgb(POCKET), abs=1)
 
 
 @needs_browser
@@ -178,10 +183,10 @@ def test_the_other_run_can_be_hidden(player, pit):
     player.run("billiards.seek(4.0)")
     x, y = pit.at(4.0)[2]
     ring = pixel(player, x + 0.0283, y)
-    assert ring == pytest.approx((0, 114, 178), abs=30)
+    assert ring == pytest.approx(rgb(looks(pit.scene)[2].path), abs=30)
     assert "Rings: PIT, dt = 16.67 ms" in text(player, "#other")
     player.click("#rings")
-    assert pixel(player, x + 0.0283, y) == pytest.approx((223, 233, 226), abs=1)
+    assert pixel(player, x + 0.0283, y) == pytest.approx(rgb(CLOTH), abs=1)
     assert re.fullmatch(r"Furthest apart: ball \d, [\d.]+ mm", text(player, "#apart"))
 
 
@@ -216,6 +221,23 @@ def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
         tab.run("billiards.seek(1.0)")
         assert np.abs(at(tab, 0, 1.0) - shot.at(1.0)).max() < 1e-9
         assert pixel(tab, *shot.at(1.0)[0]) == [255, 255, 255]
+
+
+@needs_browser
+@pytest.mark.parametrize("width", [500, 740, 790, 1000, 1600])
+def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot, tmp_path):
+    output = f"<!doctype html><meta charset=utf-8><body style='margin: 0; width: {width}px'>{shot._repr_html_()}"
+    (tmp_path / "notebook.html").write_text(output, "utf-8")
+    tab.open(tmp_path / "notebook.html")
+    height = tab.run("document.querySelector('iframe').clientHeight")
+    assert tab.run("document.body.scrollHeight") == height
+    with tab.frame():
+        assert tab.run("document.documentElement.scrollHeight") == height  # no scroll bar
+        assert tab.run("document.documentElement.scrollWidth") <= min(width, 1100)
+        assert height - tab.run("document.querySelector('main').getBoundingClientRect().bottom") < 16
+        unused = "document.querySelector('#felt').{0} - document.querySelector('#table').{0}"
+        assert tab.run(unused.format("clientWidth")) < 30 or tab.run(unused.format("clientHeight")) < 2
+        assert tab.run(unused.format("clientHeight")) < 50
 
 
 @needs_browser
@@ -259,7 +281,7 @@ def test_a_shot_that_ends_at_its_time_limit():
 
 
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
-    assert shot._repr_html_().startswith("<iframe ")
+    assert "<iframe " in shot._repr_html_()
     assert unrecorded._repr_html_() is None
     monkeypatch.setattr("billiards_env.shot.LONGEST_SHOWN", 3)
     assert shot._repr_html_() is None

@@ -45,6 +45,9 @@ def test_balls_are_drawn_at_their_initial_and_final_positions(shot):
     for ball, look in enumerate(looks(shot.scene)):
         found = circles(axes, look.fill, True).tolist()
         ends = [] if shot.potted[ball] else [[*shot.positions[ball], radius]]
+        if shot.potted[ball]:  # in the tray under the table
+            (tray,) = [place for place in found if place[1] < -0.5 * 1.27 - 0.1016]
+            found.remove(tray)
         starts = [[*shot.at(0)[ball], radius]] if ball in (0, 2, 3) else []
         assert sorted(found) == sorted(starts + ends)
 
