@@ -1,6 +1,9 @@
-PYTHON ?= python3
+SHELL := bash
+# The Python of a complete .venv stays, unless another one is named: make PYTHON=python3.12 test
+PYTHON ?= $(if $(wildcard .venv/.installed-*),.venv/bin/python,python3)
+VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 BIN := .venv/bin
-INSTALLED := .venv/.installed
+INSTALLED := .venv/.installed-$(VERSION)
 POOLTOOL := .venv-pooltool/.installed
 ARGS ?= --players human,search:20
 
@@ -71,11 +74,21 @@ clean:  ## remove the virtual environment, builds and caches; trained runs stay
 	rm -rf .venv .venv-pooltool build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Runs again only if the list of packages changes.
+# Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
 $(INSTALLED): pyproject.toml constraints.txt
-	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet -c constraints.txt -e '.[train,render,plot,multi,dev,docs]'
-	touch $@
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo "PYTHON = $(PYTHON): expected Python 3.10 or later, such as: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@echo "Installing the packages of constraints.txt for Python $(VERSION) in .venv"
+	@$(PYTHON) -m venv --clear .venv
+	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,dev,docs]' | $(PROGRESS)
+	@touch $@
+
+# Prints the name of each package that pip collects, and the size of a large download.
+PROGRESS := while read -r verb name rest; do case "$$verb $$rest" in \
+	Collecting*) printf '%s ' "$${name%%[<>=!~;[]*}" ;; \
+	Processing*) name="$${name\#\#*/}"; printf '%s ' "$${name%%-*}" ;; \
+	Downloading*MB\)) printf '%s ' "$$rest" ;; \
+	Installing*packages:*) printf '\nInstalling these packages\n' ;; esac; done
 
 # pooltool needs other versions of numba and llvmlite than this package.
 $(POOLTOOL): benchmarks/pooltool.txt

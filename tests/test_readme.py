@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import inspect
 import json
+import os
 import re
 from pathlib import Path
 
@@ -50,6 +51,11 @@ def test_examples_run_and_print_the_output_shown(code, capsys):
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
 
 
+# A continuous integration must run the tutorials, so it has no skip.
+@pytest.mark.skipif(
+    not os.environ.get("CI") and importlib.util.find_spec("griffe") is None,
+    reason="the tutorials need the extra docs: pip install -e '.[docs]'",
+)
 @pytest.mark.parametrize("page", TUTORIALS)
 def test_tutorials_run(page):
     names = {"__name__": "tutorial"}

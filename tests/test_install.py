@@ -1,0 +1,123 @@
+"""The installation: the pinned versions, the metadata of the package, and the virtual environment that make builds."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parent.parent
+METADATA = importlib.metadata.metadata("billiards-env")
+TRIED = ("3.10.13", "3.11.7", "3.12.1", "3.13.0")
+EXTRAS = METADATA.get_all("Provides-Extra") or []
+
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="no make on the PATH")
+
+
+def holds(requirement: Requirement, python: str) -> bool:
+    """Returns whether a requirement applies to a version of Python with any of the extras."""
+    environment = {"python_version": python.rpartition(".")[0], "python_full_version": python}
+    marker = requirement.marker
+    return marker is None or any(marker.evaluate({**environment, "extra": extra}) for extra in ("", *EXTRAS))
+
+
+def pins(python: str) -> dict[str, str]:
+    """Returns the pinned version of each package on a version of Python."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = [Requirement(line) for line in lines if not line.startswith("#")]
+    applicable = [(canonicalize_name(pin.name), str(pin.specifier)) for pin in pinned if holds(pin, python)]
+    assert len(applicable) == len(dict(applicable)), "a package has two versions"
+    return {name: version.removeprefix("==") for name, version in applicable}
+
+
+def test_the_metadata_lists_the_tried_versions_of_python():
+    listed = re.findall(r"Python :: (3\.\d+)$", "\n".join(METADATA.get_all("Classifier") or []), re.MULTILINE)
+    assert listed == [version.rpartition(".")[0] for version in TRIED]
+    requires = SpecifierSet(METADATA["Requires-Python"])
+    assert all(version in requires for version in TRIED)
+    assert "3.9.18" not in requires
+
+
+@pytest.mark.parametrize("python", TRIED)
+def test_every_direct_dependency_has_one_pin_in_its_range(python):
+    pinned = pins(python)
+    requirements = [Requirement(text) for text in importlib.metadata.requires("billiards-env") or []]
+    assert len(requirements) > 20
+    for requirement in requirements:
+        assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+
+
+@pytest.fixture
+def make(tmp_path):
+    """Returns a function that runs make in a copy of the repository without a virtual environment."""
+    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
+        shutil.copy(ROOT / name, tmp_path)
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        path = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+        return subprocess.run(
+            ["make", *arguments], cwd=tmp_path, env=path, capture_output=True, text=True, timeout=60, check=False
+        )
+
+    return run
+
+
+def add_python(path: Path, version: tuple[int, int]) -> None:
+    """Writes a program that runs Python with another `sys.version_info`."""
+    code = f"import sys; sys.version_info = {version}; exec(sys.argv[2])"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\nexec {sys.executable} -c '{code}' \"$@\"\n", encoding="utf-8")
+    path.chmod(0o755)
+
+
+def add_environment(folder: Path, version: tuple[int, int]) -> None:
+    """Writes a complete virtual environment, as far as make looks at it."""
+    add_python(folder / ".venv" / "bin" / "python", version)
+    (folder / ".venv" / ".installed-{}.{}".format(*version)).touch()
+
+
+@needs_make
+def test_a_python_that_is_too_old_is_rejected(make, tmp_path):
+    add_python(tmp_path / "python3", (3, 9))
+    made = make("train")
+    assert made.returncode != 0
+    assert made.stdout.startswith(
+        "PYTHON = python3: expected Python 3.10 or later, such as: make PYTHON=python3.12 train"
+    )
+    assert not (tmp_path / ".venv").exists()
+
+
+@needs_make
+@pytest.mark.parametrize(
+    ("arguments", "rebuilt_with"),
+    [
+        ([], None),
+        (["PYTHON=python3.11"], None),
+        (["PYTHON=python3.12"], "python3.12"),
+    ],
+)
+def test_another_python_rebuilds_the_environment(make, tmp_path, arguments, rebuilt_with):
+    add_python(tmp_path / "python3", (3, 13))
+    add_python(tmp_path / "python3.11", (3, 11))
+    add_python(tmp_path / "python3.12", (3, 12))
+    add_environment(tmp_path, (3, 11))
+    commands = make("-n", "format", *arguments).stdout
+    assert re.findall(r"^(\S+) -m venv --clear \.venv$", commands, re.MULTILINE) == (
+        [rebuilt_with] if rebuilt_with else []
+    )
+    assert ".venv/bin/ruff format ." in commands
+
+
+@needs_make
+def test_an_incomplete_environment_is_rebuilt(make, tmp_path):
+    add_python(tmp_path / "python3", (3, 13))
+    add_python(tmp_path / ".venv" / "bin" / "python", (3, 11))
+    assert "\npython3 -m venv --clear .venv\n" in make("-n", "format").stdout
