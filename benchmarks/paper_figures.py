@@ -1,4 +1,7 @@
-"""The paper's eight figures, drawn from simulated shots: `python -m benchmarks.paper_figures`.
+"""The eight figures of Warkari and Jamsandekar, from simulated shots: `python -m benchmarks.paper_figures`.
+
+The paper is N. Warkari and M. Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions" (Georgia
+Institute of Technology).
 
 Each failure of `billiards_env.failures` has a row, with PIT on the left and PIC on the right, to scale. The paper
 numbers its figures 1 to 8, with PIC first from the third pair. Colours and marks are those of `benchmarks.figures`.
@@ -252,7 +255,11 @@ def picture() -> Figure:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.paper_figures --help`."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.paper_figures", description="Draw the paper's figures.")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.paper_figures",
+        description="Draw the figures of Warkari and Jamsandekar, "
+        "'Evaluation of Collision Handling Techniques in 2D collisions'.",
+    )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
     matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine

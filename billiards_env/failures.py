@@ -1,8 +1,9 @@
 """The four failures of PIT, as small scenes with round numbers that can be computed by hand.
 
-They are the failures of section 4 of "Evaluation of Collision Handling Techniques in 2D collisions", in the paper's
-world: elastic disks without friction, here with a radius of 3 cm on a table of 2 x 1 m. With a timestep of 1/25 s, PIT
-tests for overlap at 25 instants per second and gets all four scenes wrong:
+They are the failures of section 4 of N. Warkari and M. Jamsandekar, "Evaluation of Collision Handling Techniques in 2D
+collisions" (Georgia Institute of Technology), in the world of this paper: elastic disks without friction, here with a
+radius of 3 cm on a table of 2 x 1 m. With a timestep of 1/25 s, PIT tests for overlap at 25 instants per second and
+gets all four scenes wrong:
 
 * missed_collision: the paths of two balls cross. The balls touch at 0.088 s and would separate at 0.112 s; PIT tests at
   0.08 s and 0.12 s. Each ball should leave in the other's direction. In PIT both go straight on.
@@ -31,7 +32,7 @@ class Failure:
     """A shot that PIT gets wrong; `mode="pic"` gives the correct result.
 
     Attributes:
-        title: The paper's name for the failure.
+        title: The name of the failure in the paper of Warkari and Jamsandekar.
         scene: A scene with two balls; its `physics.max_time` ends the shot soon after the failure.
         positions: (2, 2) initial positions, m.
         velocities: (2, 2) initial velocities, m/s.
@@ -49,7 +50,7 @@ class Failure:
 
 
 def _scene(mass: float, max_time: float) -> Scene:
-    """Returns the paper's world with two balls; the second has `mass` kg."""
+    """Returns the world of Warkari and Jamsandekar with two balls; the second has `mass` kg."""
     physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=max_time)
     return Scene(Balls((0.03, 0.03), (0.2, mass)), Table(2.0, 1.0), physics)
 

@@ -1,4 +1,4 @@
-"""The paper's four failures: the results of PIC and of PIT, and the timesteps below which PIT is right."""
+"""The failures of Warkari and Jamsandekar: the results of PIC and PIT, and the timesteps below which PIT is right."""
 
 from __future__ import annotations
 

@@ -6,7 +6,8 @@ captures balls whose centre is inside a pocket; it resolves the impacts of all p
 as one problem; and it reflects balls that are beyond a cushion and do not come back. It computes impulses by the impact
 laws, for the positions at the multiple of dt. It misses a contact that begins and ends within a step.
 
-The paper leaves open how an overlap is "fixed". There are three ways:
+The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions". Their paper
+leaves open how an overlap is "fixed". There are three ways:
 
 * push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
   apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.

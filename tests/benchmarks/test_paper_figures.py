@@ -1,4 +1,4 @@
-"""The figures of the paper's four failures."""
+"""The figures of the four failures in the paper of Warkari and Jamsandekar."""
 
 import re
 
