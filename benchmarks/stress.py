@@ -128,7 +128,7 @@ def draw_growth(curves: dict[str, list[dict[str, Any]]]) -> None:
                 row[: len(c[key])] = c[key]
             counts = (~np.isnan(grid)).sum(axis=0)
             enough = counts >= max(1, len(several) // 3)
-            median = [np.nanmedian(grid[:, k]) if enough[k] else np.nan for k in range(longest)]
+            median = [float(np.nanmedian(grid[:, k])) if enough[k] else np.nan for k in range(longest)]
             if not any(enough):  # no amplification if balls meet at the same instant
                 continue
             label = f"{name}: {'error' if key == 'errors' else 'amplified roundoff'}"

@@ -38,8 +38,8 @@ Bools = NDArray[np.bool_]
 LAYOUT_SEED = 0
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
-CUTS = np.linspace(-1.0, 1.0, 41)
-ANGLES = np.linspace(0.0, 90.0, 46)
+CUTS = np.linspace(-1.0, 1.0, 41, dtype=np.float64)
+ANGLES = np.linspace(0.0, 90.0, 46, dtype=np.float64)
 TURNS = np.concatenate(([0.0], np.geomspace(0.1, 180.0, 40)))
 SPEED_BINS = 40
 
@@ -127,7 +127,7 @@ def measure(
 
 def speed_bins(max_speed: float) -> Floats:
     """Returns the edges of the bins of speeds, m/s."""
-    return np.linspace(0.0, max_speed, SPEED_BINS + 1)
+    return np.linspace(0.0, max_speed, SPEED_BINS + 1, dtype=np.float64)
 
 
 def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> Floats:

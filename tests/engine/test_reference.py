@@ -134,7 +134,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
         shot = simulate(scene, places, start, spins=spins, max_time=horizon, record=True)
         exact = run(scene, places, start, spins, max_time=horizon, digits=40)
         # If a nudge grows by more than 1000, so does the rounding of the input.
-        moved = simulate(scene, places + np.eye(*places.shape) * NUDGE, start, spins=spins, max_time=horizon)
+        moved = simulate(scene, places + np.eye(len(places), 2) * NUDGE, start, spins=spins, max_time=horizon)
         growth = np.abs(moved.positions - shot.positions).max() / NUDGE
         if growth > 1e3:
             continue
