@@ -267,6 +267,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             above = "" if key == "env_reset" else f"{per_call[key][of] - per_call['simulate_batch'][of]:.1f}"
             row += [f"{per_call[key][of]:.1f}", above]
         calls.append(row)
+    one = {key: f"{per_call[key]['median']:.2g} us" for key in names}
     ratios = [(row["two_threads_over_one"], row["two_processes_over_one"]) for row in result["batch"]]
     two = [
         (row["case"], *(f"{ratio[key]:.2f}" for ratio in pair for key in ("median", "fastest")))
@@ -286,6 +287,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "threads_of": "Shots per second on two cores divided by those on one core, for two threads and for two "
         "processes. Medians of the ratios, and the ratios of the fastest passes.",
         "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
+        "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. One "
+        f"shot a call takes {one['simulate']} with `simulate` and {one['env_step']} with `env.step`.",
     }
 
 

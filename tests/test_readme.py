@@ -46,7 +46,8 @@ def table(text: str, head: str) -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize("code", EXAMPLES)
-def test_examples_run_and_print_the_output_shown(code, capsys):
+def test_examples_run_and_print_the_output_shown(code, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     exec(compile(code, "example", "exec"), {"__name__": "example"})
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
 
@@ -121,7 +122,7 @@ def test_commands_exist():
     assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
     assert [module for module in sorted(modules) if not importlib.util.find_spec(module)] == []
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
-    assert set(re.findall(r"(?:^|`)make (\w+)", pages, re.MULTILINE)) <= set(targets)
+    assert set(re.findall(r"(?:^|`)make (?:\w+=\S+ )?(\w+)", pages, re.MULTILINE)) <= set(targets)
     assert [path for path in re.findall(r"configs/[\w/]+\.yaml", pages) if not (ROOT / path).is_file()] == []
     paths = re.findall(r"`((?:billiards_env|agents|benchmarks|tests|docs)/[\w/.]+\.\w+)`", pages)
     assert [path for path in paths if not (ROOT / path).exists()] == []
