@@ -121,3 +121,33 @@ def test_an_incomplete_environment_is_rebuilt(make, tmp_path):
     add_python(tmp_path / "python3", (3, 13))
     add_python(tmp_path / ".venv" / "bin" / "python", (3, 11))
     assert "\npython3 -m venv --clear .venv\n" in make("-n", "format").stdout
+
+
+PIP = """#!/bin/sh
+echo 'Obtaining file:///billiards-env'
+echo '  Installing build dependencies: started'
+echo 'Collecting torch==2.13.0 (from billiards-env==0.1.0)'
+echo '  Downloading torch-2.13.0.whl (190.5 MB)'
+echo 'Processing /wheels/numpy-2.4.6-cp311.whl (from billiards-env==0.1.0)'
+echo 'Installing collected packages: numpy, torch'
+"""
+
+
+@needs_make
+@pytest.mark.parametrize("exit_status", [0, 1])
+def test_the_installation_shows_its_packages_and_a_failed_one_is_repeated(make, tmp_path, exit_status):
+    (tmp_path / "pip").write_text(f"{PIP}exit {exit_status}\n", encoding="utf-8")
+    (tmp_path / "pip").chmod(0o755)
+    script = "case $2 in *print*) echo 3.12 ;; venv) mkdir -p .venv/bin; cp pip .venv/bin ;; esac"
+    (tmp_path / "python3").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    (tmp_path / "python3").chmod(0o755)
+    made = make(".venv/.installed-3.12")
+    assert made.stdout.splitlines() == [
+        "Installing the packages of constraints.txt for Python 3.12 in .venv",
+        "torch (190.5 MB) numpy ",
+        "Installing these packages",
+    ]
+    assert (made.returncode == 0, (tmp_path / ".venv" / ".installed-3.12").exists()) == (
+        not exit_status,
+        not exit_status,
+    )
