@@ -47,7 +47,8 @@ def table(text: str, head: str) -> dict[str, list[str]]:
 
 @pytest.mark.parametrize("code", EXAMPLES)
 def test_examples_run_and_print_the_output_shown(code, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "studies").symlink_to(ROOT / "studies")  # an example loads a policy from the repository
+    monkeypatch.chdir(tmp_path)  # an example writes a file
     exec(compile(code, "example", "exec"), {"__name__": "example"})
     assert capsys.readouterr().out.splitlines() == re.findall(r"^print\(.*\)  # (.*)$", code, re.MULTILINE)
 

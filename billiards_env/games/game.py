@@ -215,8 +215,8 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
 
     Example:
         >>> game = opening(Setup("nine_ball", Scene.named("pool", 9)), np.random.default_rng(0))
-        >>> game.positions[9, 1].round(2), game.state.in_hand
-        (np.float64(0.0), 'behind')
+        >>> float(game.positions[9, 1].round(2)), game.state.in_hand
+        (0.0, 'behind')
     """
     names = LAYOUTS if setup.game_rules.pockets else ("carom_opening", "random")
     layout = names[0] if layout is None else layout
