@@ -85,6 +85,7 @@ class Canvas:
         self.scale = min(available / length, available / breadth)
         height = math.ceil(breadth * self.scale) + self._margin + self._bar
         self.size = (width, height + height % 2)
+        self._half = self.scale * np.array([length, breadth]) / 2
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene)
         self._tray = tray(scene.n_balls, width, self._bar)
@@ -261,9 +262,9 @@ class Canvas:
         radius = self.scale * self.scene.balls.radius[ball]
         start = self.pixels_of(position) + ARROW_START * radius * along
         length = max(self.scale * ARROW * speed, 0.8 * radius)
-        low, high = np.full(2, 0.45 * radius), np.array([self.size[0], self.size[1] - self._bar]) - 0.45 * radius
-        for k in np.flatnonzero(along):  # the tip stays in the frame
-            length = min(length, ((high if along[k] > 0 else low)[k] - start[k]) / along[k])
+        room = self._half - np.sign(along) * (start - self._middle)
+        for k in np.flatnonzero(along):  # the tip stays on the table, because it is invisible outside
+            length = min(length, room[k] / abs(along[k]))
         if length <= 0:
             return
         head, half = min(0.9 * radius, length), 0.16 * radius

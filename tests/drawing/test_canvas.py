@@ -11,7 +11,7 @@ from billiards_env.simulation import simulate
 pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, pixels, side_by_side
-from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks
+from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks, rail_width
 
 
 def rgb(colour):
@@ -140,8 +140,10 @@ def test_arrows_stay_in_the_frame(velocity):
         canvas.draw_arrow(frame, 0, np.array(place), np.array(velocity))
         rows, columns = np.nonzero((pixels(frame) != pixels(canvas.table)).any(-1))
         assert len(rows) > 20
-        assert 0 < columns.min() <= columns.max() < canvas.size[0] - 1
-        assert 0 < rows.min() <= rows.max() < canvas.size[1] - 33  # above the bar
+        frame_half = np.array([1.27, 0.635]) + rail_width(scene.table)
+        (left, bottom), (right, top) = canvas.pixels_of(-frame_half), canvas.pixels_of(frame_half)
+        assert left - 2 <= columns.min() <= columns.max() <= right + 2
+        assert top - 2 <= rows.min() <= rows.max() <= bottom + 2
         ends = canvas.pixels_of(place) + np.sign(velocity) * (1, -1)
         assert np.hypot(columns - ends[0], rows - ends[1]).max() > 20
 
