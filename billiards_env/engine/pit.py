@@ -329,6 +329,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):
     exchange(count, contacts, state, scene, work.scratch)
     if fix == PUSH_APART:
         _push_apart(count, scene, work)
+        shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
         i, j = min(contacts.first[c], contacts.second[c]), max(contacts.first[c], contacts.second[c])
         for b in (i, j):
@@ -382,11 +383,12 @@ def _test_cushions(now, k, scene, work, shots, log):
             advance(state, i, now, params)
             speed = _hit_cushion(i, side, scene, work)
             work.changed[i] = found = True
+            if speed >= 0.0:
+                shots.time[k] = now.hi
             if speed > 0.0:
                 shots.cushions[k, i] += 1
                 shots.n_events[k] += 1
                 log_event(log, now, BALL_CUSHION, i, side, state, speed, False)
-                shots.time[k] = now.hi
     return found
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, engine, layouts, simulate_batch, simulation
@@ -309,6 +309,7 @@ def test_the_first_test_for_contacts_is_at_dt():
 
 @settings(max_examples=60)
 @given(seeds)
+@example(15360)  # balls at rest are moved apart at the end of the last timestep
 def test_a_record_is_complete_and_in_order(seed):
     (scene, places, velocities, spins), arguments = random_shot(seed)
     shot = pit(scene, places, velocities, spins=spins, record=True, **arguments)
