@@ -9,13 +9,7 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
-
-def missing(extra: str, package: str | None) -> str:
-    """Returns the message about a package of an extra that is not installed."""
-    return (
-        f"{package} is not installed: expected the extra {extra!r}: pip install 'billiards-env[{extra}]' "
-        f"(in a clone: pip install -e '.[{extra}]')"
-    )
+from billiards_env.checks import missing
 
 
 def require(extra: str, packages: Sequence[str]) -> None:
@@ -27,7 +21,7 @@ def require(extra: str, packages: Sequence[str]) -> None:
     if sys.argv[0] == "-m":
         for package in packages:
             if importlib.util.find_spec(package) is None:
-                sys.exit(f"error: {missing(extra, package)}")
+                sys.exit(f"error: {missing(package, extra)}")
 
 
 require("train", ("yaml", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))

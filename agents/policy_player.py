@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from agents import missing
+from billiards_env.checks import missing
 from billiards_env.games import RULES, GameState, Setup, Stroke
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball
 from billiards_env.scene import Scene
@@ -33,7 +33,8 @@ def policy(setup: Setup, argument: str) -> Player:
     try:  # only a trained policy needs PyTorch
         from agents.ppo import load_policy, make_env
     except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"player = 'policy:{argument}': {missing('train', error.name)}") from error
+        package = error.name or "a package"
+        raise ModuleNotFoundError(f"player = 'policy:{argument}': {missing(package, 'train')}") from error
 
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():

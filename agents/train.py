@@ -156,7 +156,7 @@ def train(config: Config, run_dir: Path) -> None:
     """
     if (run_dir / "policy.pt").exists():
         print(
-            f"{run_dir} is trained already ({config.timesteps} steps); a higher --timesteps continues the training, "
+            f"{run_dir} is trained already ({config.timesteps:,} steps); a higher --timesteps continues the training, "
             "--fresh starts again"
         )
         return
@@ -174,8 +174,8 @@ def _train(config: Config, run_dir: Path) -> None:
     rollout = config.n_envs * config.ppo.n_steps
     total = -(-config.timesteps // rollout) * rollout
     print(
-        f"{run_dir}: {total:,} shots, which are timesteps = {config.timesteps:,} in whole updates of {rollout:,} "
-        "(n_envs * ppo.n_steps)"
+        f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
+        f"{rollout:,} (n_envs * ppo.n_steps)"
     )
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
@@ -185,12 +185,16 @@ def _train(config: Config, run_dir: Path) -> None:
             envs.close()
             raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
         model.num_timesteps = int(checkpoint.stem)
-        print(f"{run_dir}: resuming after {model.num_timesteps} of {config.timesteps} steps")
+        print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
     # A first shot compiles the engine. The notices about this then precede the progress bar.
     play_together(in_frame(config, make_vector(config, 1)), lambda observations: np.zeros((1, 2)), [0])
     try:
         with tqdm(
-            total=max(total, model.num_timesteps), initial=model.num_timesteps, unit_scale=True, bar_format=_BAR
+            total=max(total, model.num_timesteps),
+            initial=model.num_timesteps,
+            unit_scale=True,
+            bar_format=_BAR,
+            ncols=shutil.get_terminal_size().columns,  # 80 if the terminal has no width; tqdm then shows no bar
         ) as bar:
             callback = _Callback(config, run_dir, bar)
             callback.begin(model.num_timesteps)
@@ -372,7 +376,7 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         checkpoint = newest_checkpoint(run_dir)
         done = int(checkpoint.stem) if checkpoint else 0
-        print(f"\ninterrupted; the same command resumes after {done} of {config.timesteps} steps", file=sys.stderr)
+        print(f"\ninterrupted; the same command resumes after {done:,} of {config.timesteps:,} steps", file=sys.stderr)
         sys.exit(130)
     _print(run_dir, config)
 
@@ -391,7 +395,7 @@ def _print(run_dir: Path, config: Config) -> None:
             ),
         )
         time_taken = f"{point.seconds / 60:.1f} minutes" if point.seconds >= 120 else f"{point.seconds:.0f} s"
-        title = f"{run_dir} after {point.steps:,} shots in {time_taken}"
+        title = f"{run_dir} after {point.steps:,} steps in {time_taken}"
         print_table(title, ("actions", "episodes", "success", "score"), rows)
     print_commands("Next:", {"compare with random": ("-m", "agents.evaluate", str(run_dir))})
 

@@ -287,8 +287,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "threads_of": "Shots per second on two cores divided by those on one core, for two threads and for two "
         "processes. Medians of the ratios, and the ratios of the fastest passes.",
         "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
-        "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. One "
-        f"shot a call takes {one['simulate']} with `simulate` and {one['env_step']} with `env.step`.",
+        "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "
+        f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",
     }
 
 

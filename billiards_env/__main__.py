@@ -241,6 +241,8 @@ def cache(clear: bool) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command line; see `billiards --help`."""
+    if not getattr(sys.flags, "safe_path", False) and Path(sys.argv[0]).stem == "billiards":
+        sys.path.insert(0, "")  # a console script does not look for modules in the current folder, unlike python -m
     parser = make_parser()
     args, rest = parser.parse_known_args(arguments)
     if args.command == "play":

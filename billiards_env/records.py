@@ -350,6 +350,8 @@ def from_json(text: str) -> Record:
         raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
     try:
         data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"line {error.lineno}: expected the JSON of a shot or a game ({error.msg})") from error
     except RecursionError:
         raise ValueError("nested too deeply: expected the JSON of a shot or a game") from None
     kind = _mapping("the file", data).get("format")

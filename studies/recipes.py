@@ -181,9 +181,9 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     return {
         "table": table(head, [row(r) for r in results]),
         "million": f"Success after a million shots, mean over the seeds and its 95 % interval: {'; '.join(million)}.",
-        "summary": f"The recipe of `make train` takes {best['minutes']} minutes on one core and pots the ball on "
-        f"{best['mean over seeds']} of new layouts: the mean over the seeds and its 95 % interval. Random shots in the "
-        f"same action frame pot it on {best['random: success']}.",
+        "summary": f"`make train` trains for {best['minutes']} minutes on one core. The policy then pots the ball on "
+        f"{best['mean over seeds']} of new layouts (mean of {len(results[0]['runs'])} seeds, 95 % interval). Random "
+        f"aims at the object ball pot it on {best['random: success']}.",
     }
 
 

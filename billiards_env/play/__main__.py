@@ -23,7 +23,7 @@ DT = 1 / 60
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
     parser = argparse.ArgumentParser(
-        prog="python -m billiards_env.play",
+        prog="billiards play" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env.play",
         description="Play billiards in a window with mouse and keyboard; H shows the help.",
     )
     add = parser.add_argument
@@ -98,7 +98,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m billiards_env.play --help`."""
     args = make_parser().parse_args(arguments)
     rng = np.random.default_rng(args.seed)
-    print("Press H in the window for help.", flush=True)
     try:
         history = make_history(args, rng)
         names = tuple(args.players.split(",")) if args.players else (HUMAN,) * history.setup.n_players
@@ -112,6 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         window = GameWindow(model, players, rng, save, args.width)
     except (pygame.error, ValueError) as error:
         sys.exit(f"error: {error}")
+    print("Press H in the window for help.", flush=True)
     window.ask = args.save is None
     window.run()
     if args.save is not None:
