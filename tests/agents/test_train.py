@@ -216,7 +216,9 @@ def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
 def test_the_end_of_a_training_names_both_kinds_of_success(command, tmp_path, capsys):
     command("--timesteps", "100")
     printed, shown = capsys.readouterr()
-    assert f"{tmp_path / 'run'}: 128 steps (shots), which are timesteps = 100 in whole updates of 128 (n_envs" in printed
+    assert (
+        f"{tmp_path / 'run'}: 128 steps (shots), which are timesteps = 100 in whole updates of 128 (n_envs" in printed
+    )
     (point,) = module.learning_curve(tmp_path / "run")[1:]
     for name, rate in (("exploring", point.training_success), ("deterministic", point.success)):
         (line,) = (line for line in printed.splitlines() if line.split()[:1] == [name])
