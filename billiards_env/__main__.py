@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from billiards_env import Scene, __version__
+from billiards_env.checks import Range, whole
 from billiards_env.files import check_path
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def simulate(args: argparse.Namespace) -> None:
     _check_out(args.out)
     scene = Scene.named(args.scene, args.balls)
     if args.positions is None:
-        positions = layouts.draw(args.layout, scene, np.random.default_rng(args.seed))
+        positions = layouts.draw(args.layout, scene, np.random.default_rng(whole("--seed", args.seed, Range(0, None))))
     elif len(args.positions) != 2 * scene.n_balls:
         raise ValueError(
             f"--positions with {len(args.positions)} numbers: expected {2 * scene.n_balls}, x and y of {scene.n_balls} "

@@ -125,6 +125,7 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
     ("arguments", "message"),
     [
         (["simulate", "--mode", "pci"], "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
+        (["simulate", "--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
         (["simulate", "--positions", "0", "0"], "--positions with 2 numbers: expected 4, x and y of 2 balls"),
         (["simulate", "--out", "shot.txt"], "--out = 'shot.txt': expected a name that ends in one of .html .png"),
         (["simulate", "--out", "no/shot.png"], "path = 'no/shot.png': expected an existing folder"),

@@ -18,7 +18,6 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
     from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
-    from matplotlib.patheffects import Normal, Stroke
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
@@ -213,5 +212,5 @@ def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
     else:
         ground, style["color"], style["xytext"] = POCKET, CHALK, (0, -4)
         style |= {"ha": "center", "va": "top"}
-    style["path_effects"] = [Stroke(linewidth=2.5, foreground=ground), Normal()]
+    style["bbox"] = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
     ax.annotate(text, point.tolist(), **style)

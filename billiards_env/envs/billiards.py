@@ -17,7 +17,7 @@ from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import check_options, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import OPENING_LAYOUTS, task_targets
 
 _ONE = np.ones(1, np.bool_)
@@ -237,6 +237,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
+        if render_mode == "rgb_array":
+            self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
 
         self._episodes = self.episodes(1)

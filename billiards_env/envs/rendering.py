@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 FPS = 30
+"""Frames per second of a film of the moving balls."""
+
+FPS_OF_SHOTS = 1
+"""Frames per second of a video with one frame per shot, which the mode "rgb_array" gives."""
+
 WIDTH, WIDTH_OF_MANY = 800, 560
 """Pixels. Width of a frame, and of each of several tables in one window."""
 

@@ -117,7 +117,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             if env.render_mode is None
             else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix, self.num_envs)
         )
-        self.metadata = {**BilliardsVectorEnv.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)

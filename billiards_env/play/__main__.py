@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from billiards_env import records
+from billiards_env import layouts, records
+from billiards_env.checks import Range, whole
 from billiards_env.games import RULES, History, Setup, opening
 from billiards_env.play.model import HUMAN, begin
 from billiards_env.players.game_player import find_player
 from billiards_env.scene import Scene
+from billiards_env.simulation import simulate
 
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""
@@ -94,13 +96,22 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     return History(setup, opening(setup, rng, args.layout), ())
 
 
+def compile_engines(scene: Scene, ghost_dt: float) -> None:
+    """Runs a shot with each engine, which compiles it. An open window could not answer during this time."""
+    positions = layouts.draw("random", scene, np.random.default_rng(0))
+    for mode, dt in (("pic", None), ("pit", ghost_dt)):
+        simulate(scene, positions, [0.1, 0.0], mode=mode, dt=dt, record=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m billiards_env.play --help`."""
     args = make_parser().parse_args(arguments)
-    rng = np.random.default_rng(args.seed)
     try:
+        rng = np.random.default_rng(None if args.seed is None else whole("--seed", args.seed, Range(0, None)))
         history = make_history(args, rng)
-        names = tuple(args.players.split(",")) if args.players else (HUMAN,) * history.setup.n_players
+        names = (HUMAN,) * history.setup.n_players
+        if args.players:
+            names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup) for name in names]
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
@@ -108,6 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         model = begin(history, names, args.max_speed, args.dt, args.speed)
         save = args.save or args.load or Path("game.json")
+        compile_engines(model.setup.scene, model.ghost_dt)
         window = GameWindow(model, players, rng, save, args.width)
     except (pygame.error, ValueError) as error:
         sys.exit(f"error: {error}")

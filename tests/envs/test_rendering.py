@@ -460,3 +460,9 @@ def test_a_custom_scene_is_drawn():
     env.reset(options={"positions": [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]]})
     frame = env.render().astype(int)
     assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 300
+
+
+@pytest.mark.parametrize(("render_mode", "fps"), [("rgb_array", 1), ("rgb_array_list", 30), ("human", 30)])
+def test_a_video_of_single_frames_shows_each_shot_for_a_second(render_mode, fps):
+    assert gym.make("Billiards-v0", render_mode=render_mode).metadata["render_fps"] == fps
+    assert make_vec("Billiards-v0", num_envs=2, render_mode=render_mode).metadata["render_fps"] == fps

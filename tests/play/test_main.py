@@ -9,7 +9,7 @@ pytest.importorskip("pygame")
 from billiards_env import Scene, records
 from billiards_env.games import Stroke
 from billiards_env.play import window as windows
-from billiards_env.play.__main__ import main, make_history, make_parser
+from billiards_env.play.__main__ import compile_engines, main, make_history, make_parser
 from billiards_env.play.model import Command, shoot, update
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
@@ -86,6 +86,21 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
     assert records.load(tmp_path / "again.json") == records.load(path)
 
 
+def test_spaces_between_players_are_ignored(frames):
+    main(["--players", "human, geometric", "--seed", "1"])
+    assert len(frames) > 0
+
+
+@pytest.mark.parametrize("dt", [1 / 60, 1 / 240])
+def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
+    used = []
+    monkeypatch.setattr(
+        "billiards_env.play.__main__.simulate", lambda *args, mode, dt, **kwargs: used.append((mode, dt))
+    )
+    compile_engines(Scene.named("carom"), dt)
+    assert used == [("pic", None), ("pit", dt)]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -98,6 +113,7 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
         (["--load", "SAVED", "--players", "human,human,human"], "players = human, human, human: expected 2"),
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--width", "3"], "width = 3"),
+        (["--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
     ],
 )
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
