@@ -115,7 +115,7 @@ def draw(result: dict[str, Any], path: Path) -> None:
         )
         third.plot(2.2e-5, pic[key], "*", color=colour, markersize=11, markeredgecolor="black", markeredgewidth=0.5)
     third.plot([], [], "*", color="white", markersize=11, markeredgecolor="black", markeredgewidth=0.5, label="PIC")
-    third.set(xlabel="timestep (s); PIC, without a timestep, on the left", ylabel="median error (m)")
+    third.set(xlabel="timestep (s); at the left end: PIC", ylabel="median error (m)")
     third.set_title("Gas of 16 disks, push_apart", fontsize=10)
     for axes in (first, second, third):
         axes.grid(alpha=0.3)

@@ -202,11 +202,12 @@ def test_dark_and_light(player):
 def test_the_page_fits_a_telephone(player):
     player.call("Emulation.setDeviceMetricsOverride", width=360, height=740, deviceScaleFactor=3, mobile=True)
     try:
-        assert player.run("document.documentElement.scrollWidth") <= 360
-        deadline = time.monotonic() + 10.0  # the page adapts to the window after one or two frames
-        while player.run("document.querySelector('#table').width") <= 900 and time.monotonic() < deadline:
+        fits, sharp = "document.documentElement.scrollWidth <= 360", "document.querySelector('#table').width > 900"
+        deadline = time.monotonic() + 10.0  # the page adapts to the window after some frames
+        while not player.run(f"{fits} && {sharp}") and time.monotonic() < deadline:
             time.sleep(0.02)
-        assert player.run("document.querySelector('#table').width") > 900  # physical pixels of the screen
+        assert player.run(fits)
+        assert player.run(sharp)  # physical pixels of the screen
     finally:
         player.call("Emulation.clearDeviceMetricsOverride")
 
