@@ -1,8 +1,11 @@
 """Players that need no training: random, geometric and search.
 
 Modules:
-    strategies: How each of them chooses a shot.
-    pots: Direct pots, which the geometric and the search player start from.
+    strategies: The choice of a shot by each of these players.
+    pots: Pots by geometry on many tables, for the geometric and the search player.
+    aims, banks: The aim of a direct pot, and of a pot off one cushion (a bank).
+    hits: The hit of the cue ball on an object ball, and the motion of both after it.
+    paths: The path of a ball that meets no other ball.
     env_player: The strategies in `Billiards-v0`.
-    game_player: The strategies in games, and other programs that play games, found by name.
+    game_player: The strategies and other players in games, found by name.
 """

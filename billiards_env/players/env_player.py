@@ -13,43 +13,98 @@ Example:
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.threads import spread
 from billiards_env.envs import BilliardsEnv
-from billiards_env.players.strategies import Situation
+from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS, find_pots
+from billiards_env.players.strategies import Situation, anywhere
 
 Floats = NDArray[np.float64]
 
 
 def situation(env: BilliardsEnv) -> Situation:
-    """Returns the table of an environment; ratings are rewards."""
+    """Returns the situation in an environment. The rating of an action is its reward."""
     return Situation(
         env.scene, env.positions, env.potted, env.targets, env.max_speed, lambda actions: rewards(env, actions)
     )
 
 
-def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
-    """Returns the reward of each of several actions as the next step of an environment.
+class Tables(NamedTuple):
+    """The balls of m tables.
+
+    Attributes:
+        positions: (m, n, 2) m.
+        potted: (m, n) bool, the balls off the table.
+        goals: (m, g, 2) m; see `BilliardsEnv.goals`.
+    """
+
+    positions: Floats
+    potted: NDArray[np.bool_]
+    goals: Floats
+
+    def repeat(self, times: int) -> Tables:
+        """Returns each table `times` times, one after the other."""
+        return Tables(
+            self.positions.repeat(times, axis=0), self.potted.repeat(times, axis=0), self.goals.repeat(times, axis=0)
+        )
+
+
+def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) -> Floats:
+    """Returns the reward of each of several actions if it is the next step of an environment.
 
     Args:
         env: The environment; it does not change.
-        actions: (m, 2) as `env.step` takes them.
+        actions: (m, 2), as for `env.step`.
+        tables: The table before each action; None for the table of the environment.
 
     Returns:
         (m,) rewards.
     """
     m, n = len(actions), env.scene.n_balls
+    positions, potted, goals = (env.positions, env.potted, env.goals) if tables is None else tables
     episodes, found = env.episodes(m), np.empty(m)
-    episodes.shots.positions[:] = env.positions
-    episodes.shots.in_play[:] = ~env.potted
-    episodes.goals[:] = env.goals
-    no_skip, potted = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
+    episodes.shots.positions[:] = positions
+    episodes.shots.in_play[:] = ~potted
+    episodes.goals[:] = goals
+    no_skip, off = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
     observations = np.empty((m, 2 * (n + len(env.goals))), np.float32)
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, no_skip, actions, found, potted, observations)
+        episodes.shoot(begin, end, no_skip, actions, found, off, observations)
 
     spread(work, m)
     return found
+
+
+def try_pots(env: BilliardsEnv, tables: Tables, shots: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Simulates pots on each of m tables, in a few calls for all tables.
+
+    The easiest pots come first, each at all of its speeds. If there are too few, they are repeated. On a table without
+    a pot, the shots have random directions and speeds.
+
+    Args:
+        env: The environment; it does not change.
+        tables: The tables.
+        shots: s, the number of shots on each table.
+        rng: The generator to draw from.
+
+    Returns:
+        (m, s, 2) actions and their (m, s) rewards.
+    """
+    m = len(tables.positions)
+    pots = find_pots(
+        env.scene, env.targets, tables.positions, tables.potted, env.max_speed, most=-(-shots // len(SPEEDS))
+    )
+    found = pots.shots.reshape(m, -1, SHOT_WIDTH)
+    possible = found[..., SPEED] > 0
+    order, count = np.argsort(~possible, axis=1, kind="stable"), possible.sum(axis=1)
+    which = np.take_along_axis(order, np.arange(shots) % np.maximum(count, 1)[:, None], axis=1)
+    pot = np.take_along_axis(found, which[..., None], axis=1)
+    actions = pot[..., SPEED, None] / env.max_speed * pot[..., DX : DY + 1]
+    none = count == 0
+    actions[none] = anywhere(none.sum() * shots, rng).reshape(-1, shots, 2)
+    return actions, rewards(env, actions.reshape(-1, 2), tables.repeat(shots)).reshape(m, shots)

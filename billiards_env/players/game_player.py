@@ -1,17 +1,17 @@
-"""Programs that play games, found by name.
+"""Players of games, found by name.
 
-A player is a function `(setup, game, max_speed, rng) -> Stroke`, called with the game's setup and state, the speed
-of the fastest shot in m/s and a generator to draw from. A maker of players is a function `(setup, argument) -> player`.
+A player is a function `(setup, game, max_speed, rng) -> Stroke`. Its arguments are the game's setup and state, the
+speed of the fastest shot in m/s and a random generator. A maker of players is a function `(setup, argument) -> player`.
 `find_player` accepts
 
 * "random", "geometric" and "search", the strategies of `billiards_env.players.strategies`;
-* "policy", a trained policy: it needs the package `agents`, which is importable in the folder of the repository;
-* the name of an entry point of the group `billiards_env.players` in an installed package, which is a maker;
+* "policy", a trained policy, which needs the package `agents` of the repository;
+* the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
 
 A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
 
-A geometric or search player with the cue ball in hand draws some places and takes the one with the easiest pot.
+With the cue ball in hand, a geometric or search player draws some places and chooses the one with the easiest pot.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import GameState, PlayedShot, Setup, Stroke, play
 from billiards_env.games.placement import Point, cue_ball_point, placement_area
-from billiards_env.players.pots import Pots
+from billiards_env.players.pots import Shots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,7 @@ GROUP = "billiards_env.players"
 MAKERS = {"policy": "agents.policy_player:policy"}
 """Makers of this repository outside of the installed package, by name."""
 
-_PLACES = 30  # drawn with the cue ball in hand
+_PLACES = 30  # random places for a cue ball in hand
 
 
 def find_player(text: str, setup: Setup) -> Player:
@@ -92,7 +92,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float, place: Point | None = None) -> Situation:
-    """Returns the situation of a player; a shot is rated by the rules.
+    """Returns the situation of a player. The rules rate its shots.
 
     Args:
         setup: The setup of the game.
@@ -119,7 +119,7 @@ def situation(setup: Setup, game: GameState, max_speed: float, place: Point | No
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:
-    """Returns a stroke with a velocity (2,), m/s, that is shortened to `max_speed` if it is faster."""
+    """Returns a stroke with a velocity (2,), m/s, whose speed is limited to `max_speed`."""
     x, y = (velocity * min(1.0, max_speed / max(np.hypot(*velocity), 1e-9))).tolist()
     return Stroke((x, y), place)
 
@@ -136,7 +136,7 @@ def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point
 def place_cue_ball(
     setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator
 ) -> tuple[GameState, Point | None]:
-    """Places a cue ball in hand where the best direct pot is easiest, of some random places.
+    """Places a cue ball in hand at the one of some random places that has the easiest pot.
 
     Returns:
         The game with the cue ball there, and the point, m. If the cue ball is not in hand: the unchanged game and None.
@@ -155,13 +155,13 @@ def place_cue_ball(
     return max(games, key=lambda entry: _ease(situation(setup, entry[0], max_speed).pots()))
 
 
-def _ease(pots: Pots) -> tuple[bool, float]:
-    """Returns a key that is larger the easier the best of some pots is: no scratch first, then the tolerance."""
+def _ease(pots: Shots) -> tuple[bool, float]:
+    """Returns a key that is larger for easier pots, from the best pot: no scratch first, then the tolerance."""
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
 def _rating(game: GameState, played: PlayedShot) -> float:
-    """Returns what a shot is worth to its player: winning, points, another turn, no foul."""
+    """Returns the value of a shot for its player, from the win, the points, another turn and a foul."""
     player, verdict = game.state.player, played.verdict
     won = 0.0 if played.game.state.winner < 0 else 100.0 if played.game.state.winner == player else -100.0
     return won + 2.0 * verdict.points + verdict.continues - 5.0 * bool(verdict.foul)

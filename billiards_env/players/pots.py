@@ -1,32 +1,79 @@
-"""Direct pots by geometry: the ghost-ball aim, its obstacles and its speed.
+"""Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
 
-It does not consider shots off a cushion or off another ball, the cue ball's path after it meets a cushion, and what a
-third ball does to either.
+A pot is a way to send one object ball into one pocket: directly or, on a table without a direct pot, off one cushion (a
+bank). Shots in which the cue ball meets a
+cushion before the object ball, and the effect of a third ball on the cue ball after the hit, are not considered.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine import scene_arrays
+from billiards_env.physics.jit import entry_point, inlined, kernel, merged
+from billiards_env.physics.state import SceneArrays, empty_state
+from billiards_env.players.aims import direct_aim
+from billiards_env.players.banks import bank_aim
+from billiards_env.players.hits import Table, cut_cosine, gain, hit_at, meet_before, play_hit
+from billiards_env.players.paths import FAR as FAR
+from billiards_env.players.paths import cross, follow, launch
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
 
-_RIM = 128  # points on a pocket's rim
-_PATH = 32  # points on the cue ball's path after the hit
-_ARRIVAL = 0.3  # m/s; speed of the object ball at the pocket, if that is possible
-_THINNEST = 0.05  # cosine of the thinnest cut
-_LEEWAY = 0.02  # radians by which a ball on a cushion may miss a pocket's open mouth: the cushion guides it
-_CLEAR = 1e-6  # m; clearance between ghost balls and cushions
-_SPEEDS = (0.0, 0.25, 0.5, 1.0)  # shares of the way from the least possible speed to the largest
+SPEEDS = np.array([0.0, 0.1, 0.25, 0.5, 1.0])
+"""The speeds of a pot, as shares of the way from the least possible speed to the largest."""
+
+# Columns of `Pots.rows`.
+GHOST_X, GHOST_Y = 0, 1  # m: the cue ball's centre at the hit
+CUT_COS, CUT_SIN = (
+    2,
+    3,
+)  # of the angle from the cue ball's direction to the object ball's; the sine is positive to the left
+APPROACH, RUN = 4, 5  # m: distances of the cue ball to the hit, and of the object ball to the pocket
+MOUTH = 6  # rad: half the angle of the open mouth as seen from the object ball, minus the error of its direction
+TOLERANCE = 7  # rad: the largest error of the cue ball's direction that pots the ball, to first order
+ROOM = 8  # m: the smallest gap between a moving ball and a third ball on its way; at most `FAR`
+LEAST_SPEED = 9  # m/s
+WALL = 10  # the cushion of a bank, 0 to 3 for -x, +x, -y, +y; -1 for a direct pot
+WIDTH = 11
+
+# Columns of `Pots.shots`.
+DX, DY = 0, 1  # direction of the cue ball
+SPEED = 2  # m/s; 0 if the pot is not possible at this speed
+GAPS = 3  # m: least distances of the cue ball from a pocket's rim, before each of its first cushions; < 0 if it drops
+N_GAPS = 5
+SHOT_WIDTH = GAPS + N_GAPS
+
+_ARRIVAL = 0.3  # m/s; least speed of the object ball at the pocket
+_LEAST_ARRIVAL = 0.05  # m/s; the same if `_ARRIVAL` is not possible
+_BANK_SPEED, _LEAST_BANK_SPEED = 0.7, 0.4  # speed to find a bank and its least speed, over the largest speed
 
 
 class Pots(NamedTuple):
-    """k direct pots, best first: those without a scratch before the others, then by tolerance.
+    """At most k pots on each of m tables, in the order of their tolerance, the largest first.
+
+    Attributes:
+        count: (m,) the number of pots; the rows after them are 0.
+        ball: (m, k) the object ball.
+        pocket: (m, k) the pocket.
+        rows: (m, k, WIDTH) float64, see the columns above.
+        shots: (m, k, s, SHOT_WIDTH) float64, the pots at the s speeds of `SPEEDS`, see the columns above; 0 at a speed
+            that is not possible.
+    """
+
+    count: Any
+    ball: Any
+    pocket: Any
+    rows: Any
+    shots: Any
+
+
+class Shots(NamedTuple):
+    """k shots at pots, best first: those without a scratch before the others, then by tolerance.
 
     Attributes:
         ball: (k,) the object ball.
@@ -34,7 +81,7 @@ class Pots(NamedTuple):
         direction: (k, 2) the cue ball's direction.
         speed: (k,) the cue ball's speed, m/s.
         tolerance: (k,) the largest error of the direction that still pots the ball, to first order, radians.
-        scratch: (k,) bool, whether the cue ball is expected to enter a pocket.
+        scratch: (k,) bool, whether the cue ball is expected to enter a pocket before it meets a cushion.
     """
 
     ball: NDArray[np.intp]
@@ -45,209 +92,186 @@ class Pots(NamedTuple):
     scratch: NDArray[np.bool_]
 
 
-class _Aim(NamedTuple):
-    """How the cue ball sends an object ball into a pocket.
-
-    Attributes:
-        ghost: (2,) the cue ball's centre at the hit, m.
-        line: (2,) the direction of the object ball.
-        direction: (2,) the direction of the cue ball.
-        cosine: The cosine of the angle between the two.
-        approach: The distance of the cue ball to the hit, m.
-        run: The distance of the object ball to the pocket, m.
-        mouth: Half the angle under which the object ball sees the open mouth, less the error of `line`, radians.
-    """
-
-    ghost: Floats
-    line: Floats
-    direction: Floats
-    cosine: float
-    approach: float
-    run: float
-    mouth: float
-
-
-def direct_pots(
+def find_pots(
     scene: Scene,
     targets: NDArray[np.bool_],
     positions: Floats,
     potted: NDArray[np.bool_],
     max_speed: float,
     cue: int = 0,
+    most: int | None = None,
 ) -> Pots:
-    """Returns the shots that send an object ball straight into a pocket without an obstacle.
+    """Returns the pots on m tables whose paths have no obstacle. On a table without a direct pot, these are banks.
 
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
-    ball. The tolerance of the cue ball's direction is half the angle under which the object ball sees the mouth, times
+    ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
     (sum of radii) cos(cut) / (distance of the cue ball to the ghost ball), to first order (Alciatore, TP 3.4: Margin of
-    error based on distance and cut angle).
+    error based on distance and cut angle). A speed at which the two balls meet again before the pot is left out.
 
     Args:
         scene: The scene.
         targets: (n,) bool, the balls to pot.
-        positions: (n, 2) m.
-        potted: (n,) bool, the balls off the table.
+        positions: (m, n, 2) m.
+        potted: (m, n) bool, the balls off the table.
         max_speed: Speed of the fastest shot, m/s.
         cue: The number of the cue ball.
-
-    Returns:
-        The shots, each at several speeds.
+        most: The largest number of pots on a table; the easiest are kept. None for all.
     """
-    e_ball, mass, reach = scene.physics.e_ball, scene.balls.mass, np.array(scene.balls.radius) + scene.balls.radius[cue]
-    found = []
-    for i in np.flatnonzero(targets & ~potted).tolist():
-        for p, aim in _aims(scene, positions, potted, cue, i):
-            gain = mass[cue] / (mass[cue] + mass[i]) * (1 + e_ball) * aim.cosine
-            for arrival in (_ARRIVAL, 0.0):
-                least = _launch(scene, aim.approach, _launch(scene, aim.run, arrival) / gain)
-                if least <= max_speed:
-                    break
-            else:
-                continue
-            tolerance = aim.mouth * reach[i] * aim.cosine / max(aim.approach, reach[i])
-            for share in _SPEEDS:
-                speed = least + share * (max_speed - least)
-                found.append((i, p, *aim.direction, speed, tolerance, _scratches(scene, aim, speed, cue, i)))
-    table = np.array(sorted(found, key=lambda shot: (shot[6], -shot[5]))).reshape(-1, 7)
-    return Pots(
-        table[:, 0].astype(np.intp),
-        table[:, 1].astype(np.intp),
-        table[:, 2:4],
-        table[:, 4],
-        table[:, 5],
-        table[:, 6].astype(np.bool_),
+    balls = np.flatnonzero(targets)
+    m, k = len(positions), len(balls) * len(scene.table.pockets) if most is None else most
+    pots = Pots(
+        np.empty(m, np.int64),
+        np.zeros((m, k), np.int64),
+        np.zeros((m, k), np.int64),
+        np.zeros((m, k, WIDTH)),
+        np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
+    )
+    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, max_speed, tuple(pots))
+    return pots
+
+
+def pot_shots(
+    scene: Scene,
+    targets: NDArray[np.bool_],
+    positions: Floats,
+    potted: NDArray[np.bool_],
+    max_speed: float,
+    cue: int = 0,
+) -> Shots:
+    """Returns the pots of one table at several speeds. `positions` is (n, 2) and `potted` (n,), see `find_pots`."""
+    pots = find_pots(scene, targets, positions[None], potted[None], max_speed, cue)
+    count, s = int(pots.count[0]), len(SPEEDS)
+    rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
+    scratch = shots[:, GAPS] < 0
+    order = np.argsort(scratch, kind="stable")
+    order = order[shots[order, SPEED] > 0]
+    return Shots(
+        pots.ball[0, :count].repeat(s)[order],
+        pots.pocket[0, :count].repeat(s)[order],
+        shots[order, DX : DY + 1],
+        shots[order, SPEED],
+        rows[order, TOLERANCE],
+        scratch[order],
     )
 
 
-def _aims(scene: Scene, positions: Floats, potted: NDArray[np.bool_], cue: int, i: int) -> Iterator[tuple[int, _Aim]]:
-    """Yields the pockets into which the cue ball can send ball i, with the aim for each."""
-    radius, half = np.array(scene.balls.radius), _half(scene)
-    pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
-    others = ~potted
-    others[[cue, i]] = False
-    start, ball, reach = positions[cue], positions[i], radius[cue] + radius[i]
-    for p, (x, y, r) in enumerate(pockets.tolist()):
-        straight, low, high = _mouth(ball, np.array([x, y]), r, half - radius[i])
-        if low == high:
-            continue
-        line = _rotated(straight, (low + high) / 2)
-        ghost = _inside(ball, ball - reach * line, half - radius[cue])
-        line = (ball - ghost) / reach
-        off = abs(float(np.arctan2(straight[0] * line[1] - straight[1] * line[0], straight @ line)) - (low + high) / 2)
-        run = float(np.hypot(*(np.clip([x, y], radius[i] - half, half - radius[i]) - ball)))
-        approach = float(np.hypot(*(ghost - start)))
-        direction = (ghost - start) / approach if approach > 1e-9 else line
-        cosine = float(direction @ line)
-        if (
-            cosine < _THINNEST
-            or off > (high - low) / 2 + _LEEWAY
-            or (np.abs(ghost) > half - radius[cue]).any()
-            or (_distances(start, ghost, positions[others]) < (radius[cue] + radius)[others]).any()
-            or (_distances(ball, ball + run * line, positions[others]) < (radius[i] + radius)[others]).any()
-            or (_distances(start, ghost, pockets[:, :2]) < pockets[:, 2]).any()
-        ):
-            continue
-        yield p, _Aim(ghost, line, direction, cosine, approach, run, max((high - low) / 2 - off, (high - low) / 20))
+@entry_point
+def search_tables(scene, cue, balls, positions, potted, max_speed, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`."""
+    scene, pots = SceneArrays(*scene), Pots(*pots)
+    state = empty_state(positions.shape[1])
+    for t in range(len(positions)):
+        table = Table(scene, cue, positions[t], potted[t], max_speed)
+        found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
+        found.count[0] = 0
+        _add_direct(table, balls, found)
+        _add_speeds(table, found, state)
+        if found.count[0] == 0:
+            _add_banks(table, balls, found, state)
+            _add_speeds(table, found, state)
 
 
-def _mouth(ball: Floats, pocket: Floats, radius: float, room: Floats) -> tuple[Floats, float, float]:
-    """Returns the directions from a ball to a pocket's open mouth: one (2,), and the least and largest angle from it.
+@merged
+def _add_direct(table, balls, found):
+    """Adds the direct pots of a table to `found`, the `Pots` of this table alone."""
+    for i in balls:
+        if not table.potted[i]:
+            for p in range(len(table.scene.pockets)):
+                aim = direct_aim(table, i, p)
+                if aim.room >= 0.0:
+                    least = _least_speed(table, aim)
+                    if least <= table.max_speed:
+                        _insert(table, aim, least, found)
 
-    The open mouth is the part of the pocket that the ball's centre, which stays within +-`room`, can reach.
+
+@merged
+def _add_banks(table, balls, found, state):
+    """Adds the banks of a table to `found`, the `Pots` of this table alone."""
+    for i in balls:
+        if not table.potted[i]:
+            for p in range(len(table.scene.pockets)):
+                for wall in range(4):
+                    aim = bank_aim(table, i, p, wall, _BANK_SPEED * table.max_speed, state)
+                    if aim.room >= 0.0:
+                        _insert(table, aim, _LEAST_BANK_SPEED * table.max_speed, found)
+
+
+@kernel
+def _least_speed(table, aim):
+    """Returns the least speed of the cue ball with which the object ball reaches the pocket, m/s.
+
+    The object ball then has the speed `_ARRIVAL` at the pocket, or `_LEAST_ARRIVAL` if `_ARRIVAL` needs more than the
+    largest speed.
     """
-    angles = np.linspace(0.0, 2 * np.pi, _RIM, endpoint=False)
-    rim = pocket + radius * np.column_stack((np.cos(angles), np.sin(angles)))
-    lines = rim[(np.abs(rim) <= room).all(axis=1)] - ball
-    straight = np.clip(pocket, -room, room) - ball
-    straight /= np.hypot(*straight)
-    if not len(lines):
-        return straight, 0.0, 0.0
-    bearings = np.arctan2(straight[0] * lines[:, 1] - straight[1] * lines[:, 0], lines @ straight)
-    return straight, float(bearings.min()), float(bearings.max())
+    params, approach, gained = table.scene.params, aim.hit.approach, gain(table, aim.ball, aim.hit)
+    least = launch(params, approach, launch(params, aim.run, _ARRIVAL) / gained)
+    if least > table.max_speed:
+        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL) / gained)
+    return least
 
 
-def _rotated(vector: Floats, angle: float) -> Floats:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+@kernel
+def _insert(table, aim, least, found):
+    """Inserts a pot with its least speed, m/s, into the `Pots` of one table, in the order of their tolerances."""
+    hit, radius = aim.hit, table.scene.radius
+    reach = radius[table.cue] + radius[aim.ball]
+    cosine = cut_cosine(hit)
+    tolerance = aim.mouth * reach * cosine / max(hit.approach, reach)
+    k = found.count[0]
+    while k > 0 and found.rows[k - 1, TOLERANCE] < tolerance:
+        k -= 1
+    most = len(found.ball)
+    if k == most:
+        return
+    found.count[0] = min(found.count[0] + 1, most)
+    for j in range(found.count[0] - 1, k, -1):
+        _copy(found, j - 1, j)
+    found.ball[k], found.pocket[k] = aim.ball, aim.pocket
+    row = found.rows[k]
+    row[GHOST_X], row[GHOST_Y], row[WALL] = hit.x, hit.y, aim.wall
+    row[CUT_COS], row[CUT_SIN] = cosine, cross(hit.dx, hit.dy, hit.line_x, hit.line_y)
+    row[APPROACH], row[RUN], row[MOUTH], row[TOLERANCE] = hit.approach, aim.run, aim.mouth, tolerance
+    row[ROOM], row[LEAST_SPEED] = aim.room, least
 
 
-def _inside(ball: Floats, ghost: Floats, room: Floats) -> Floats:
-    """Returns the ghost ball, moved along the object ball's surface off the cushions if that is possible."""
-    room = room - _CLEAR
-    for k in (0, 1):
-        if abs(ghost[k]) > room[k]:
-            limit = np.copysign(room[k], ghost[k])
-            square = (ghost - ball) @ (ghost - ball) - (limit - ball[k]) ** 2
-            if square < 0:
-                return ghost
-            other = ball[1 - k] + np.copysign(np.sqrt(square), ghost[1 - k] - ball[1 - k])
-            ghost = np.array([limit, other] if k == 0 else [other, limit])
-    return ghost
+@inlined
+def _copy(found, k, to):
+    """Copies pot k, without its shots, to the row `to`."""
+    found.ball[to], found.pocket[to] = found.ball[k], found.pocket[k]
+    for column in range(WIDTH):
+        found.rows[to, column] = found.rows[k, column]
 
 
-def _distances(start: Floats, end: Floats, points: Floats) -> Floats:
-    """Returns the distances (k,) of points (k, 2) from the segment from `start` to `end`, m."""
-    segment, to_points = end - start, points - start
-    along = np.clip(to_points @ segment / max(segment @ segment, 1e-300), 0.0, 1.0)
-    return np.hypot(*(to_points - along[:, None] * segment).T)
+@kernel
+def _add_speeds(table, found, state):
+    """Writes the shots of the `Pots` of one table, and removes the pots that are not possible at any speed."""
+    count, kept = found.count[0], 0
+    for k in range(count):
+        _copy(found, k, kept)
+        if _add_shots(table, found, kept, state):
+            kept += 1
+    for k in range(kept, count):
+        found.ball[k] = found.pocket[k] = 0
+        found.rows[k] = 0.0
+    found.count[0] = kept
 
 
-def _launch(scene: Scene, distance: float, speed: float) -> float:
-    """Returns the initial speed of a ball without spin that has `speed` after `distance`, m/s."""
-    p = scene.physics
-    if p.motion == "ideal":
-        return speed
-    if p.motion == "rolling":
-        return float(np.sqrt(speed**2 + 2 * p.mu_roll * p.g * distance))
-    # The ball slides to 5/7 of its speed, over 12/49 v^2 / (mu_s g), and then rolls.
-    sliding = float(np.sqrt(speed**2 + 2 * p.mu_slide * p.g * distance))
-    if speed >= 5 / 7 * sliding:
-        return sliding
-    return float(np.sqrt((speed**2 + 2 * p.mu_roll * p.g * distance) / (25 / 49 + 24 / 49 * p.mu_roll / p.mu_slide)))
-
-
-def _arrival(scene: Scene, distance: float, speed: float) -> tuple[float, float]:
-    """Returns the speed and slip, m/s, after `distance` of a ball that starts at `speed` without spin."""
-    p = scene.physics
-    if p.motion == "ideal":
-        return speed, 0.0
-    if p.motion == "rolling":
-        return float(np.sqrt(max(speed**2 - 2 * p.mu_roll * p.g * distance, 0.0))), 0.0
-    square = speed**2 - 2 * p.mu_slide * p.g * distance
-    if square > (5 / 7 * speed) ** 2:
-        left = float(np.sqrt(square))
-        return left, 3.5 * left - 2.5 * speed
-    rolled = distance - 12 / 49 * speed**2 / (p.mu_slide * p.g)
-    return float(np.sqrt(max((5 / 7 * speed) ** 2 - 2 * p.mu_roll * p.g * rolled, 0.0))), 0.0
-
-
-def _scratches(scene: Scene, aim: _Aim, speed: float, cue: int, i: int) -> bool:
-    """Returns whether the cue ball, after it hits ball i, enters a pocket before it meets a cushion.
-
-    It slides along a parabola and then rolls straight on. Third balls are ignored.
-    """
-    p, mass = scene.physics, scene.balls.mass
-    left, slip = _arrival(scene, aim.approach, speed)
-    impulse = (1 + p.e_ball) * mass[i] / (mass[cue] + mass[i]) * left * float(aim.direction @ aim.line)
-    velocity, sliding = left * aim.direction - impulse * aim.line, slip * aim.direction - impulse * aim.line
-    path = [aim.ghost[None]]
-    slips = float(np.hypot(*sliding)) if p.motion == "sliding" else 0.0
-    if slips > 0:
-        t = np.linspace(0.0, 2 / 7 * slips / (p.mu_slide * p.g), _PATH)[:, None]
-        path.append(aim.ghost + t * velocity - t * t / 2 * p.mu_slide * p.g * sliding / slips)
-        velocity = velocity - 2 / 7 * sliding
-    rolling = float(np.hypot(*velocity))
-    if rolling > 0:
-        far = scene.table.length + scene.table.width
-        rolls = far if p.motion == "ideal" else min(rolling**2 / (2 * p.mu_roll * p.g), far)
-        path.append(path[-1][-1] + np.linspace(0.0, rolls, 8 * _PATH)[:, None] * velocity / rolling)
-    points = np.concatenate(path)
-    outside = (np.abs(points) > _half(scene) - scene.balls.radius[cue]).any(axis=1)
-    if outside.any():
-        points = points[: np.argmax(outside)]
-    return any((np.hypot(points[:, 0] - q.x, points[:, 1] - q.y) < q.radius).any() for q in scene.table.pockets)
-
-
-def _half(scene: Scene) -> Floats:
-    """Returns half the table's length and width, (2,) m."""
-    return np.array([scene.table.length, scene.table.width]) / 2
+@merged
+def _add_shots(table, found, k, state):
+    """Writes the shots of pot k in the `Pots` of one table, and returns whether any speed is possible."""
+    i, row, possible = found.ball[k], found.rows[k], False
+    hit, wall = hit_at(table, i, row[GHOST_X], row[GHOST_Y]), int(row[WALL])
+    for s in range(len(SPEEDS)):
+        speed = row[LEAST_SPEED] + SPEEDS[s] * (table.max_speed - row[LEAST_SPEED])
+        if wall >= 0:
+            aim = bank_aim(table, i, found.pocket[k], wall, speed, state)
+            if aim.room < 0.0:
+                continue
+            hit = aim.hit
+        elif meet_before(table, i, hit, speed, row[RUN], state):
+            continue
+        shot, possible = found.shots[k, s], True
+        shot[DX], shot[DY], shot[SPEED] = hit.dx, hit.dy, speed
+        play_hit(table, i, hit, speed, state)
+        follow(table.scene, state, table.cue, shot[GAPS:])
+    return possible

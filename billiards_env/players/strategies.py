@@ -1,9 +1,9 @@
-"""Strategies: how a player without training chooses a shot.
+"""Strategies: the choice of a shot by a player without training.
 
-* "random" shoots in any direction at any speed.
-* "geometric" plays the best direct pot (`billiards_env.players.pots`). Without one it plays a full hit on the nearest
-  target, as fast as it may. It simulates nothing.
-* "search" simulates shots and plays the best; "search:20" simulates 20.
+* "random" plays a random velocity.
+* "geometric" plays the best direct pot or, without one, the best pot off one cushion (`billiards_env.players.pots`).
+  Without a pot it plays a full hit on the nearest target at the largest speed. It does not use the engine.
+* "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
 
 A strategy is a function `(situation, rng) -> velocity`, where the velocity of the cue ball is a (2,) array in m/s.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import choose
 from billiards_env.envs.action_frames import perturb
-from billiards_env.players.pots import Pots, direct_pots
+from billiards_env.players.pots import Shots, pot_shots
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ SHOTS = 200
 """The number of shots that "search" simulates."""
 
 FINALISTS, REPEATS = 16, 16
-"""With execution noise, "search" repeats each of its best `FINALISTS` shots `REPEATS` times."""
+"""With execution noise, "search" simulates each of its best `FINALISTS` shots `REPEATS` times with random errors."""
 
 
 class Situation(NamedTuple):
@@ -42,7 +42,7 @@ class Situation(NamedTuple):
         potted: (n,) bool, the balls off the table.
         targets: (n,) bool, the balls that the cue ball may hit.
         max_speed: Speed of the fastest shot, m/s.
-        rate: A function that simulates (m, 2) actions and returns (m,) ratings; more is better.
+        rate: A function that simulates (m, 2) actions and returns (m,) ratings; larger is better.
         cue: The number of the cue ball.
         first: (k, 2) actions that "search" tries before all others.
     """
@@ -56,21 +56,21 @@ class Situation(NamedTuple):
     cue: int = 0
     first: Floats = np.empty((0, 2))
 
-    def pots(self) -> Pots:
-        """Returns the direct pots, best first."""
-        return direct_pots(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue)
+    def pots(self) -> Shots:
+        """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
+        return pot_shots(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue)
 
 
 Strategy = Callable[[Situation, np.random.Generator], Floats]
 
 
 def random(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns a velocity whose components are uniform between -`max_speed` and `max_speed`."""
+    """Returns a velocity whose coordinates are uniform between -`max_speed` and `max_speed`."""
     return situation.max_speed * rng.uniform(-1.0, 1.0, 2)
 
 
 def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns the velocity of the best direct pot, or of a full hit on the nearest target."""
+    """Returns the velocity of the best pot, or of a full hit on the nearest target if there is no pot."""
     pots = situation.pots()
     return pots.speed[0] * pots.direction[0] if len(pots.speed) else situation.max_speed * full_hit(situation)
 
@@ -85,24 +85,25 @@ def full_hit(situation: Situation) -> Floats:
 def search(
     situation: Situation, rng: np.random.Generator, shots: int = SHOTS, noise: tuple[float, float] = (0.0, 0.0)
 ) -> Floats:
-    """Simulates shots and returns the velocity of the one with the highest rating, the first of equal ones.
+    """Simulates shots and returns the velocity of the first one with the highest rating.
 
-    The first half of the shots are the direct pots, best first, and then variations of them: directions that are off by
-    about their tolerance, at any speed. The other shots have any direction and any speed. Without direct pots, all do.
+    The first half of the shots are the pots, best first, and then variations of them with errors of the direction of
+    about the tolerance, and random speeds. The other shots have random directions and speeds. If there is no pot, all
+    shots are random.
 
     Args:
         situation: The table.
         rng: The generator to draw from.
         shots: The number of shots to simulate.
         noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s. If either
-            is positive, the best shots are repeated with such errors, and the highest mean rating decides.
+            is positive, the best shots are simulated again with such errors, and the highest mean rating decides.
 
     Returns:
         (2,) velocity, m/s.
     """
     max_speed = situation.max_speed
-    near, anywhere = _near(situation.pots(), max_speed, (shots + 1) // 2, rng), _anywhere(shots, rng)
-    actions = np.concatenate((situation.first, near, anywhere))[:shots]
+    near = _near(situation.pots(), max_speed, (shots + 1) // 2, rng)
+    actions = np.concatenate((situation.first, near, anywhere(shots, rng)))[:shots]
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
@@ -113,8 +114,8 @@ def search(
     return max_speed * actions[np.argmax(ratings)]
 
 
-def _near(pots: Pots, max_speed: float, count: int, rng: np.random.Generator) -> Floats:
-    """Returns (count, 2) actions: direct pots, then variations of them; (0, 2) without direct pots."""
+def _near(pots: Shots, max_speed: float, count: int, rng: np.random.Generator) -> Floats:
+    """Returns (count, 2) actions: the pots, then variations of them. Without pots the shape is (0, 2)."""
     if not len(pots.speed):
         return np.empty((0, 2))
     which = np.arange(count) % len(pots.speed)
@@ -124,8 +125,8 @@ def _near(pots: Pots, max_speed: float, count: int, rng: np.random.Generator) ->
     return perturb(speeds[:, None] * pots.direction[which], turns, np.zeros(count))
 
 
-def _anywhere(count: int, rng: np.random.Generator) -> Floats:
-    """Returns (count, 2) actions in any direction, with 0.1 to 1 of the largest speed."""
+def anywhere(count: int, rng: np.random.Generator) -> Floats:
+    """Returns (count, 2) random actions in all directions, with 0.1 to 1 of the largest speed."""
     angles, speeds = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.1, 1.0, count)
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
 
@@ -138,7 +139,7 @@ def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strateg
 
     Args:
         text: One of `STRATEGIES`; "search:K" simulates K shots.
-        noise: The execution noise that "search" allows for.
+        noise: The execution noise in the simulations of "search"; see `search`.
 
     Raises:
         ValueError: If there is no such strategy, or K is not a whole number >= 1.

@@ -1,4 +1,4 @@
-"""Players of games: they keep to the rules, they are found by name, and the strategies score."""
+"""Players of games: their shots are legal, they are found by name, and the strategies score points."""
 
 import importlib.metadata
 import subprocess
@@ -130,7 +130,7 @@ def module(monkeypatch):
 
 
 @pytest.mark.usefixtures("module")
-def test_a_module_offers_a_player():
+def test_a_player_is_found_in_a_module():
     game = setup("straight", 2)
     table = custom_opening(game, EASY)
     for text, speed in (("mine:own", 1.0), ("mine:own:2.5", 2.5)):
@@ -138,7 +138,7 @@ def test_a_module_offers_a_player():
 
 
 @pytest.mark.usefixtures("module")
-def test_a_package_offers_a_player(monkeypatch):
+def test_a_player_is_found_in_an_installed_package(monkeypatch):
     entry = importlib.metadata.EntryPoint("theirs", "mine:own", GROUP)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([entry]))
     game = setup("straight", 2)

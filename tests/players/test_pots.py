@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
+from billiards_env.engine import scene_arrays
 from billiards_env.envs import BilliardsEnv
-from billiards_env.players import pots
-from billiards_env.players.pots import direct_pots
+from billiards_env.players.paths import arrival, launch
+from billiards_env.players.pots import pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS
 
 POOL = Scene.named("pool")
@@ -21,11 +22,11 @@ def at(positions, **kwargs):
 
 
 def pots_of(env):
-    return direct_pots(env.scene, env.targets, env.positions, env.potted, env.max_speed)
+    return pot_shots(env.scene, env.targets, env.positions, env.potted, env.max_speed)
 
 
 @named
-def test_every_direct_pot_pots_the_ball_unless_the_cue_ball_is_in_its_way(positions, pocket):
+def test_every_direct_pot_pots_the_ball_unless_the_cue_ball_is_in_the_way(positions, pocket):
     found = pots_of(at(positions))
     for direction, speed, goal in zip(found.direction, found.speed, found.pocket, strict=True):
         shot = simulate(POOL, positions, speed * direction)
@@ -63,7 +64,7 @@ def test_a_ball_in_the_way_blocks_a_pot():
 
 def test_potted_balls_are_no_targets_and_no_obstacles():
     positions = np.array([[0.4, -0.235], [0.97, 0.335], [0.7, 0.065]])
-    found = direct_pots(Scene.named("pool", 2), np.array([False, True, True]), positions, np.array([0, 0, 1]) > 0, 4.0)
+    found = pot_shots(Scene.named("pool", 2), np.array([False, True, True]), positions, np.array([0, 0, 1]) > 0, 4.0)
     assert set(found.ball.tolist()) == {1}
     assert 3 in found.pocket
 
@@ -99,20 +100,22 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, distance):
         }
     )
 
+    params = scene_arrays(scene).params
+
     def run(speed, time=None):
         return simulate(scene, [[0.0, 0.0]], [speed, 0.0], max_time=time)
 
-    start = pots._launch(scene, distance, 0.0)
+    start = launch(params, distance, 0.0)
     assert run(start).positions[0, 0] == pytest.approx(distance, rel=1e-12)
     for speed in (0.1, 1.0, 5.0):
-        start = pots._launch(scene, distance, speed)
+        start = launch(params, distance, speed)
         low, high = 0.0, 100.0
         for _ in range(100):  # bisection for the time of arrival
             middle = (low + high) / 2
             low, high = (middle, high) if run(start, middle).positions[0, 0] < distance else (low, middle)
         shot = run(start, low)
         assert shot.velocities[0, 0] == pytest.approx(speed, rel=1e-9)
-        left, slip = pots._arrival(scene, distance, start)
+        left, slip = arrival(params, distance, start)
         assert left == pytest.approx(speed, rel=1e-12)
         assert slip == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
 

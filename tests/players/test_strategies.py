@@ -28,13 +28,20 @@ def test_the_geometric_player_pots_the_ball(positions, pocket):
     assert info["cushions"][1] == 0
 
 
-def test_without_a_direct_pot_the_geometric_player_hits_the_nearest_ball_hard():
-    # Straight across the table, ball 1 by the far cushion: every pot has a cut of nearly 90 degrees.
+def test_without_a_direct_pot_the_geometric_player_plays_a_bank():
+    # Straight across the table, ball 1 by the far cushion: every direct pot has a cut of nearly 90 degrees.
     env = at([[-0.325, -0.476], [-0.334, 0.599]])
+    *_, info = env.step(geometric(situation(env), RNG(0)) / env.max_speed)
+    assert info["success"]
+    assert info["cushions"][1] == 1
+
+
+def test_without_a_pot_the_geometric_player_hits_the_nearest_ball_hard():
+    env = at([[0.0, 0.0], [-0.1, 0.0], [0.5, 0.0]], scene="carom", n_object_balls=None, task="carom")
     assert len(situation(env).pots().speed) == 0
     velocity = geometric(situation(env), RNG(0))
-    assert np.hypot(*velocity) == pytest.approx(4.0)
-    *_, info = env.step(velocity / 4.0)
+    assert np.hypot(*velocity) == pytest.approx(env.max_speed)
+    *_, info = env.step(velocity / env.max_speed)
     assert info["first_hit"] == 1
 
 
@@ -68,7 +75,7 @@ def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatab
     gain = np.array(earned["search:50"]) - np.array(earned["geometric"])
     assert (gain >= 0).all()
     assert (gain > 0).any()
-    assert sum(earned["search:1"]) > 0.8 * sum(earned["geometric"])  # the same shot, where there is a direct pot
+    assert sum(earned["search:1"]) > 0.8 * sum(earned["geometric"])  # the same shot, where there is a pot
     env.reset(seed=5)
     assert search(situation(env), RNG(1), 100).tobytes() == search(situation(env), RNG(1), 100).tobytes()
 
@@ -83,7 +90,7 @@ def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
     env, rated = at([[0.4, -0.235], [0.97, 0.335]]), []
 
     def rate(actions):
-        """All shots are equal at first; with errors, slower ones are better."""
+        """Rates all shots equally at first. With errors, slower shots are better."""
         rated.append(actions)
         return np.ones(len(actions)) if len(rated) == 1 else -np.hypot(*actions.T)
 

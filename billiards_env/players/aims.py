@@ -1,0 +1,184 @@
+"""The aim of a direct pot, and the open mouth of a pocket."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from billiards_env.physics.jit import inlined, kernel, merged
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.players.hits import (
+    Hit,
+    approach_clearance,
+    can_hit,
+    clearance,
+    enters_pocket,
+    hit_at,
+    room_of,
+)
+from billiards_env.players.paths import cross, pocket_gap
+
+THINNEST = 0.05
+"""The cosine of the thinnest cut."""
+
+_LEEWAY = 0.02  # radians by which a ball on a cushion may miss the open mouth, because the cushion guides it
+_CLEAR = 1e-6  # m; gap between the cue ball at the hit and a cushion
+
+
+class Aim(NamedTuple):
+    """How the cue ball sends an object ball into a pocket.
+
+    Attributes:
+        ball: The object ball.
+        pocket: The pocket.
+        wall: The cushion of a bank, 0 to 3 for -x, +x, -y, +y; -1 for a direct pot.
+        hit: The hit.
+        run: The distance of the object ball to the pocket, m.
+        mouth: Half the angle of the open mouth as seen from the object ball, minus the error of its direction, radians.
+        room: The smallest gap to a third ball, m, at most `FAR`; negative if the pot is not possible.
+    """
+
+    ball: int
+    pocket: int
+    wall: int
+    hit: Hit
+    run: float
+    mouth: float
+    room: float
+
+
+NO_AIM = Aim(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
+"""The aim of a pot that is not possible."""
+
+
+@merged
+def direct_aim(table, i, p):
+    """Returns the `Aim` at which ball i goes straight into pocket p.
+
+    The object ball goes to the middle of the pocket's open mouth. If the cue ball would overlap a cushion at that hit,
+    it is moved off the cushion, along the object ball's surface.
+    """
+    if _is_behind(table, i, p):
+        return NO_AIM
+    scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
+    mouth = open_mouth(scene, i, p, x, y)
+    if mouth.half <= 0.0:
+        return NO_AIM
+    reach = scene.radius[table.cue] + scene.radius[i]
+    room_x, room_y = room_of(scene, table.cue)
+    ghost_x, ghost_y = x - reach * mouth.dx, y - reach * mouth.dy
+    ghost_x, ghost_y = _off_cushion(ghost_x, ghost_y, x, y, room_x - _CLEAR, reach)
+    ghost_y, ghost_x = _off_cushion(ghost_y, ghost_x, y, x, room_y - _CLEAR, reach)
+    hit = hit_at(table, i, ghost_x, ghost_y)
+    if not can_hit(table, hit, THINNEST):
+        return NO_AIM
+    off = abs(_angle(mouth.dx, mouth.dy, hit.line_x, hit.line_y))
+    run = distance_to_rim(scene, p, x, y, hit.line_x, hit.line_y)
+    end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
+    if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
+        return NO_AIM
+    room = min(approach_clearance(table, i, hit), clearance(table, i, i, x, y, end_x, end_y))
+    return Aim(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), room)
+
+
+@inlined
+def _is_behind(table, i, p):
+    """Returns whether the cut angle is more than 90 degrees for every point of the mouth of pocket p."""
+    positions, pockets = table.positions, table.scene.pockets
+    way_x, way_y = positions[i, X] - positions[table.cue, X], positions[i, Y] - positions[table.cue, Y]
+    to_x, to_y = pockets[p, POCKET_X] - positions[i, X], pockets[p, POCKET_Y] - positions[i, Y]
+    widest = pockets[p, POCKET_RADIUS] + _LEEWAY * norm(to_x, to_y)
+    return way_x * to_x + way_y * to_y < -norm(way_x, way_y) * widest
+
+
+class Mouth(NamedTuple):
+    """The open mouth of a pocket as seen from a point.
+
+    Attributes:
+        dx, dy: The direction of its middle.
+        half: Half its angle, radians; 0 if no point of the rim can be reached.
+    """
+
+    dx: float
+    dy: float
+    half: float
+
+
+@kernel
+def open_mouth(scene, i, p, x, y):
+    """Returns the open mouth of pocket p as seen from the point (x, y), which is outside of the pocket.
+
+    The open mouth is the part of the rim that the centre of ball i can reach. Its ends are tangents of the rim, or the
+    points where the rim meets the limits of the ball's centre.
+    """
+    r = scene.pockets[p, POCKET_RADIUS]
+    room_x, room_y = room_of(scene, i)
+    to_x, to_y = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y
+    square = to_x * to_x + to_y * to_y
+    if square <= r * r:
+        return Mouth(0.0, 0.0, 0.0)
+    mouth = (0.0, 0.0, 0.0, 0.0)
+    tangent = math.sqrt(square - r * r)
+    for side in (-1.0, 1.0):
+        along, across = (square - r * r) / square, side * r * tangent / square
+        mouth = _wider(mouth, along * to_x - across * to_y, along * to_y + across * to_x, x, y, room_x, room_y)
+        for limit_x in (-room_x, room_x):
+            at_x = limit_x - x
+            chord = r * r - (at_x - to_x) * (at_x - to_x)
+            if chord >= 0.0:
+                mouth = _wider(mouth, at_x, to_y + side * math.sqrt(chord), x, y, room_x, room_y)
+        for limit_y in (-room_y, room_y):
+            at_y = limit_y - y
+            chord = r * r - (at_y - to_y) * (at_y - to_y)
+            if chord >= 0.0:
+                mouth = _wider(mouth, to_x + side * math.sqrt(chord), at_y, x, y, room_x, room_y)
+    right_x, right_y, left_x, left_y = mouth
+    turn = cross(right_x, right_y, left_x, left_y)
+    if turn <= 0.0:
+        return Mouth(0.0, 0.0, 0.0)
+    right, left = norm(right_x, right_y), norm(left_x, left_y)
+    dx, dy = right_x / right + left_x / left, right_y / right + left_y / left
+    length = norm(dx, dy)
+    return Mouth(dx / length, dy / length, 0.5 * math.atan2(turn, right_x * left_x + right_y * left_y))
+
+
+@inlined
+def _wider(mouth, to_x, to_y, x, y, room_x, room_y):
+    """Returns the ends of a mouth, as vectors from (x, y), after it is extended by a point that a ball can reach."""
+    if abs(x + to_x) > room_x + _CLEAR or abs(y + to_y) > room_y + _CLEAR:
+        return mouth
+    right_x, right_y, left_x, left_y = mouth
+    if right_x == 0.0 and right_y == 0.0:
+        return to_x, to_y, to_x, to_y
+    if cross(right_x, right_y, to_x, to_y) < 0.0:
+        right_x, right_y = to_x, to_y
+    if cross(left_x, left_y, to_x, to_y) > 0.0:
+        left_x, left_y = to_x, to_y
+    return right_x, right_y, left_x, left_y
+
+
+@inlined
+def distance_to_rim(scene, p, x, y, dx, dy):
+    """Returns the distance from (x, y) along a line to a pocket's rim, or to the line's point nearest to the pocket."""
+    to_x, to_y, r = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y, scene.pockets[p, POCKET_RADIUS]
+    aside = cross(dx, dy, to_x, to_y)
+    return to_x * dx + to_y * dy - math.sqrt(max(r * r - aside * aside, 0.0))
+
+
+@inlined
+def _off_cushion(a, b, ball_a, ball_b, room, reach):
+    """Returns the point (a, b), moved so that abs(a) <= `room` and its distance from (ball_a, ball_b) is `reach`."""
+    if abs(a) <= room:
+        return a, b
+    limit = math.copysign(room, a)
+    square = reach * reach - (limit - ball_a) * (limit - ball_a)
+    if square < 0.0:
+        return a, b
+    return limit, ball_b + math.copysign(math.sqrt(square), b - ball_b)
+
+
+@inlined
+def _angle(ax, ay, bx, by):
+    """Returns the angle from one vector to another, radians."""
+    return math.atan2(cross(ax, ay, bx, by), ax * bx + ay * by)

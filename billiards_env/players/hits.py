@@ -1,0 +1,231 @@
+"""The hit of the cue ball on an object ball: the cue ball's path to it, and the motion of both balls after it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine.contact_rule import NOISE
+from billiards_env.engine.predictions import cannot_meet
+from billiards_env.physics.ball_ball import change_velocity, pair_impulse
+from billiards_env.physics.contact import circle_time
+from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    E_BALL,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    MOTION,
+    REST,
+    SLIDING_AND_ROLLING,
+    T0,
+    UX,
+    UY,
+    VX,
+    VY,
+    SceneArrays,
+    X,
+    Y,
+)
+from billiards_env.players.paths import (
+    FAR,
+    LEGS,
+    arrival,
+    begin_leg,
+    distance_to_segment,
+    end_leg,
+    pocket_gap,
+    travel_time,
+)
+
+
+class Table(NamedTuple):
+    """A table before a shot.
+
+    Attributes:
+        scene: The scene.
+        cue: The number of the cue ball.
+        positions: (n, 2) m.
+        potted: (n,) bool, the balls off the table.
+        max_speed: Speed of the fastest shot, m/s.
+    """
+
+    scene: SceneArrays
+    cue: int
+    positions: NDArray[np.float64]
+    potted: NDArray[np.bool_]
+    max_speed: float
+
+
+class Hit(NamedTuple):
+    """A hit of the cue ball on an object ball.
+
+    Attributes:
+        x, y: The cue ball's centre at the hit (the ghost ball), m.
+        dx, dy: The direction of the cue ball.
+        line_x, line_y: The direction of the object ball.
+        approach: The distance of the cue ball to the hit, m.
+    """
+
+    x: float
+    y: float
+    dx: float
+    dy: float
+    line_x: float
+    line_y: float
+    approach: float
+
+
+@kernel
+def hit_at(table, i, x, y):
+    """Returns the `Hit` on ball i with the cue ball's centre at (x, y)."""
+    scene, positions = table.scene, table.positions
+    reach = scene.radius[table.cue] + scene.radius[i]
+    line_x, line_y = (positions[i, X] - x) / reach, (positions[i, Y] - y) / reach
+    to_x, to_y = x - positions[table.cue, X], y - positions[table.cue, Y]
+    approach = norm(to_x, to_y)
+    dx, dy = (to_x / approach, to_y / approach) if approach > 1e-9 else (line_x, line_y)
+    return Hit(x, y, dx, dy, line_x, line_y, approach)
+
+
+@inlined
+def cut_cosine(hit):
+    """Returns the cosine of the angle between the directions of the two balls."""
+    return hit.dx * hit.line_x + hit.dy * hit.line_y
+
+
+@inlined
+def can_hit(table, hit, thinnest):
+    """Returns whether the cut is not too thin and the cue ball at the hit is within the cushions."""
+    room_x, room_y = room_of(table.scene, table.cue)
+    return cut_cosine(hit) >= thinnest and abs(hit.x) <= room_x and abs(hit.y) <= room_y
+
+
+@inlined
+def enters_pocket(table, hit):
+    """Returns whether the cue ball enters a pocket before the hit."""
+    start_x, start_y = table.positions[table.cue, X], table.positions[table.cue, Y]
+    return pocket_gap(table.scene.pockets, -1, start_x, start_y, hit.x, hit.y) < 0.0
+
+
+@kernel
+def play_hit(table, i, hit, speed, state):
+    """Sets the motion of the cue ball and of ball i after a hit.
+
+    Args:
+        table: The `Table`.
+        i: The object ball.
+        hit: The `Hit`.
+        speed: The initial speed of the cue ball, m/s.
+        state: The `State`; its content changes.
+
+    Returns:
+        Whether the cue ball reaches ball i at this speed.
+    """
+    scene, params, cue = table.scene, table.scene.params, table.cue
+    left, slip = arrival(params, hit.approach, speed)
+    closing = left * cut_cosine(hit)
+    impulse = pair_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], params[E_BALL])
+    state.rows[cue] = 0.0
+    state.rows[i] = 0.0
+    row = state.rows[cue]
+    row[X], row[Y], row[VX], row[VY] = hit.x, hit.y, left * hit.dx, left * hit.dy
+    if params[MOTION] == SLIDING_AND_ROLLING:
+        row[UX], row[UY] = slip * hit.dx, slip * hit.dy
+    state.rows[i, X], state.rows[i, Y] = table.positions[i, X], table.positions[i, Y]
+    for ball, push in ((cue, -impulse * scene.inv_mass[cue]), (i, impulse * scene.inv_mass[i])):
+        change_velocity(state, ball, push * hit.line_x, push * hit.line_y, params)
+    return closing > 0.0
+
+
+@inlined
+def gain(table, i, hit):
+    """Returns the speed of ball i after a hit, over the speed of the cue ball before it."""
+    inv_mass = table.scene.inv_mass
+    share = inv_mass[i] / (inv_mass[table.cue] + inv_mass[i])
+    return share * (1.0 + table.scene.params[E_BALL]) * cut_cosine(hit)
+
+
+@inlined
+def approach_clearance(table, i, hit):
+    """Returns the smallest gap between the cue ball and a third ball before the hit on ball i, m, at most `FAR`."""
+    start_x, start_y = table.positions[table.cue, X], table.positions[table.cue, Y]
+    return clearance(table, i, table.cue, start_x, start_y, hit.x, hit.y)
+
+
+@kernel
+def clearance(table, i, moving, ax, ay, bx, by):
+    """Returns the smallest gap between a moving ball and a third ball, m, at most `FAR`.
+
+    Args:
+        table: The `Table`.
+        i: The object ball. This ball, the cue ball and the potted balls are not third balls.
+        moving: The ball that moves.
+        ax: Start of its path along x, m.
+        ay: The same along y.
+        bx: End of its path along x, m.
+        by: The same along y.
+    """
+    gap, radius = FAR, table.scene.radius
+    for j in range(len(table.positions)):
+        if j != table.cue and j != i and not table.potted[j]:
+            distance = distance_to_segment(ax, ay, bx, by, table.positions[j, X], table.positions[j, Y])
+            gap = min(gap, distance - radius[moving] - radius[j])
+    return gap
+
+
+@inlined
+def room_of(scene, i):
+    """Returns the largest coordinates that the centre of ball i can have, m."""
+    return scene.params[HALF_LENGTH] - scene.radius[i], scene.params[HALF_WIDTH] - scene.radius[i]
+
+
+@kernel
+def meet_before(table, i, hit, speed, run, state):
+    """Returns whether the cue ball and ball i meet again after their hit, before ball i has covered the distance `run`.
+
+    If the cue ball is slower than ball i after the hit, no path is computed: the balls then hardly ever meet again.
+    """
+    params, inv_mass, along = table.scene.params, table.scene.inv_mass, cut_cosine(hit)
+    gained = gain(table, i, hit)
+    lost = gained * (inv_mass[table.cue] / inv_mass[i])
+    if (along - lost) * (along - lost) + (1.0 - along * along) < gained * gained:
+        return False
+    left, _ = arrival(params, hit.approach, speed)
+    return meet_again(table, i, hit, speed, travel_time(params, run, gained * left), state)
+
+
+@kernel
+def meet_again(table, i, hit, speed, end, state):
+    """Returns whether the cue ball and ball i meet again within `end` seconds after their hit."""
+    scene, cue, rows = table.scene, table.cue, state.rows
+    play_hit(table, i, hit, speed, state)
+    state.phase[cue] = state.phase[i] = REST
+    leg, cue_leg, now = begin_leg(scene, state, i), begin_leg(scene, state, cue), 0.0
+    reach = scene.radius[i] + scene.radius[cue]
+    for _ in range(2 * LEGS):
+        leg_end, cue_end = rows[i, T0] + leg.lasts, rows[cue, T0] + cue_leg.lasts
+        until = min(leg_end, cue_end, end)
+        x, y, vx, vy = motion_after(state, i, now - rows[i, T0])
+        cue_x, cue_y, cue_vx, cue_vy = motion_after(state, cue, now - rows[cue, T0])
+        dx, dy, wx, wy = x - cue_x, y - cue_y, vx - cue_vx, vy - cue_vy
+        bx, by = rows[i, AX] - rows[cue, AX], rows[i, AY] - rows[cue, AY]
+        if not cannot_meet(dx, dy, wx, wy, bx, by, reach, until - now):
+            noise = NOISE * (norm(vx, vy) + norm(cue_vx, cue_vy))
+            if circle_time(dx, dy, wx, wy, bx, by, reach, until - now, noise) < math.inf:
+                return True
+        if until == end:
+            return False
+        now = until
+        if leg_end == until:
+            end_leg(scene, state, i, leg)
+            leg = begin_leg(scene, state, i)
+        if cue_end == until:
+            end_leg(scene, state, cue, cue_leg)
+            cue_leg = begin_leg(scene, state, cue)
+    return False

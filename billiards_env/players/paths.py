@@ -1,0 +1,216 @@
+"""The path of a ball that meets no other ball: its speed after a distance, its cushions, and the pockets near it."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from billiards_env.physics.contact import line_time
+from billiards_env.physics.cushion import reflect
+from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm
+from billiards_env.physics.state import (
+    AX,
+    AY,
+    HALF_LENGTH,
+    HALF_WIDTH,
+    IDEAL,
+    LASTS,
+    MOTION,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    REST,
+    ROLL,
+    ROLLING_ONLY,
+    SLIDE,
+    SLIDING,
+    VX,
+    VY,
+    X,
+    Y,
+    later,
+    moves,
+    own_time,
+)
+
+FAR = 0.2
+"""m. Gaps are at most this: larger ones are not measured."""
+
+LEGS = 20
+"""The largest number of legs of a path."""
+
+_CHORDS = 4  # straight lines that approximate a leg of a sliding ball
+
+
+@inlined
+def cross(ax, ay, bx, by):
+    """Returns the cross product of two vectors."""
+    return ax * by - ay * bx
+
+
+@kernel
+def launch(params, distance, speed):
+    """Returns the initial speed of a ball without spin whose speed is `speed` after `distance`, m/s."""
+    slide, roll = params[SLIDE], params[ROLL]
+    if params[MOTION] == IDEAL:
+        return speed
+    if params[MOTION] == ROLLING_ONLY:
+        return math.sqrt(speed * speed + 2.0 * roll * distance)
+    # The ball slides to 5/7 of its speed, over 12/49 v^2 / (mu_s g), and then rolls.
+    sliding = math.sqrt(speed * speed + 2.0 * slide * distance)
+    if speed >= 5.0 / 7.0 * sliding:
+        return sliding
+    return math.sqrt((speed * speed + 2.0 * roll * distance) / (25.0 / 49.0 + 24.0 / 49.0 * roll / slide))
+
+
+@kernel
+def arrival(params, distance, speed):
+    """Returns the speed and slip, m/s, after `distance` of a ball that starts at `speed` without spin."""
+    slide, roll = params[SLIDE], params[ROLL]
+    if params[MOTION] == IDEAL:
+        return speed, 0.0
+    if params[MOTION] == ROLLING_ONLY:
+        return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
+    square = speed * speed - 2.0 * slide * distance
+    if square > (5.0 / 7.0 * speed) * (5.0 / 7.0 * speed):
+        left = math.sqrt(square)
+        return left, 3.5 * left - 2.5 * speed
+    rolled = distance - 12.0 / 49.0 * speed * speed / slide
+    return math.sqrt(max(25.0 / 49.0 * speed * speed - 2.0 * roll * rolled, 0.0)), 0.0
+
+
+@kernel
+def travel_time(params, distance, speed):
+    """Returns the time in which a ball that starts at `speed` without spin covers `distance`, s.
+
+    The ball must not come to rest before.
+    """
+    left, slip = arrival(params, distance, speed)
+    if params[MOTION] == IDEAL:
+        return distance / speed
+    if params[MOTION] == ROLLING_ONLY:
+        return (speed - left) / params[ROLL]
+    if slip > 0.0:
+        return (speed - left) / params[SLIDE]
+    return 2.0 / 7.0 * speed / params[SLIDE] + (5.0 / 7.0 * speed - left) / params[ROLL]
+
+
+class Leg(NamedTuple):
+    """A part of a path, up to the end of the ball's phase (sliding or rolling) or to a cushion.
+
+    Attributes:
+        lasts: The duration, s; infinite if the ball does not move.
+        wall: The cushion at its end, 0 to 3 for -x, +x, -y, +y; -1 for none.
+        chords: The number of straight lines that approximate it; 0 if the ball does not move.
+    """
+
+    lasts: float
+    wall: int
+    chords: int
+
+
+@inlined
+def begin_leg(scene, state, i):
+    """Begins a phase of ball i, and returns its next `Leg`."""
+    row, params = state.rows[i], scene.params
+    begin_phase(state, i, params)
+    if not moves(state, i):
+        return Leg(math.inf, -1, 0)
+    lasts, wall = row[LASTS], -1
+    for c in range(2):
+        room = (params[HALF_WIDTH] if c else params[HALF_LENGTH]) - scene.radius[i]
+        low, high = _extremes(row[X + c], row[VX + c], row[AX + c], lasts)
+        if not (low > -room and high < room):
+            for k in range(2):
+                sign = 2.0 * k - 1.0
+                t = line_time(room - sign * row[X + c], sign * row[VX + c], sign * row[AX + c], lasts)
+                if t < lasts:
+                    lasts, wall = t, 2 * c + k
+    return Leg(lasts, wall, _CHORDS if state.phase[i] == SLIDING else 1)
+
+
+@inlined
+def _extremes(x, v, a, end):
+    """Returns bounds of x + v t + a t^2 / 2 for t in [0, end]: the extremes of its Bezier control points."""
+    half, last = x + 0.5 * end * v, x + end * (v + 0.5 * end * a)
+    return min(x, half, last), max(x, half, last)
+
+
+@inlined
+def end_leg(scene, state, i, leg):
+    """Advances ball i to the end of a leg, where its phase ends or a cushion reflects it."""
+    now = later(own_time(state, i), leg.lasts)
+    if leg.wall < 0:
+        end_phase(state, i, now, scene.params)
+    else:
+        advance(state, i, now, scene.params)
+        reflect(state, i, leg.wall, 0.0, scene)
+
+
+@kernel
+def follow(scene, state, i, gaps):
+    """Computes the path of ball i and writes its least distances from a pocket's rim before its first cushions.
+
+    Args:
+        scene: The `SceneArrays`.
+        state: The `State`, with the velocity, slip and spin of ball i.
+        i: The ball.
+        gaps: (c,) m, written; entry k is the least distance between cushions k - 1 and k, at most `FAR`. It is negative
+            if the ball drops, and `FAR` after the ball has dropped or come to rest.
+    """
+    gaps[:] = FAR
+    state.phase[i] = REST
+    cushion = 0
+    for _ in range(LEGS):
+        leg = begin_leg(scene, state, i)
+        if leg.chords == 0:
+            return
+        gaps[cushion] = _leg_gap(scene.pockets, state, i, leg, gaps[cushion])
+        if gaps[cushion] < 0.0:
+            return
+        if leg.wall >= 0:
+            cushion += 1
+            if cushion == len(gaps):
+                return
+        end_leg(scene, state, i, leg)
+
+
+@inlined
+def _leg_gap(pockets, state, i, leg, gap):
+    """Returns the least distance of a leg of ball i from a pocket's rim, m, at most `gap`."""
+    row = state.rows[i]
+    low_x, high_x = _extremes(row[X], row[VX], row[AX], leg.lasts)
+    low_y, high_y = _extremes(row[Y], row[VY], row[AY], leg.lasts)
+    for p in range(len(pockets)):
+        x, y, radius = pockets[p, POCKET_X], pockets[p, POCKET_Y], pockets[p, POCKET_RADIUS]
+        near = gap + radius
+        if low_x - near < x < high_x + near and low_y - near < y < high_y + near:
+            ax, ay = row[X], row[Y]
+            for k in range(1, leg.chords + 1):
+                bx, by, _, _ = motion_after(state, i, leg.lasts * k / leg.chords)
+                gap = min(gap, distance_to_segment(ax, ay, bx, by, x, y) - radius)
+                ax, ay = bx, by
+    return gap
+
+
+@kernel
+def pocket_gap(pockets, goal, ax, ay, bx, by):
+    """Returns the least distance of the segment from (ax, ay) to (bx, by) from a pocket's rim, m, at most `FAR`.
+
+    It is negative if the segment enters a pocket. The pocket `goal` is left out; -1 leaves out no pocket.
+    """
+    gap = FAR
+    for p in range(len(pockets)):
+        if p != goal:
+            distance = distance_to_segment(ax, ay, bx, by, pockets[p, POCKET_X], pockets[p, POCKET_Y])
+            gap = min(gap, distance - pockets[p, POCKET_RADIUS])
+    return gap
+
+
+@inlined
+def distance_to_segment(ax, ay, bx, by, x, y):
+    """Returns the distance of the point (x, y) from the segment from (ax, ay) to (bx, by), m."""
+    sx, sy, to_x, to_y = bx - ax, by - ay, x - ax, y - ay
+    along = min(max((to_x * sx + to_y * sy) / max(sx * sx + sy * sy, 1e-300), 0.0), 1.0)
+    return norm(to_x - along * sx, to_y - along * sy)

@@ -1,0 +1,221 @@
+"""Pots on many tables: symmetries, unusual scenes, and the same shots in the exact engine."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, layouts, simulate, simulate_batch
+from billiards_env.players import pots
+from billiards_env.players.pots import find_pots, pot_shots
+
+MAX_SPEED = 4.0
+
+
+def tables(scene, m, seed=0):
+    """Returns m random layouts, and no potted balls."""
+    rng = np.random.default_rng(seed)
+    drawn = np.array([layouts.draw("random", scene, rng) for _ in range(m)])
+    return drawn, np.zeros((m, scene.n_balls), np.bool_)
+
+
+def targets(scene):
+    return np.arange(scene.n_balls) > 0
+
+
+def search(scene, positions, potted, **kwargs):
+    return find_pots(scene, targets(scene), positions, potted, MAX_SPEED, **kwargs)
+
+
+def changed(scene, **kwargs):
+    """Returns a scene with other entries of some sections."""
+    data = scene.to_dict()
+    for section, entries in kwargs.items():
+        data[section] = {**data[section], **entries}
+    return Scene.from_dict(data)
+
+
+@pytest.fixture(scope="module")
+def three():
+    """A scene with three object balls, layouts with one, two or three of them on the table, and their pots."""
+    scene = Scene.named("pool", 3)
+    positions, potted = tables(scene, 400)
+    potted[::2, 3] = potted[::4, 2] = True
+    return scene, positions, potted, search(scene, positions, potted)
+
+
+def test_a_batch_gives_the_same_pots_as_one_table_at_a_time(three):
+    scene, positions, potted, found = three
+    assert (found.rows[..., pots.WALL] > 0).any()  # banks too
+    for t in range(len(positions)):
+        alone = search(scene, positions[t : t + 1], potted[t : t + 1])
+        for one, many in zip(alone, found, strict=True):
+            assert one[0].tobytes() == many[t].tobytes()
+
+
+def test_the_order_of_the_balls_does_not_matter(three):
+    scene, positions, potted, found = three
+    order = np.array([0, 2, 3, 1])
+    other = search(scene, np.ascontiguousarray(positions[:, order]), np.ascontiguousarray(potted[:, order]))
+    for name in ("count", "pocket", "rows", "shots"):
+        assert getattr(other, name).tobytes() == getattr(found, name).tobytes()
+    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
+    assert (order[other.ball] == found.ball)[exists].all()
+
+
+@pytest.mark.parametrize("signs", [(-1, 1), (1, -1), (-1, -1)])
+def test_mirror_images_give_mirrored_pots(three, signs):
+    scene, positions, potted, found = three
+    mirrored = search(scene, positions * signs, potted)
+    rows, shots = found.rows.copy(), found.shots.copy()
+    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
+    for c, sign in enumerate(signs):
+        rows[..., pots.GHOST_X + c] *= sign
+        shots[..., pots.DX + c] *= sign
+        bank = rows[..., pots.WALL] // 2 == c
+        rows[..., pots.WALL] += np.where(bank & exists & (sign < 0), 1 - 2 * (rows[..., pots.WALL] % 2), 0)
+    rows[..., pots.CUT_SIN] *= signs[0] * signs[1]
+    assert (mirrored.count == found.count).all()
+    assert (mirrored.ball == found.ball).all()
+    np.testing.assert_allclose(mirrored.rows, rows, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(mirrored.shots, shots, rtol=1e-6, atol=1e-7)
+    there = np.array([(q.x, q.y) for q in scene.table.pockets])
+    assert (there[mirrored.pocket] == there[found.pocket] * signs)[exists].all()
+
+
+def test_the_easiest_pots_are_kept(three):
+    scene, positions, potted, found = three
+    tolerance = np.where(np.arange(found.ball.shape[1]) < found.count[:, None], found.rows[..., pots.TOLERANCE], 0)
+    assert (np.diff(tolerance) <= 0).all()
+    few = search(scene, positions, potted, most=2)
+    assert (few.count == np.minimum(found.count, 2)).mean() > 0.99  # one of the two may be impossible at any speed
+    same = few.count == np.minimum(found.count, 2)
+    assert few.rows[same].tobytes() == np.ascontiguousarray(found.rows[same, :2]).tobytes()
+    assert few.shots[same].tobytes() == np.ascontiguousarray(found.shots[same, :2]).tobytes()
+
+
+def test_the_position_of_a_potted_ball_does_not_change_the_pots(three):
+    scene, positions, potted, found = three
+    moved = positions.copy()
+    moved[potted] = positions[potted][::-1] * 0.5
+    other = search(scene, moved, potted)
+    for one, two in zip(found, other, strict=True):
+        assert one.tobytes() == two.tobytes()
+    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
+    assert not np.take_along_axis(potted, found.ball, axis=1)[exists].any()
+
+
+@pytest.fixture(scope="module")
+def played():
+    """All pots of one ball on 1500 layouts, and their results in the engine."""
+    scene = Scene.named("pool")
+    positions, potted = tables(scene, 1500)
+    found = search(scene, positions, potted)
+    return positions, found, *play(scene, positions, found)
+
+
+def play(scene, positions, found):
+    """Returns the table, pot and speed of each shot, and whether its ball drops in its pocket."""
+    t, k, s = found.shots[..., pots.SPEED].nonzero()
+    shots = found.shots[t, k, s]
+    result = simulate_batch(scene, positions[t], shots[:, pots.SPEED, None] * shots[:, : pots.DY + 1])
+    there = np.array([(q.x, q.y) for q in scene.table.pockets])[found.pocket[t, k]]
+    ball = found.ball[t, k]
+    at = np.arange(len(t))
+    return t, k, s, result.potted[at, ball] & (result.positions[at, ball] == there).all(1)
+
+
+def test_direct_pots_drop_at_every_cut_and_speed(played):
+    _, found, t, k, s, drops = played
+    direct, cosine = found.rows[t, k, pots.WALL] < 0, found.rows[t, k, pots.CUT_COS]
+    for speed in range(len(pots.SPEEDS)):
+        for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 1.01)):
+            chosen = direct & (s == speed) & (cosine >= low) & (cosine < high)
+            assert chosen.sum() > 100
+            assert drops[chosen].mean() > 0.99
+
+
+def test_banks_drop(played):
+    _, found, t, k, _, drops = played
+    bank = found.rows[t, k, pots.WALL] >= 0
+    assert len(set(t[bank])) > 20
+    assert drops[bank].mean() > 0.95
+    assert drops[bank & (k == 0)].mean() > 0.95
+
+
+def test_banks_are_found_only_without_a_direct_pot(played):
+    _, found, *_ = played
+    bank = found.rows[..., pots.WALL] >= 0
+    exists = np.arange(found.ball.shape[1]) < found.count[:, None]
+    assert ((bank & exists).any(1) == ((bank | ~exists).all(1) & (found.count > 0))).all()
+    assert (found.count > 0).mean() > 0.99
+
+
+def test_an_ideal_bank_is_that_of_a_mirror():
+    # One small pocket near the middle of the cushion +y; the cue ball is on that side of the object ball.
+    pocket_y, ball_y = 0.56, -0.1
+    ideal = changed(
+        Scene.named("pool"),
+        table={"pockets": [{"x": 0.0, "y": pocket_y, "radius": 0.035}]},
+        physics={"motion": "ideal", "cushion": "restitution", "e_cushion": 1.0, "max_time": 10.0},
+    )
+    room = ideal.table.width / 2 - ideal.balls.radius[1]
+    before, after = room + ball_y, room + pocket_y  # distances from the cushion -y
+    for x in (-0.5, 0.5):
+        positions = np.array([[1.4 * x, 0.2], [x, ball_y]])
+        found = search(ideal, positions[None], np.zeros((1, 2), np.bool_))
+        k = found.rows[0, : found.count[0], pots.WALL].tolist().index(2)
+        line = positions[1] - found.rows[0, k, : pots.GHOST_Y + 1]
+        bounce = positions[1] - line * before / line[1]
+        assert bounce == pytest.approx([x * after / (before + after), -room], abs=1e-9)
+        assert simulate(ideal, positions, MAX_SPEED * found.shots[0, k, -1, : pots.DY + 1]).potted[1]
+
+
+def test_scratches_before_the_first_cushion_are_predicted(played):
+    positions, found, t, k, s, _ = played
+    scene, agree, scratches = Scene.named("pool"), [], 0
+    for n in range(0, len(t), 8):
+        row = found.shots[t[n], k[n], s[n]]
+        events = simulate(scene, positions[t[n]], row[pots.SPEED] * row[: pots.DY + 1], record=True).events
+        assert events is not None
+        after = events[np.flatnonzero(events["kind"] == "ball_ball")[0] + 1 :]
+        own = after[(after["ball"] == 0) & np.isin(after["kind"], ("cushion", "pocket", "ball_ball"))]
+        scratch = len(own) > 0 and own["kind"][0] == "pocket"
+        scratches += scratch
+        agree.append(scratch == (row[pots.GAPS] < 0))
+    assert scratches > 20
+    assert np.mean(agree) > 0.97
+
+
+ODD = {
+    "no pockets": ({"table": {"pockets": []}}, [[0.0, 0.0], [0.5, 0.1]], 0),
+    "ideal": (
+        {"physics": {"motion": "ideal", "cushion": "restitution", "max_time": 10.0}},
+        [[0.0, 0.0], [0.9, 0.3]],
+        1,
+    ),
+    "rolling": ({"physics": {"motion": "rolling", "cushion": "restitution"}}, [[0.0, 0.0], [0.9, 0.3]], 1),
+    "small ball": ({"balls": {"radius": [0.03, 0.02]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
+    "large ball": ({"balls": {"radius": [0.02, 0.04]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
+    "light cue ball": ({"balls": {"mass": [0.1, 0.3]}}, [[0.0, 0.0], [0.9, 0.3]], 1),
+    "fixed object ball": ({"balls": {"mass": [0.17, float("inf")]}}, [[0.0, 0.0], [0.9, 0.3]], 0),
+    "balls in contact": ({}, [[0.0, 0.0], [0.05715, 0.0]], None),
+    "ball on the cushion": ({}, [[0.2, 0.3], [0.7, 0.635 - 0.028575]], 1),
+    "ball in the corner's jaws": ({}, [[0.2, 0.3], [1.27 - 0.0579, 0.635 - 0.028575]], 1),
+    "cue ball on the cushion": ({}, [[0.2, 0.635 - 0.028575], [0.9, 0.3]], 1),
+    "cue ball in the jaws": ({}, [[-1.27 + 0.0579, -0.635 + 0.028575], [0.9, 0.3]], 1),
+}
+
+
+@pytest.mark.parametrize(("changes", "positions", "least"), ODD.values(), ids=ODD)
+def test_pots_in_unusual_scenes(changes, positions, least):
+    scene = changed(Scene.named("pool"), **changes)
+    table = np.array([positions])
+    found = search(scene, table, np.zeros((1, 2), np.bool_))
+    assert np.isfinite(found.rows).all()
+    assert np.isfinite(found.shots).all()
+    if least is not None:
+        assert (found.count[0] > 0) == least
+    if least:
+        assert play(scene, table, found)[-1].all()
+    nothing = search(scene, table, np.array([[False, True]]))
+    assert nothing.count[0] == 0
+    assert not len(pot_shots(scene, np.array([False, False]), table[0], np.zeros(2, np.bool_), 4.0).speed)
