@@ -3,7 +3,6 @@
 Without an action frame, an action is the velocity along x and y, divided by `max_speed` (see `cue_velocity`). The
 action frames are:
 
-* "polar": a0 is the direction, at an angle of pi a0 from the x axis. a1 is the speed.
 * "cut": a0 is the distance from the centre of the target ball to the line along which the cue ball starts, divided by
   the distance of the two centres at contact. This is the sine of the cut angle: 0 is a full hit, +-1 only grazes the
   ball, and every abs(a0) < 1 hits it if no other ball is in the way. a1 is the speed.
@@ -30,7 +29,7 @@ from billiards_env.physics.motion import norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
-FRAMES = ("polar", "cut", "sum_to_three")
+FRAMES = ("cut", "sum_to_three")
 BALLS = ("nearest", "first")
 
 SUM_TO_THREE_SPEEDS = (0.3, 3.0)
@@ -42,7 +41,7 @@ SUM_TO_THREE_CUT = 70.0
 SUM_TO_THREE_GAIN = 1.395
 """Speed of the cue ball divided by the speed of the cue in the frame "sum_to_three"."""
 
-_POLAR, _CUT, _SUM_TO_THREE = range(len(FRAMES))
+_CUT, _SUM_TO_THREE = range(len(FRAMES))
 _NEAREST, _FIRST = -1, -2
 
 # Columns of actions in a frame, and of the errors of `perturb`.
@@ -81,7 +80,7 @@ class ActionTransform:
         ball: The target ball of "cut" and "sum_to_three". "nearest" is the target in play that is nearest to the cue
             ball, "first" is the target in play with the lowest number, and a number is that ball, or "first" once it is
             potted. If no target is in play, the line of centres is the x axis.
-        least_speed: Speed of the slowest shot of "polar" and "cut", m/s.
+        least_speed: Speed of the slowest shot of "cut", m/s.
 
     Raises:
         ValueError: If a name is unknown, the ball does not exist, or a speed is out of range.
@@ -251,14 +250,6 @@ def aim(dx, dy, reach, offset):
 
 
 @kernel
-def polar(a0, a1, least_speed, max_speed):
-    """Returns the velocity of an action in the frame "polar", m/s."""
-    x, y = cos_sin(a0)
-    speed = between(least_speed, max_speed, a1)
-    return speed * x, speed * y
-
-
-@kernel
 def cut(a0, a1, dx, dy, reach, least_speed, max_speed):
     """Returns the velocity of an action in the frame "cut", m/s; see `aim` for `dx`, `dy` and `reach`."""
     x, y = aim(dx, dy, reach, a0)
@@ -302,9 +293,6 @@ def _velocities(arrays, actions, positions, potted, out):
     f = FrameArrays(*arrays)
     for k in range(len(actions)):
         a0, a1 = min(max(actions[k, A0], -1.0), 1.0), min(max(actions[k, A1], -1.0), 1.0)
-        if f.frame == _POLAR:
-            out[k, X], out[k, Y] = polar(a0, a1, f.least_speed, f.max_speed)
-            continue
         i = choose_ball(f.ball, f.targets, positions[k], potted[k])
         dx, dy = positions[k, i, X] - positions[k, 0, X], positions[k, i, Y] - positions[k, 0, Y]
         if f.frame == _CUT:

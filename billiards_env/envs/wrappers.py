@@ -32,11 +32,11 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
-        frame: "polar", "cut" or "sum_to_three", see `billiards_env.envs.action_frames`.
+        frame: "cut" or "sum_to_three", see `billiards_env.envs.action_frames`.
         ball: The target ball of "cut" and "sum_to_three". It is chosen from the balls of the task that are in play:
             "nearest" is the ball nearest to the cue ball, and "first" is the ball with the lowest number. A number is
             that ball, or "first" once it is potted.
-        least_speed: Speed of the slowest shot of "polar" and "cut", m/s.
+        least_speed: Speed of the slowest shot of "cut", m/s.
 
     Raises:
         ValueError: If a name is unknown, the ball does not exist, or a speed does not fit the environment's

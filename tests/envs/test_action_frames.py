@@ -25,7 +25,6 @@ from billiards_env.envs.action_frames import (
     cue_velocity,
     cut,
     perturb,
-    polar,
     sum_to_three,
 )
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
@@ -76,13 +75,6 @@ def test_cosine_and_sine_have_errors_of_the_last_bits_only(turns):
     assert cos_sin(-turns) == (c, -s)
 
 
-@given(shares, shares)
-def test_polar_sets_angle_and_speed(a0, a1):
-    x, y = polar(a0, a1, 0.5, 4.0)
-    assert np.hypot(x, y) == pytest.approx(0.5 + 1.75 * (a1 + 1), rel=1e-15)
-    assert abs(np.angle((x + 1j * y) * np.exp(-1j * np.pi * a0))) < 1e-14
-
-
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.0, 40.0))
 def test_a_cut_passes_the_ball_at_the_given_distance(a0, a1, bearing, apart):
     dx, dy = apart * REACH * np.cos(bearing), apart * REACH * np.sin(bearing)
@@ -125,8 +117,6 @@ def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
         if (dx, dy) != (0.0, 0.0):
             assert frame(-a0, dx, -dy) == (x, -y)
             assert frame(-a0, -dx, dy) == (-x, y)
-    x, y = polar(a0, a1, 0.4, 4.0)
-    assert polar(-a0, a1, 0.4, 4.0) == (x, -y)
 
 
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.05, 40.0))
@@ -179,8 +169,8 @@ def test_leading_axes_and_clipping_of_actions(frame):
         (("cut", 0), "ball = 0: expected a whole number from 1 to 1, 'nearest' or 'first'"),
         (("cut", 2), "ball = 2"),
         (("cut", True), "ball = True"),
-        (("polar", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),
-        (("polar", "nearest", -1.0), "least_speed = -1.0"),
+        (("cut", "nearest", 4.1), "least_speed = 4.1: expected a number from 0 to 4 m/s, max_speed"),
+        (("cut", "nearest", -1.0), "least_speed = -1.0"),
         (("sum_to_three",), "max_speed = 4.0 with frame 'sum_to_three': expected at least 4.185"),
     ],
 )
