@@ -1,8 +1,8 @@
 """Training and evaluation of agents on `Billiards-v0`.
 
 `python -m agents.train CONFIG` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate
-RUN_DIR` measures the trained policy and a random one, films it or shows it in a window. `agents.policy_player` lets a
-trained policy play games.
+RUN_DIR` compares the trained policy with random actions, films it or shows it in a window. `agents.policy_player` is
+a player of games with a trained policy.
 """
 
 import importlib.util
@@ -15,8 +15,9 @@ from billiards_env.checks import missing
 def require(extra: str, packages: Sequence[str]) -> None:
     """Ends a command with one line if a package of an extra is missing.
 
-    The modules import these packages at the top, so the check is in the packages of the commands. `sys.argv[0]` is "-m"
-    while `python -m` imports the package of its command. Elsewhere a missing package is an ordinary import error.
+    The modules import these packages at the top, so this check runs before them, when the package `agents` is imported.
+    `sys.argv[0]` is "-m" while `python -m` imports the package of its command. Otherwise a missing package is an
+    ordinary import error.
     """
     if sys.argv[0] == "-m":
         for package in packages:

@@ -1,4 +1,4 @@
-"""The schema of a training configuration and its strict reading from YAML.
+"""The settings of a training, and how they are read from YAML and checked.
 
 Every key must be a field of the dataclasses below, and every value must have the type of its field. The mapping `env`
 holds the arguments of `gym.make("Billiards-v0", ...)`, whose signature its keys must match.
@@ -22,35 +22,14 @@ from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.checks import choose, whole
-from billiards_env.envs.action_frames import FRAMES
 
 ENV_ID = "Billiards-v0"
-FEATURES = ("raw", "geometry")
-_CUT = ("cut", "nearest")
+HEADS = ("gaussian", "turned", "mixture", "bins", "hits", "pots")
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 T = TypeVar("T")
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Frame:
-    """The action frame of the policy: `billiards_env.envs.wrappers.ActionFrame`.
-
-    Attributes:
-        name: "polar", "cut" or "sum_to_three".
-        ball: The ball to aim at: "nearest", "first" or its number.
-        least_speed: The slowest shot of "polar" and "cut", m/s.
-    """
-
-    name: str
-    ball: str | int = "nearest"
-    least_speed: float = 0.4
-
-    def __post_init__(self) -> None:
-        choose("frame.name", self.name, FRAMES)
-        at_least("frame.least_speed", self.least_speed, 0)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,9 +51,11 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Std:
-    """A schedule of the Gaussian's standard deviations, one for each of the two numbers of an action, in their units.
+    """A schedule of the two standard deviations of the policy.
 
-    They fall geometrically from `first` to `last` in the first part of the training and then stay constant.
+    They fall geometrically from `first` to `last` in the first part of the training and then stay constant. With the
+    head "gaussian" they are those of the velocity along x and y, over the largest speed. For the other heads see
+    `agents.policy.MixturePolicy.set_std`.
 
     Attributes:
         first: The values before the training.
@@ -107,26 +88,33 @@ class Std:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """The policy and value networks: two separate multilayer perceptrons of the same shape.
+    """The policy and value networks.
 
     Attributes:
-        features: The inputs: the "raw" observation or, with the task "pot" and the action frame "cut", the "geometry"
-            of the shots at the nearest ball (`agents.policy.Geometry` and `GeometryPolicy`).
+        head: The part of the policy that computes its distribution: "gaussian", which is the policy of
+            Stable-Baselines3, or one of `agents.policy.HEADS`.
+        components: The number of components, see `agents.policy.MixturePolicy`; "gaussian" and "turned" ignore it.
+        speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
+            "gaussian" and "pots" ignore it.
         hidden: The number of units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
-        log_std_init: If the Gaussian's standard deviation is learned: its logarithm before the training, in units of
-            the action.
-        std: The schedule of the standard deviation; None if it is learned.
+        std: The schedule of the standard deviations; None if they are learned.
     """
 
-    features: str = "raw"
+    head: str = "gaussian"
+    components: int = 1
+    speeds: tuple[float, ...] = (0.1, 1.0)
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
-    log_std_init: float = 0.0
     std: Std | None = None
 
     def __post_init__(self) -> None:
-        choose("policy.features", self.features, FEATURES)
+        choose("policy.head", self.head, HEADS)
+        at_least("policy.components", self.components, 1)
+        if len(self.speeds) != 2 or not 0 < self.speeds[0] < self.speeds[1] <= 1:
+            raise ValueError(f"policy.speeds = {list(self.speeds)!r}: expected two increasing numbers > 0, at most 1")
+        if not self.hidden:
+            raise ValueError("policy.hidden = []: expected at least one hidden layer")
         choose("policy.activation", self.activation, ACTIVATIONS)
         for i, units in enumerate(self.hidden):
             at_least(f"policy.hidden[{i}]", units, 1)
@@ -143,12 +131,12 @@ class PPO:
         learning_rate: Adam's step size at the start.
         final_learning_rate: Adam's step size at the end, reached linearly; None keeps `learning_rate`.
         gamma: Discount factor.
-        gae_lambda: Trade of bias against variance in the advantage (Schulman et al. 2016); 1 is unbiased.
-        clip_range: The largest distance of the ratio of probabilities from 1; the objective is clipped beyond.
+        gae_lambda: Trades bias for variance in the advantage (Schulman et al. 2016); 1 has no bias.
+        clip_range: The largest distance from 1 of the ratio of new to old probability; the ratio is clipped to it.
         ent_coef: Weight of the entropy bonus.
         vf_coef: Weight of the value function's loss.
         max_grad_norm: The largest norm of a gradient; longer gradients are clipped.
-        target_kl: An update stops when the policy has changed by this divergence; None for no limit.
+        target_kl: An update stops if the divergence from the old policy exceeds 1.5 times this; None for no limit.
     """
 
     n_steps: int = 2048
@@ -181,14 +169,40 @@ class PPO:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Imitation:
+    """Supervised learning before PPO: the policy learns to prefer the best of the shots that a search tries.
+
+    Attributes:
+        layouts: The number of layouts.
+        shots: The number of shots that the search tries on each layout.
+        batch_size: Layouts in a minibatch.
+        n_epochs: Passes over the layouts.
+        learning_rate: Adam's step size at the start; it falls linearly to a hundredth.
+    """
+
+    layouts: int
+    shots: int = 20
+    batch_size: int = 1024
+    n_epochs: int = 4
+    learning_rate: float = 2e-3
+
+    def __post_init__(self) -> None:
+        for name in ("layouts", "shots", "batch_size", "n_epochs"):
+            at_least(f"imitation.{name}", getattr(self, name), 1)
+        if self.learning_rate <= 0:
+            raise ValueError(f"imitation.learning_rate = {self.learning_rate!r}: expected a number > 0")
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Config:
     """A training run.
 
     Attributes:
-        timesteps: The number of environment steps (shots), rounded up to whole updates.
-        env: Arguments of `gym.make("Billiards-v0", ...)`; missing ones have their defaults.
-        frame: The action frame; None for the actions of the environment, which are velocities of the cue ball.
-        noise: The execution noise; None for none.
+        timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no PPO.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. Missing arguments have their defaults.
+        start_from: The folder of a finished run. The training starts with its weights. None for new weights.
+        imitation: Supervised learning before PPO; None for no supervised learning.
+        noise: The execution noise; None for no noise.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
         checkpoint_every: Steps between two checkpoints, and between two points of the learning curve.
@@ -200,7 +214,8 @@ class Config:
 
     timesteps: int
     env: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    frame: Frame | None = None
+    start_from: str | None = None
+    imitation: Imitation | None = None
     noise: Noise | None = None
     n_envs: int = 64
     seed: int = 0
@@ -210,16 +225,14 @@ class Config:
     ppo: PPO = dataclasses.field(default_factory=PPO)
 
     def __post_init__(self) -> None:
-        for name in ("timesteps", "checkpoint_every"):
-            at_least(name, getattr(self, name), 1)
+        for name, least in (("timesteps", 0), ("checkpoint_every", 1)):
+            at_least(name, getattr(self, name), least)
         for name in ("n_envs", "evaluation_episodes"):
             whole(name, getattr(self, name), "num_envs")
         at_least("seed", self.seed, 0)
         if self.seed >= 2**32:  # a limit of Stable-Baselines3
             raise ValueError(f"seed = {self.seed!r}: expected a number < 2**32")
         object.__setattr__(self, "env", resolved_env(self.env))
-        if self.policy.features == "geometry" and (self.frame is None or (self.frame.name, self.frame.ball) != _CUT):
-            raise ValueError(f"frame = {self.frame!r} with policy.features = 'geometry': expected {{name: cut}}")
         rollout = self.n_envs * self.ppo.n_steps
         if rollout % self.ppo.batch_size:
             raise ValueError(
@@ -243,13 +256,13 @@ class Config:
 
     @classmethod
     def from_dict(cls, data: Any) -> Config:
-        """Returns a configuration from plain data, such as the content of a YAML file.
+        """Returns a configuration from plain data, for example from the content of a YAML file.
 
         Args:
-            data: A mapping of the fields of `Config`; `frame`, `noise`, `policy` and `ppo` are mappings, too.
+            data: A mapping of the fields of `Config`. `imitation`, `noise`, `policy` and `ppo` are mappings themselves.
 
         Raises:
-            ValueError: If a key is unknown or missing, or a value impossible.
+            ValueError: If a key is unknown or missing, or a value is impossible.
             TypeError: If a value has the wrong type.
 
         Example:
@@ -264,7 +277,7 @@ def load(path: Path) -> Config:
     """Returns the configuration in a YAML file.
 
     Raises:
-        ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
+        ValueError: If the file is not YAML, a key is unknown or missing, or a value is impossible.
         TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
@@ -279,7 +292,7 @@ def read(kind: type[T], path: Path) -> T:
         path: The file.
 
     Raises:
-        ValueError: If the file is not YAML, a key is unknown or missing, or a value impossible.
+        ValueError: If the file is not YAML, a key is unknown or missing, or a value is impossible.
         TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
@@ -299,9 +312,9 @@ def read(kind: type[T], path: Path) -> T:
 
 
 def number(value: Any) -> Any:
-    """Returns the number that a text stands for, such as "1e6" or "1/60", and any other value unchanged.
+    """Converts a text such as "1e6" or "1/60" to a number, and returns any other value unchanged.
 
-    YAML reads both as text.
+    YAML reads these numbers as text.
 
     Example:
         >>> number("1/4"), number("1e6"), number("pool")
@@ -316,10 +329,10 @@ def number(value: Any) -> Any:
 
 
 def as_whole(name: str, value: Any) -> int:
-    """Returns a whole number; `value` may be a text such as "1000", "1_000" or "1e3".
+    """Returns `value` as a whole number; it may be a text such as "1000", "1_000" or "1e3".
 
     Raises:
-        TypeError: If it is not a whole number.
+        TypeError: If `value` is not a whole number.
     """
     return _read(int, name, value)
 
@@ -354,7 +367,7 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_dataclass(kind: type[T], name: str, data: Any) -> T:
-    """Returns a dataclass from plain data, such as the content of a YAML file.
+    """Returns a dataclass from plain data, for example from the content of a YAML file.
 
     Args:
         kind: The dataclass; its fields are numbers, strings, tuples of these, or dataclasses.
@@ -362,7 +375,7 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
         data: A mapping of the fields of the dataclass.
 
     Raises:
-        ValueError: If a key is unknown or missing, or a value impossible.
+        ValueError: If a key is unknown or missing, or a value is impossible.
         TypeError: If a value has the wrong type.
     """
     if not isinstance(data, Mapping):
@@ -380,7 +393,7 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
 
 
 def _read(hint: Any, name: str, value: Any) -> Any:
-    """Returns `value` as `hint`: texts such as "1e6" become numbers, 1e6 a whole number and lists tuples."""
+    """Converts `value` to the type `hint`: a text such as "1e6" to a number, 1000.0 to an int, a list to a tuple."""
     if dataclasses.is_dataclass(hint):
         return read_dataclass(typing.cast(Any, hint), name, value)
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)

@@ -1,6 +1,6 @@
-"""Measures a trained policy and a random one on new layouts: `python -m agents.evaluate runs/pot`.
+"""Measures a trained policy and random actions on new layouts: `python -m agents.evaluate runs/pot`.
 
-`--film FILE.mp4` writes a film of the policy instead, and `--show` opens a window (`agents.film`).
+With `--film FILE.mp4` it writes a film of the policy instead, and with `--show` it opens a window (`agents.film`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from agents.film import EPISODES, film, show
 from agents.intervals import mean_interval, wilson_interval
 from agents.output import print_commands, print_table
 from agents.policy_player import playable
-from agents.ppo import evaluation_seeds, in_frame, load_policy, make_vector
+from agents.ppo import evaluation_seeds, load_policy, make_vector
 from billiards_env.files import write_json
 
 
@@ -60,7 +60,7 @@ def play_together(
     act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]],
     seeds: Sequence[int],
 ) -> dict[str, Any]:
-    """Plays one episode for each seed, all at the same time. The episodes are those of `play`.
+    """Plays one episode for each seed, all at the same time. The episodes are the same as those of `play`.
 
     Args:
         envs: One environment for each seed, with same-step autoreset.
@@ -85,7 +85,7 @@ def play_together(
 
 
 def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
-    """Returns the result of `play`, from the outcome of each episode."""
+    """Returns the dictionary that `play` returns, from the outcome of each episode."""
     return {
         "episodes": len(successes),
         "successes": sum(successes),
@@ -98,24 +98,24 @@ def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequenc
 
 
 def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
-    """Returns a function for `play` and `play_together`: a policy without exploration noise."""
+    """Returns the argument `act` of `play` for a policy without exploration noise."""
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
 def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:
-    """Evaluates the policy of a run, without exploration noise, and a random policy on the same layouts.
+    """Evaluates the policy of a run, without exploration noise, and random actions on the same layouts.
 
     Args:
         run_dir: The folder of a finished run.
         episodes: The number of episodes; None for that of the configuration.
-        seed: The seed of the layouts, which the training does not use; None for that of the configuration.
+        seed: The seed of the layouts; None for that of the configuration. Training uses none of these layouts.
 
     Returns:
-        `seed`, and the results of `play` under `policy` and `random`; also written to `run_dir/evaluation.json`.
+        `seed`, and the results of `play` under `policy` and `random`. They are also in `run_dir/evaluation.json`.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
-        ValueError: If `episodes` or `seed` is impossible, or the model does not fit the configuration.
+        ValueError: If `episodes` or `seed` is impossible, or the policy does not fit the configuration.
     """
     config, policy = load_policy(run_dir)
     episodes = config.evaluation_episodes if episodes is None else episodes
@@ -124,12 +124,11 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     at_least("seed", seed, 0)
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
-    framed = in_frame(config, envs)
-    framed.action_space.seed(seed)
+    envs.action_space.seed(seed)
     result = {
         "seed": seed,
         "policy": play_together(envs, deterministic(policy), seeds),
-        "random": play_together(framed, lambda observations: framed.action_space.sample(), seeds),
+        "random": play_together(envs, lambda observations: envs.action_space.sample(), seeds),
     }
     envs.close()
     write_json(run_dir / "evaluation.json", result)
@@ -140,7 +139,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.evaluate --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m agents.evaluate",
-        description="Measure a trained policy and a random one on new layouts, or film or show the policy.",
+        description="Measure a trained policy and random actions on new layouts, or film or show the policy.",
     )
     parser.add_argument("run_dir", type=Path, help="folder of a finished run, e.g. runs/pot")
     parser.add_argument(
@@ -148,8 +147,8 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--seed", help="seed of the layouts (default: that of the config)")
     instead = parser.add_mutually_exclusive_group()
-    instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy, and do not measure")
-    instead.add_argument("--show", action="store_true", help="show the policy in a window, and do not measure")
+    instead.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the policy instead")
+    instead.add_argument("--show", action="store_true", help="show the policy in a window instead")
     args = parser.parse_args(arguments)
     run_dir: Path = args.run_dir
     try:
@@ -179,7 +178,7 @@ def _print_episodes(infos: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _print(run_dir: Path, result: Mapping[str, Any]) -> None:
-    """Prints the result of `evaluate` and the commands that may follow."""
+    """Prints the result of `evaluate` and commands for the next step."""
     rows = []
     for name in ("policy", "random"):
         r = result[name]

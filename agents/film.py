@@ -26,7 +26,7 @@ Frame = NDArray[np.uint8]
 
 
 def film(run_dir: Path, path: Path, episodes: int = EPISODES, seed: int | None = None) -> list[dict[str, Any]]:
-    """Writes a film of the policy of a run, without exploration, on layouts that the training does not use.
+    """Writes a film of the policy of a run, without exploration, on layouts that do not occur in training.
 
     Args:
         run_dir: The folder of a finished run.
@@ -80,7 +80,7 @@ def show(run_dir: Path, episodes: int = EPISODES, seed: int | None = None) -> li
     for _, over, info in _play(run_dir, "human", episodes, seed):
         display = sys.modules["pygame"].display
         if display.get_init() and display.get_driver() == "offscreen":  # SDL's choice without a display
-            raise OSError("display = 'offscreen': expected one that shows a window; a film needs none")
+            raise OSError("display = 'offscreen': expected one that shows a window; a film needs no display")
         if over:
             infos.append(info)
             time.sleep(PAUSE)

@@ -1,4 +1,4 @@
-"""95 % confidence intervals of a share, of a mean of many values and of a mean of few values."""
+"""95 % confidence intervals of a share, of a mean of many values and of a mean of a few values."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
 def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
     """Returns the 95 % confidence interval of a mean, by the central limit theorem.
 
-    It needs some dozens of values that are not nearly all equal.
+    It needs at least some dozens of values, and not nearly all of them may be equal.
 
     Args:
         values: Independent values of one distribution, at least one.
@@ -57,7 +57,9 @@ def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
 
 
 def t_quantile(freedom: int) -> float:
-    """Returns the quantile 0.975 of Student's t distribution; from 31 degrees of freedom on by Fisher's expansion.
+    """Returns the quantile 0.975 of Student's t distribution.
+
+    More than 30 degrees of freedom use Fisher's expansion in powers of 1 / `freedom`.
 
     Example:
         >>> t_quantile(2), round(t_quantile(60), 3)
@@ -70,7 +72,7 @@ def t_quantile(freedom: int) -> float:
 
 
 def over_seeds(values: Sequence[float]) -> dict[str, Any]:
-    """Returns the mean over seeds and its Student 95 % interval, which is None for a single seed.
+    """Returns the mean over seeds and its 95 % interval (Student). The interval is None for a single seed.
 
     Example:
         >>> over_seeds([0.5, 0.6, 0.7])["interval"]
@@ -84,7 +86,7 @@ def over_seeds(values: Sequence[float]) -> dict[str, Any]:
 
 
 def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
-    """Returns the mean of a less that of b, and its Student 95 % interval for two samples of equal variance.
+    """Returns the mean of a minus the mean of b, and its 95 % interval (Student, two samples of equal variance).
 
     Args:
         a: One value for each seed.
@@ -107,7 +109,7 @@ def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
 
 
 def as_percent(value: Mapping[str, Any]) -> str:
-    """Returns the text of a share and its interval from `over_seeds`, the interval cut to 0 to 100 %.
+    """Returns a share and its interval, from `over_seeds`, as text. The interval is limited to 0 to 100 %.
 
     Example:
         >>> as_percent({"mean": 0.93, "interval": [0.85, 1.01]})

@@ -1,4 +1,4 @@
-"""Tables and commands that the programs print."""
+"""Tables and command lines that the programs print."""
 
 from __future__ import annotations
 
@@ -28,7 +28,12 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) 
 
 
 def print_commands(title: str, commands: Mapping[str, Sequence[str]]) -> None:
-    """Prints command lines, by what they do. The words are the arguments of the running Python interpreter."""
+    """Prints command lines.
+
+    Args:
+        title: The line above them.
+        commands: The arguments of the running Python interpreter, by a description of the command.
+    """
     width = max(map(len, commands))
     print(title)
     for label, words in commands.items():

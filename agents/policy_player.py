@@ -1,7 +1,7 @@
 """A trained policy as a player of games: `python -m billiards_env.play --players human,policy:runs/pot`.
 
-In a game with pockets the policy must be trained with one object ball. Its observation is the cue ball and the nearest
-ball that it may hit. In a carom game it must be trained with two object balls.
+In a game with pockets the policy must be trained with one object ball. It observes the cue ball and the nearest legal
+ball. In a carom game the policy must be trained with two object balls.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def policy(setup: Setup, argument: str) -> Player:
 
     Args:
         setup: The game.
-        argument: The folder of the run; it holds `config.yaml` and `policy.pt`.
+        argument: The folder of the run, with `config.yaml` and `policy.pt`.
 
     Raises:
         OSError: If the folder holds no finished run.
@@ -68,7 +68,7 @@ def policy(setup: Setup, argument: str) -> Player:
 
 
 def playable(run_dir: Path) -> str | None:
-    """Returns the rules of a game that the policy of a run can play, None if there are none."""
+    """Returns the rules of a game that the policy of a run can play; None if it can play no game."""
     for rules in ("straight", "carom"):
         pockets, (_, balls) = RULES[rules].pockets, RULES[rules].n_object_balls
         with contextlib.suppress(ValueError):
@@ -78,7 +78,7 @@ def playable(run_dir: Path) -> str | None:
 
 
 def _nearest(setup: Setup, game: GameState) -> int:
-    """Returns the ball nearest to the cue ball that may be hit."""
+    """Returns the legal ball that is nearest to the cue ball."""
     cue = game.positions[game.state.cue_balls[0]]
     balls = sorted(setup.game_rules.legal(game.state, game.state.player))
     return min(balls, key=lambda ball: float(np.hypot(*(game.positions[ball] - cue))))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,11 +20,10 @@ from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import ENV_ID, Config, load
-from agents.frame_policy import FramePolicy, GeometryFramePolicy
-from agents.policy import Geometry, GeometryPolicy, shape
+from agents.policy import MixturePolicy
+from agents.pot_head import FeatureBuffer, PotFeatures
 from agents.vec_env import SameStepVecEnv
-from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.wrappers import ExecutionNoise, VectorActionFrame, VectorExecutionNoise
+from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
@@ -33,7 +33,7 @@ _FIRST_EVALUATION_SEED = 2**31
 
 
 def training_seed(config: Config, timesteps: int) -> int:
-    """Returns the seed of the training after `timesteps` steps; environment i adds i to it.
+    """Returns the seed of the training after `timesteps` steps. Environment i has this seed plus i.
 
     The seeds of all environments are below 2^31.
     """
@@ -54,12 +54,9 @@ def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
 def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[np.float32], NDArray[np.float32]]:
     """Returns one environment to play in, with the execution noise of the configuration.
 
-    Its actions are those of `Billiards-v0`, and so are those of `policy.predict`, also after training in an action
-    frame.
-
     Raises:
         ValueError: If an argument of the environment or its noise is impossible.
-        TypeError: If one has the wrong type.
+        TypeError: If an argument has the wrong type.
     """
     env: gym.Env[Any, Any] = gym.make(ENV_ID, render_mode=render_mode, **config.env)
     if config.noise is not None:
@@ -75,20 +72,15 @@ def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
     return envs
 
 
-def in_frame(config: Config, envs: VectorEnv[Any, Any, Any]) -> VectorEnv[Any, Any, Any]:
-    """Returns environments with the action frame of the configuration, if it has one."""
-    return envs if config.frame is None else VectorActionFrame(envs, *dataclasses.astuple(config.frame))
-
-
 def make_vec_env(config: Config) -> VecEnv:
-    """Returns `config.n_envs` environments to train in, with the action frame, for Stable-Baselines3."""
-    return SameStepVecEnv(in_frame(config, make_vector(config, config.n_envs)))
+    """Returns `config.n_envs` environments to train in, for Stable-Baselines3."""
+    return SameStepVecEnv(make_vector(config, config.n_envs))
 
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
     """Returns an untrained PPO model."""
     s = config.ppo
-    return PPO(
+    model = PPO(
         _policy_class(config),
         envs,
         n_steps=s.n_steps,
@@ -102,18 +94,22 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
         vf_coef=s.vf_coef,
         max_grad_norm=s.max_grad_norm,
         target_kl=s.target_kl,
+        rollout_buffer_class=FeatureBuffer if config.policy.head == "pots" else None,
         policy_kwargs=_policy_arguments(config),
         seed=config.seed,
         stats_window_size=1000,
         device="cpu",  # such small networks are not faster on an accelerator
     )
+    if isinstance(model.rollout_buffer, FeatureBuffer):
+        model.rollout_buffer.extractor = cast(PotFeatures, model.policy.features_extractor)
+    return model
 
 
 def make_policy(config: Config) -> ActorCriticPolicy:
     """Returns an untrained policy.
 
     Raises:
-        ValueError: If an argument of the environment, its noise, its frame or the features are impossible.
+        ValueError: If an argument of the environment or its noise is impossible, or the head does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
     """
     env = make_env(config)
@@ -126,7 +122,10 @@ def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
     """Sets the standard deviations of the policy after `timesteps` steps, if the configuration has a schedule."""
     if config.policy.std is not None:
         std = config.policy.std.at(timesteps / config.timesteps)
-        policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
+        if isinstance(policy, MixturePolicy):
+            policy.set_std(std)
+        else:
+            policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
 
 
 def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
@@ -137,33 +136,48 @@ def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
     write_whole(path, buffer.getvalue())
 
 
-def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
+def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, ActorCriticPolicy]:
     """Returns the trained policy of a run.
 
     The policy is built from the configuration of the run, and only weights are read from the file. Unlike `PPO.load`,
-    which unpickles, this runs no code from the file.
+    this runs no code from the file.
 
     Args:
         run_dir: The folder of the run, with `config.yaml` and `policy.pt`.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of the head "pots"
+            do not depend on the number of balls.
 
     Returns:
-        The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`, which is the plain
-        environment. Its value function is untrained.
+        The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`. The value function
+        of the policy is untrained.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If the configuration is impossible, or the file does not hold the weights of its policy.
+        ValueError: If the configuration is impossible, or `policy.pt` does not hold the weights of its policy.
         TypeError: If a value of the configuration has the wrong type.
     """
-    path = run_dir / "policy.pt"
-    for file in (run_dir / "config.yaml", path):
-        if not file.is_file():
+    for name in ("config.yaml", "policy.pt"):
+        if not (run_dir / name).is_file():
             raise FileNotFoundError(
-                f"run_dir = {str(run_dir)!r}: expected the folder of a finished run of agents.train, with {file.name}"
+                f"run_dir = {str(run_dir)!r}: expected the folder of a finished run of agents.train, with {name}"
             )
     config = load(run_dir / "config.yaml")
+    if env is not None:
+        config = dataclasses.replace(config, env={**config.env, **env})
     policy = make_policy(config)
+    load_weights(policy, run_dir / "policy.pt")
+    policy.set_training_mode(False)
+    return config, policy
+
+
+def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
+    """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If the file does not hold the weights of such a policy.
+    """
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
     except (
@@ -181,8 +195,6 @@ def load_policy(run_dir: Path) -> tuple[Config, ActorCriticPolicy]:
             raise RuntimeError(f"missing {missing}, unknown {unknown}")
     except (AttributeError, RuntimeError, TypeError) as error:
         raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
-    policy.set_training_mode(False)
-    return config, policy
 
 
 def _is_value(name: str) -> bool:
@@ -191,22 +203,14 @@ def _is_value(name: str) -> bool:
 
 
 def _policy_class(config: Config) -> type[ActorCriticPolicy]:
-    if config.policy.features == "geometry":
-        return GeometryPolicy if config.frame is None else GeometryFramePolicy
-    return ActorCriticPolicy if config.frame is None else FramePolicy
+    return ActorCriticPolicy if config.policy.head == "gaussian" else MixturePolicy
 
 
 def _policy_arguments(config: Config) -> dict[str, Any]:
-    arguments: dict[str, Any] = {
-        "net_arch": list(config.policy.hidden),
-        "activation_fn": _ACTIVATIONS[config.policy.activation],
-        "log_std_init": config.policy.log_std_init,
-    }
-    if config.frame is not None:
-        arguments |= {"env": config.env, "frame": dataclasses.asdict(config.frame)}
-    if config.policy.features == "geometry":
-        env = cast(BilliardsEnv, gym.make(ENV_ID, **config.env).unwrapped)
-        arguments |= {"features_extractor_class": Geometry, "features_extractor_kwargs": {"shape": shape(env)}}
+    p = config.policy
+    arguments: dict[str, Any] = {"net_arch": list(p.hidden), "activation_fn": _ACTIVATIONS[p.activation]}
+    if p.head != "gaussian":
+        arguments |= {"env": dict(config.env), "head": p.head, "components": p.components, "speeds": p.speeds}
     return arguments
 
 
@@ -214,5 +218,6 @@ def _learning_rate(config: Config) -> Schedule:
     first, last = config.ppo.learning_rate, config.ppo.final_learning_rate
     if last is None:
         return lambda remaining: first
-    # `remaining`, the share of steps to come, falls from 1 to 0, and below 0 if the last update has more steps.
+    # `remaining`, the share of steps to come, falls from 1 to 0. It is below 0 if the last
+    # update has more steps than are left.
     return lambda remaining: last + (first - last) * max(remaining, 0.0)

@@ -23,7 +23,7 @@ def train_all(runs: Mapping[Path, Config], jobs: int) -> None:
 
     Raises:
         ValueError: If `jobs` is less than 1, or a folder holds a run of another configuration.
-        RuntimeError: If a run fails. The other running ones are stopped; the next call resumes them.
+        RuntimeError: If a run fails. The other running trainings are stopped. The next call resumes them.
         OSError: If a folder cannot be written.
     """
     if jobs < 1:

@@ -2,12 +2,15 @@
 
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
 curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
-Stable-Baselines3 loads, and `policy.pt`, the weights of the policy, which can be read without running code.
+Stable-Baselines3 loads, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
 
-The same command resumes an interrupted run from its newest checkpoint. At each checkpoint all random generators are
-seeded from the seed and the number of steps, so a resumed run ends with the same weights as an uninterrupted one.
+The same command resumes an interrupted run from its newest checkpoint. At each checkpoint the seed
+and the number of steps determine the seeds of all random generators. A resumed run therefore ends with the same weights
+as an uninterrupted one.
 
-With a higher `--timesteps` a run continues, also a finished one. Its schedules are then those of the new length.
+With `--start-from` the training begins with the weights of another run, whose networks must have the same shape.
+
+A higher `--timesteps` continues a run, even a finished one. Its schedules are then those of the new length.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -41,10 +44,11 @@ from tqdm import tqdm
 import billiards_env
 from agents.config import Config, as_whole, load
 from agents.evaluate import deterministic, play_together
+from agents.imitation import imitate
 from agents.output import print_commands, print_table
 from agents.ppo import (
     evaluation_seeds,
-    in_frame,
+    load_weights,
     make_model,
     make_policy,
     make_vec_env,
@@ -55,7 +59,7 @@ from agents.ppo import (
 )
 from billiards_env.files import write_json, write_whole
 
-# The files and folders of a run, apart from config.yaml, which marks the folder as one of a run.
+# The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _LOCK = ".lock"
@@ -74,12 +78,14 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = 
 
     Raises:
         ValueError: If the folder holds a run of another configuration or other files, if another process trains in it,
-            or if an argument of the environment is impossible.
+            if an argument of the environment is impossible, or if the weights of `start_from` do not fit.
         TypeError: If an argument of the environment has the wrong type.
         OSError: If the folder cannot be written.
     """
-    make_policy(config)  # raises an error before a file is written
     saved = run_dir / "config.yaml"
+    policy = make_policy(config)  # raises an error before a file is written
+    if config.start_from is not None and (fresh or not saved.exists()):
+        _start_from(policy, config.start_from)
     if run_dir.is_file():
         raise ValueError(f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it is a file")
     if run_dir.exists() and not saved.exists() and any(path.name != _LOCK for path in run_dir.iterdir()):
@@ -109,7 +115,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = 
 
 
 def _lengthen(run_dir: Path) -> None:
-    """Turns a finished run into an interrupted one, whose newest checkpoint is the trained model.
+    """Makes an interrupted run of a finished one: the trained model becomes its newest checkpoint.
 
     Raises:
         ValueError: If the folder does not hold the model and the learning curve.
@@ -173,12 +179,15 @@ def _train(config: Config, run_dir: Path) -> None:
     model.set_logger(logger)
     rollout = config.n_envs * config.ppo.n_steps
     total = -(-config.timesteps // rollout) * rollout
-    print(
-        f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
-        f"{rollout:,} (n_envs * ppo.n_steps)"
-    )
+    if total:
+        print(
+            f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
+            f"{rollout:,} (n_envs * ppo.n_steps)"
+        )
     checkpoint = newest_checkpoint(run_dir)
-    if checkpoint is not None:
+    if checkpoint is None:
+        _prepare(model, config, run_dir)
+    else:
         try:
             model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
         except (KeyError, RuntimeError, ValueError) as error:
@@ -186,11 +195,12 @@ def _train(config: Config, run_dir: Path) -> None:
             raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
         model.num_timesteps = int(checkpoint.stem)
         print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
-    # A first shot compiles the engine. The notices about this then precede the progress bar.
-    play_together(in_frame(config, make_vector(config, 1)), lambda observations: np.zeros((1, 2)), [0])
+    # A first shot compiles the engine, so that its notices appear before the progress bar.
+    play_together(make_vector(config, 1), lambda observations: np.zeros((1, 2)), [0])
     try:
         with tqdm(
             total=max(total, model.num_timesteps),
+            disable=not total,
             initial=model.num_timesteps,
             unit_scale=True,
             bar_format=_BAR,
@@ -208,6 +218,32 @@ def _train(config: Config, run_dir: Path) -> None:
     save_policy(model.policy, run_dir / "policy.pt")
 
 
+def _prepare(model: PPO, config: Config, run_dir: Path) -> None:
+    """Sets the weights before PPO: those of another run, then supervised learning, if the configuration has them."""
+    if config.start_from is not None:
+        _start_from(model.policy, config.start_from)
+    if config.imitation is not None:
+        imitate(model.policy, config)
+        _save(model, run_dir / "checkpoints" / f"{0:09d}.zip")
+
+
+def _start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
+    """Sets the weights of a policy to those of a finished run.
+
+    Raises:
+        FileNotFoundError: If the folder holds no finished run.
+        ValueError: If the weights are those of another policy.
+    """
+    path = Path(run_dir) / "policy.pt"
+    if not path.is_file():
+        raise FileNotFoundError(f"start_from = {run_dir!r}: expected the folder of a finished run, with policy.pt")
+    try:
+        load_weights(policy, path)
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise ValueError(f"start_from = {run_dir!r}: expected a run with the same networks ({why})") from error
+
+
 class Point(NamedTuple):
     """A line of `training.csv`.
 
@@ -215,8 +251,8 @@ class Point(NamedTuple):
         steps: The number of environment steps.
         seconds: The time that they took, without the evaluations.
         training_success: Success in the last 1000 episodes of the training, with exploration.
-        success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that the training does
-            not use.
+        success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that do not occur in
+            training.
         score: The mean score of these episodes.
     """
 
@@ -228,7 +264,7 @@ class Point(NamedTuple):
 
 
 def learning_curve(run_dir: Path) -> list[Point]:
-    """Returns the learning curve of a run; it is empty before the first measurement."""
+    """Returns the learning curve of a run. It is empty before the first measurement."""
     path = run_dir / "training.csv"
     if not path.exists():
         return []
@@ -239,7 +275,7 @@ def learning_curve(run_dir: Path) -> list[Point]:
 
 
 def newest_checkpoint(run_dir: Path) -> Path | None:
-    """Returns the checkpoint of a run with the most steps; None if there is none."""
+    """Returns the checkpoint of a run with the most steps; None if the run has no checkpoint."""
     return max((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), default=None)
 
 
@@ -271,7 +307,7 @@ class _Callback(BaseCallback):
         self.clock = time.perf_counter()
 
     def measure(self) -> None:
-        """Adds a point to the learning curve. It does not advance the random generators of the training."""
+        """Adds a point to the learning curve, without a change to the random generators of the training."""
         seconds = time.perf_counter() - self.clock + (self.curve[-1].seconds if self.curve else 0.0)
         if not self.curve or self.curve[-1].steps < self.num_timesteps:
             envs = make_vector(self.config, self.config.evaluation_episodes)
@@ -300,7 +336,7 @@ class _Callback(BaseCallback):
         self._reseed()
 
     def _reseed(self) -> None:
-        """Seeds all generators, so that the rest depends only on the weights, the seed and the number of steps."""
+        """Seeds all generators. What follows depends only on the weights, the seed and the number of steps."""
         model = self.model
         assert isinstance(model, PPO)
         assert model.env is not None
@@ -324,7 +360,7 @@ class _Callback(BaseCallback):
         self.bar.update(self.num_timesteps - self.bar.n)
 
     def _show(self) -> None:
-        """Shows the success in the progress bar: of the training, and at the last point of the learning curve."""
+        """Shows two rates of success in the progress bar: in training, and at the last point of the learning curve."""
         shown = {}
         if self.successes:
             shown["exploring"] = f"{sum(self.successes) / len(self.successes):.0%}"
@@ -360,18 +396,23 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument(
         "--timesteps", help="default: that of the config; a higher number continues the run in the folder"
     )
+    parser.add_argument("--start-from", metavar="RUN_DIR", help="folder of a finished run whose weights to start with")
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / args.config.stem
     try:
-        overrides = {k: as_whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None}
+        overrides: dict[str, Any] = {
+            k: as_whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None
+        }
+        if args.start_from is not None:
+            overrides["start_from"] = args.start_from
         config = dataclasses.replace(load(args.config), **overrides)
         open_run(config, run_dir, args.fresh, longer=True)
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     try:
         train(config, run_dir)
-    except ValueError as error:
+    except (OSError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         checkpoint = newest_checkpoint(run_dir)
@@ -382,7 +423,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _print(run_dir: Path, config: Config) -> None:
-    """Prints the last point of the learning curve and the command that may follow."""
+    """Prints the last point of the learning curve and a command for the next step."""
     if curve := learning_curve(run_dir):
         point = curve[-1]
         rows = (

@@ -15,13 +15,13 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 class SameStepVecEnv(VecEnv):
     """A Gymnasium vector environment with same-step autoreset as a `VecEnv` of Stable-Baselines3.
 
-    Stable-Baselines3 has one `info` dict for each environment and step. To save time, only those of finished episodes
-    have entries: `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the environment has them, `success`
-    and `is_success`. The other infos of the last step are in `infos`, in Gymnasium's layout. `episode` has the entries
-    of `VecMonitor`, which is slower than the shots: "r", "l" and "t", the return and the length of the episode, and the
-    seconds since the adapter was created.
+    Stable-Baselines3 has one `info` dict for each environment and step. To save time, a dict is empty unless its
+    episode is finished. It then has `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the environment
+    has them, `success` and `is_success`. `episode` has the entries of `VecMonitor`: "r", the return of the episode,
+    "l", its length, and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it
+    is not used.) All infos of the last step are in `infos`, in Gymnasium's format.
 
-    The environments are one object. They share their attributes, and a method is called once for all.
+    The environments are one object. They share their attributes, and a method is called once for all of them.
 
     Attributes:
         envs: The vector environment.
@@ -40,10 +40,10 @@ class SameStepVecEnv(VecEnv):
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def reset(self) -> np.ndarray:
-        """Resets all environments, with the arguments of `seed` and `set_options` since the last reset.
+        """Resets all environments with the seeds and options that were set since the last reset.
 
         Raises:
-            ValueError: If only some environments have options, or there is another option than `positions`.
+            ValueError: If only some environments have options, or an option is not `positions`.
         """
         options = None
         if any(self._options):
@@ -64,7 +64,7 @@ class SameStepVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Plays a step and returns observations, rewards, dones and infos, see the class."""
+        """Plays a step and returns observations, rewards, dones and infos; see the class."""
         observations, rewards, terminated, truncated, self.infos = self.envs.step(self._actions)
         dones = terminated | truncated
         self._returns += rewards
@@ -101,7 +101,7 @@ class SameStepVecEnv(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Returns an attribute of the vector environment, or else of its `single_env`, once for each index."""
+        """Returns an attribute of the vector environment or, if it has none, of its `single_env`, for each index."""
         owner = self._owner(attr_name)
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
@@ -115,7 +115,9 @@ class SameStepVecEnv(VecEnv):
         setattr(self._owner(attr_name), attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Calls a method of the vector environment, or else of its `single_env`, and returns its result for each index.
+        """Calls a method of the vector environment or, if it has none, of its `single_env`.
+
+        The result is repeated for each environment.
 
         Raises:
             ValueError: If `indices` does not contain all environments.

@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import PPO, Config, Frame, Noise, load
-from agents.ppo import make_env, make_model, make_vec_env
+from agents.config import HEADS, PPO, Config, Imitation, Noise, Policy, load
+from agents.policy import MixturePolicy
+from agents.ppo import make_env, make_model, make_policy, make_vec_env
 from billiards_env.envs import wrappers
 from billiards_env.envs.tasks import TASKS
+from billiards_env.players.pots import SPEEDS
 
-CONFIGS = sorted(Path(__file__).parents[2].glob("configs/ppo/*.yaml"))
+FOLDER = Path(__file__).parents[2] / "configs"
+CONFIGS = sorted(path for folder in ("ppo", "prior_knowledge") for path in FOLDER.glob(f"{folder}/*.yaml"))
 
 
 def test_missing_fields_have_their_defaults():
@@ -41,16 +45,27 @@ def test_missing_arguments_of_the_environment_have_their_defaults():
         ({"timesteps": 1, "policy": {"hiden": [8]}}, r"key of policy = 'hiden'.*did you mean 'hidden'"),
         ({"timesteps": 1, "env": {"max_shot": 2}}, r"key of env = 'max_shot'.*did you mean 'max_shots'"),
         ({"timesteps": 1, "env": {"render_mode": "human"}}, "key of env = 'render_mode'"),
-        ({"timesteps": 1, "frame": {"nam": "cut"}}, r"key of frame = 'nam'.*did you mean 'name'"),
-        ({"timesteps": 1, "frame": {}}, "frame.name is missing"),
-        ({"timesteps": 1, "frame": {"name": "cot"}}, "frame.name = 'cot': .*did you mean 'cut'"),
-        ({"timesteps": 1, "frame": {"name": "cut", "least_speed": -1}}, "frame.least_speed = -1.0: expected a number"),
+        ({"timesteps": 1, "frame": {"name": "cut"}}, "key of the configuration = 'frame': expected one of"),
+        ({"timesteps": 1, "imitation": {"layout": 9}}, r"key of imitation = 'layout'.*did you mean 'layouts'"),
+        ({"timesteps": 1, "imitation": {}}, "imitation.layouts is missing"),
+        ({"timesteps": 1, "imitation": {"layouts": 0}}, "imitation.layouts = 0: expected a number >= 1"),
+        ({"timesteps": 1, "imitation": {"layouts": 9, "shots": 0}}, "imitation.shots = 0: expected a number >= 1"),
+        ({"timesteps": 1, "imitation": {"layouts": 9, "batch_size": 0}}, "imitation.batch_size = 0: expected a number"),
+        (
+            {"timesteps": 1, "imitation": {"layouts": 9, "n_epochs": 0}},
+            "imitation.n_epochs = 0: expected a number >= 1",
+        ),
+        (
+            {"timesteps": 1, "imitation": {"layouts": 9, "learning_rate": 0}},
+            "imitation.learning_rate = 0.0: expected a number > 0",
+        ),
         ({"timesteps": 1, "noise": {"angle": 1.0}}, "key of noise = 'angle'.*did you mean 'angle_std'"),
         ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "noise.speed_std = -0.1: expected a number >= 0"),
         ({"timesteps": 1, "noise": {"speed_std": float("inf")}}, "noise.speed_std = inf: expected a finite number"),
         ({"timesteps": 1, "ppo": {"target_kl": float("nan")}}, "ppo.target_kl = nan: expected a finite number"),
         ({"seed": 1}, "timesteps is missing"),
-        ({"timesteps": 0}, r"timesteps = 0: expected a number >= 1"),
+        ({"timesteps": -1}, r"timesteps = -1: expected a number >= 0"),
+        ({"timesteps": 0, "checkpoint_every": 0}, r"checkpoint_every = 0: expected a number >= 1"),
         ({"timesteps": 1, "seed": -1}, r"seed = -1: expected a number >= 0"),
         ({"timesteps": 1, "ppo": {"batch_size": 1000}}, r"ppo.batch_size = 1000: expected a divisor of"),
         ({"timesteps": 1, "ppo": {"batch_size": 1}}, r"ppo.batch_size = 1: expected a number >= 2"),
@@ -59,8 +74,16 @@ def test_missing_arguments_of_the_environment_have_their_defaults():
         ({"timesteps": 1, "ppo": {"gamma": 1.5}}, r"ppo.gamma = 1.5: expected a number from 0 to 1"),
         ({"timesteps": 1, "ppo": {"ent_coef": -1.0}}, r"ppo.ent_coef = -1.0: expected a number >= 0"),
         ({"timesteps": 1, "policy": {"activation": "thanh"}}, r"policy.activation = 'thanh'.*did you mean 'tanh'"),
-        ({"timesteps": 1, "policy": {"features": "rav"}}, "policy.features = 'rav'.*did you mean 'raw'"),
-        ({"timesteps": 1, "policy": {"features": "geometry"}}, r"frame = None with policy.features = 'geometry'"),
+        ({"timesteps": 1, "policy": {"head": "pot"}}, "policy.head = 'pot': expected one of .*did you mean 'pots'"),
+        ({"timesteps": 1, "policy": {"components": 0}}, "policy.components = 0: expected a number >= 1"),
+        (
+            {"timesteps": 1, "policy": {"speeds": [0.1]}},
+            r"policy.speeds = \[0.1\]: expected two increasing numbers > 0",
+        ),
+        ({"timesteps": 1, "policy": {"speeds": [0.0, 1.0]}}, r"policy.speeds = \[0.0, 1.0\]: expected two increasing"),
+        ({"timesteps": 1, "policy": {"speeds": [0.5, 0.5]}}, r"policy.speeds = \[0.5, 0.5\]: expected two increasing"),
+        ({"timesteps": 1, "policy": {"speeds": [0.5, 1.1]}}, r"policy.speeds = \[0.5, 1.1\]: .* > 0, at most 1"),
+        ({"timesteps": 1, "policy": {"hidden": []}}, r"policy.hidden = \[\]: expected at least one hidden layer"),
         (
             {"timesteps": 1, "policy": {"std": {"first": [0.1, 0.1], "last": [0.1, 0.0]}}},
             r"policy.std.last = \[0.1, 0.0\]: expected two numbers > 0",
@@ -94,9 +117,19 @@ def test_unknown_keys_and_impossible_values_are_refused(data, message):
         ({"timesteps": 1, "ppo": {"gamma": True}}, "ppo.gamma = True: expected a number, not bool"),
         ({"timesteps": 1, "ppo": {"gamma": None}}, "ppo.gamma = None: expected a number, not NoneType"),
         ({"timesteps": 1, "ppo": [1]}, r"ppo = \[1\]: expected a mapping"),
-        ({"timesteps": 1, "frame": "cut"}, "frame = 'cut': expected a mapping"),
-        ({"timesteps": 1, "frame": {"name": "cut", "ball": 1.0}}, "frame.ball = 1.0: expected text, not float"),
-        ({"timesteps": 1, "frame": {"name": "cut", "ball": None}}, "frame.ball = None: expected text, not NoneType"),
+        ({"timesteps": 1, "imitation": 100}, "imitation = 100: expected a mapping"),
+        (
+            {"timesteps": 1, "imitation": {"layouts": 1.5}},
+            "imitation.layouts = 1.5: expected a whole number, not float",
+        ),
+        ({"timesteps": 1, "start_from": 3}, "start_from = 3: expected text, not int"),
+        ({"timesteps": 1, "policy": {"head": None}}, "policy.head = None: expected text, not NoneType"),
+        (
+            {"timesteps": 1, "policy": {"components": 1.5}},
+            "policy.components = 1.5: expected a whole number, not float",
+        ),
+        ({"timesteps": 1, "policy": {"speeds": 0.5}}, "policy.speeds = 0.5: expected a list, not float"),
+        ({"timesteps": 1, "policy": {"speeds": [0.5, "x"]}}, r"policy.speeds\[1\] = 'x': expected a number, not str"),
         ({"timesteps": 1, "noise": {"angle_std": "some"}}, "noise.angle_std = 'some': expected a number, not str"),
         ({"timesteps": 1, "env": ["pool"]}, r"env = \['pool'\]: expected a mapping, not list"),
         ({"timesteps": 1, "policy": {"hidden": 64}}, "policy.hidden = 64: expected a list, not int"),
@@ -115,9 +148,13 @@ def test_a_configuration_survives_yaml(tmp_path):
             "timesteps": 1000,
             "seed": 3,
             "env": {"n_object_balls": 2},
-            "frame": {"name": "cut", "ball": 2},
             "noise": {"angle_std": 1},
+            "start_from": "runs/other",
+            "imitation": {"layouts": 1e3, "shots": 5},
             "policy": {
+                "head": "hits",
+                "components": 3,
+                "speeds": [0.25, 0.5],
                 "hidden": [32, 16],
                 "activation": "relu",
                 "std": {"first": [0.5, 0.4], "last": [0.1, 0.1]},
@@ -128,7 +165,9 @@ def test_a_configuration_survives_yaml(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(config.to_yaml())
     assert load(path) == config
-    assert (config.frame, config.noise) == (Frame(name="cut", ball=2), Noise(angle_std=1.0))
+    assert config.noise == Noise(angle_std=1.0)
+    assert config.imitation == Imitation(layouts=1000, shots=5)
+    assert (config.start_from, config.policy.head, config.policy.speeds) == ("runs/other", "hits", (0.25, 0.5))
 
 
 def test_a_file_that_is_not_yaml_is_refused(tmp_path):
@@ -189,13 +228,34 @@ def test_every_task_has_a_configuration():
     assert {load(path).env["task"] for path in CONFIGS} == set(TASKS)
 
 
-def test_frame_and_noise_have_the_defaults_of_the_wrappers():
-    frame, noise = Frame(name="cut"), Noise()
-    for mine, wrapper, given in ((frame, wrappers.ActionFrame, ["cut"]), (noise, wrappers.ExecutionNoise, [])):
-        bound = inspect.signature(wrapper).bind(None, *given)
-        bound.apply_defaults()
-        _, *theirs = bound.arguments.values()
-        assert list(dataclasses.astuple(mine)) == theirs
+def test_the_noise_has_the_defaults_of_its_wrapper():
+    bound = inspect.signature(wrappers.ExecutionNoise).bind(None)
+    bound.apply_defaults()
+    _, *theirs = bound.arguments.values()
+    assert list(dataclasses.astuple(Noise())) == theirs
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_configuration_makes_its_policy(head):
+    settings = {"head": head, "components": 3, "speeds": [0.25, 0.5], "hidden": [8, 9], "activation": "relu"}
+    config = Config.from_dict({"timesteps": 1, "env": {"max_speed": 3.0}, "policy": settings})
+    policy = make_policy(config)
+    assert {type(layer).__name__ for layer in policy.modules()} >= {"ReLU", "Linear"}
+    assert {8, 9} <= {len(weights) for name, weights in policy.named_parameters() if name.endswith("bias")}
+    if head == "gaussian":
+        assert type(policy) is ActorCriticPolicy
+        return
+    assert isinstance(policy, MixturePolicy)
+    assert policy.game.max_speed == 3.0
+    with torch.no_grad():
+        found = policy.get_distribution(torch.tensor([[0.1, 0.2, 0.3, 0.4]])).components  # type: ignore[attr-defined]
+    assert found.speed.shape[1] == {"turned": 1, "pots": 3 * len(SPEEDS)}.get(head, 3)
+    if head != "pots":
+        assert 0.25 < float(found.speed.min()) <= float(found.speed.max()) < 0.5
+
+
+def test_the_default_policy_is_that_of_stable_baselines():
+    assert Policy() == Policy(head="gaussian", components=1, hidden=(64, 64), activation="tanh", std=None)
 
 
 def test_single_and_vector_environments_play_the_same_shots():
@@ -204,14 +264,13 @@ def test_single_and_vector_environments_play_the_same_shots():
             "timesteps": 1,
             "n_envs": 3,
             "env": {"n_object_balls": 2, "max_shots": 4, "max_speed": 2.0},
-            "frame": {"name": "cut", "ball": "first", "least_speed": 1.0},
             "noise": {"angle_std": 3.0, "speed_std": 0.2},
             "ppo": {"n_steps": 32, "batch_size": 32},
         }
     )
     plain = dataclasses.replace(config, noise=None)
     envs, quiet = make_vec_env(config), make_vec_env(plain)
-    singles = [wrappers.ActionFrame(make_env(config), "cut", "first", 1.0) for _ in range(3)]
+    singles = [make_env(config) for _ in range(3)]
     for many in (envs, quiet):
         many.seed(5)
     observations: Any = envs.reset()
@@ -221,8 +280,8 @@ def test_single_and_vector_environments_play_the_same_shots():
     rng = np.random.default_rng(0)
     for step in range(3):
         actions = rng.uniform(-1, 1, (3, 2))
-        told: Any = envs.step(actions)
-        observations, rewards, dones, _ = told
+        played: Any = envs.step(actions)
+        observations, rewards, dones, _ = played
         if step == 0:
             calm: Any = quiet.step(actions)[0]
             assert not np.array_equal(observations, calm)

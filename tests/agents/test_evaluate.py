@@ -1,7 +1,8 @@
 import dataclasses
 import json
 import shutil
-from typing import Any
+from pathlib import Path
+from typing import cast
 
 import gymnasium as gym
 import numpy as np
@@ -9,15 +10,14 @@ import pygame
 import pytest
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import Config
+from agents.config import HEADS, Config
 from agents.evaluate import deterministic, evaluate, main, play, play_together
 from agents.intervals import wilson_interval
-from agents.ppo import evaluation_seeds, load_policy, make_env, make_model, make_vec_env, make_vector
+from agents.policy import MixturePolicy
+from agents.ppo import evaluation_seeds, load_policy, make_env, make_policy, make_vector, save_policy
 from agents.train import open_run, train
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.wrappers import ActionFrame
 
 
 class Pickled:
@@ -31,7 +31,7 @@ class Pickled:
 
 
 class TwoShots(gym.Env):
-    """An episode of two steps: the reward is the action, and the episode is a success if the seed is even."""
+    """An episode has two steps. The reward is the action. The episode is a success if the seed is even."""
 
     observation_space = gym.spaces.Box(-1, 1, (1,), np.float32)
     action_space = gym.spaces.Box(-1, 1, (1,), np.float32)
@@ -90,7 +90,7 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
             "timesteps": 2048,
             "n_envs": 32,
             "env": {"scene": {"balls": balls, "table": {"cushion_height": 0.15}}, "task": "carom", "max_speed": 1.0},
-            "policy": {"hidden": [16], "log_std_init": -0.5},
+            "policy": {"hidden": [16]},
             "ppo": {"n_steps": 8, "learning_rate": 3e-3, "gae_lambda": 1.0},
         }
     )
@@ -101,11 +101,11 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
     assert result["random"]["success_rate"] < 0.3
 
 
-def test_frame_and_noise_apply_to_training_and_evaluation(tiny, tmp_path):
+def test_noise_applies_to_training_and_evaluation(tiny, tmp_path):
     config = Config.from_dict(
         tiny(
             env={"task": "sum_to_three", "scene": "sum_to_three", "layout": "line", "max_shots": 10, "max_speed": 4.2},
-            frame={"name": "sum_to_three"},
+            policy={"head": "hits", "components": 3, "hidden": [16]},
             noise={"angle_std": 1.0, "speed_std": 0.1},
         )
     )
@@ -119,9 +119,22 @@ def test_frame_and_noise_apply_to_training_and_evaluation(tiny, tmp_path):
     assert weights[0].keys() == weights[1].keys()
     assert all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
     result = evaluate(run, episodes=200)
+    rng, seeds = np.random.default_rng(0), evaluation_seeds(1, 2000).tolist()
     low, high = result["random"]["score_interval_95"]
-    assert low < 1.36 < high
+    assert (
+        low
+        < play_together(make_vector(config, 2000), lambda _: rng.uniform(-1, 1, (2000, 2)), seeds)["mean_score"]
+        < high
+    )
     assert result["random"]["mean_score"] == result["random"]["mean_reward"]
+
+    quiet, policy = dataclasses.replace(config, noise=None), load_policy(run)[1]
+    played = play_together(make_vector(quiet, 200), deterministic(policy), evaluation_seeds(config.seed, 200).tolist())
+    assert played["mean_score"] != result["policy"]["mean_score"]
+    open_run(quiet, tmp_path / "quiet")
+    train(quiet, tmp_path / "quiet")
+    others = torch.load(tmp_path / "quiet" / "policy.pt")
+    assert not all(torch.equal(weights[0][key], others[key]) for key in others)
 
 
 def test_both_policies_play_the_same_layouts(trained, tmp_path, monkeypatch):
@@ -141,7 +154,7 @@ def test_both_policies_play_the_same_layouts(trained, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"env": {"n_object_balls": 3, "max_shots": 4}, "frame": {"name": "cut"}},
+        {"env": {"n_object_balls": 3, "max_shots": 4}},
         {"env": {"n_object_balls": 5, "max_shots": 2}, "noise": {"angle_std": 5.0}},
     ],
 )
@@ -155,38 +168,9 @@ def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
     assert together == one_by_one
 
 
-@pytest.mark.parametrize(
-    ("frame", "features"),
-    [
-        ({"name": "polar", "least_speed": 1.0}, "raw"),
-        ({"name": "sum_to_three", "ball": 2}, "raw"),
-        ({"name": "cut"}, "raw"),
-        ({"name": "cut"}, "geometry"),
-    ],
-)
-def test_a_policy_plays_the_shots_of_its_action_frame_in_the_plain_environment(tiny, frame, features):
-    env = {"n_object_balls": 3, "max_shots": 6, "max_speed": 5.0}
-    config = Config.from_dict(tiny(policy={"hidden": [8], "features": features}, frame=frame, env=env))
-    model, plain = make_model(config, make_vec_env(config)), gym.make("Billiards-v0", **env)
-    game: Any = plain.unwrapped
-    assert config.frame is not None
-    framed, with_potted_balls = ActionFrame(plain, *dataclasses.astuple(config.frame)), 0
-    for seed in range(30):
-        observation, _ = plain.reset(seed=seed)
-        over = False
-        while not over:
-            action, _ = model.predict(observation, deterministic=True)
-            in_frame, _ = ActorCriticPolicy.predict(model.policy, observation, deterministic=True)
-            assert plain.action_space.contains(action)
-            np.testing.assert_allclose(action, framed.action(in_frame), atol=1e-5)
-            with_potted_balls += game.potted.any()
-            observation, _, over, *_ = plain.step(action)
-    assert with_potted_balls > 0
-
-
-@pytest.mark.parametrize("policy", [{"hidden": [8]}, {"hidden": [8, 8], "features": "geometry"}])
-def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, policy):
-    config = Config.from_dict(tiny(timesteps=128, policy=policy, frame={"name": "cut"}))
+@pytest.mark.parametrize("head", HEADS)
+def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, head):
+    config = Config.from_dict(tiny(timesteps=128, policy={"head": head, "components": 3, "hidden": [8]}))
     open_run(config, tmp_path / "run")
     train(config, tmp_path / "run")
     loaded, policy = load_policy(tmp_path / "run")
@@ -196,6 +180,58 @@ def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, policy):
     expected, _ = model.predict(observations, deterministic=True)
     np.testing.assert_array_equal(policy.predict(observations, deterministic=True)[0], expected)
     np.testing.assert_array_equal(deterministic(policy)(observations), expected)
+
+
+def saved(config: Config, run_dir: Path) -> MixturePolicy:
+    """Writes the files of a run that `load_policy` reads, and returns the policy."""
+    run_dir.mkdir(parents=True)
+    (run_dir / "config.yaml").write_text(config.to_yaml())
+    policy = cast(MixturePolicy, make_policy(config))
+    with torch.no_grad():
+        for weights in policy.parameters():
+            weights.add_(0.1)
+    save_policy(policy, run_dir / "policy.pt")
+    return policy
+
+
+def test_a_policy_is_loaded_for_another_number_of_balls(tiny, tmp_path):
+    settings = tiny(env={"max_speed": 5.0}, policy={"head": "pots", "hidden": [8]})
+    policy = saved(Config.from_dict(settings), tmp_path / "run")
+    config, loaded = load_policy(tmp_path / "run", env={"n_object_balls": 3, "max_shots": 4})
+    assert config.env == {**Config.from_dict(settings).env, "n_object_balls": 3, "max_shots": 4}
+    assert isinstance(loaded, MixturePolicy)
+    assert loaded.observation_space.shape == (8,)
+    for name, weights in loaded.state_dict().items():
+        assert "value_net" in name or torch.equal(weights, policy.state_dict()[name])
+    envs = make_vector(config, 50)
+    observations, _ = envs.reset(seed=0)
+    _, rewards, *_ = envs.step(deterministic(loaded)(observations))
+    assert (rewards > 0).mean() > 0.5
+    assert load_policy(tmp_path / "run")[0] == Config.from_dict(settings)
+
+
+def test_the_head_hits_is_not_loaded_for_another_number_of_balls(tiny, tmp_path):
+    saved(Config.from_dict(tiny(policy={"head": "hits", "hidden": [8]})), tmp_path / "run")
+    with pytest.raises(ValueError, match=r"policy.pt does not hold the policy of its configuration"):
+        load_policy(tmp_path / "run", env={"n_object_balls": 3})
+    with pytest.raises(ValueError, match=r"key of env = 'balls'"):
+        load_policy(tmp_path / "run", env={"balls": 3})
+
+
+def test_random_actions_are_velocities_of_the_plain_action_space(tiny, tmp_path, monkeypatch):
+    config, drawn = Config.from_dict(tiny(policy={"head": "hits", "hidden": [8]})), []
+    saved(config, tmp_path / "run")
+
+    def spy(envs, act, seeds):
+        drawn.append(act(envs.reset(seed=seeds)[0]))
+        return play_together(envs, act, seeds)
+
+    monkeypatch.setattr("agents.evaluate.play_together", spy)
+    evaluate(tmp_path / "run", episodes=2000)
+    _, actions = drawn
+    assert actions.shape == (2000, 2)
+    np.testing.assert_allclose(actions.mean(axis=0), 0, atol=0.05)
+    np.testing.assert_allclose(actions.std(axis=0), 3**-0.5, atol=0.03)
 
 
 def test_loading_runs_no_code_from_the_file(trained, tmp_path):
@@ -277,7 +313,7 @@ def test_a_film_holds_the_first_episodes_of_the_evaluation(trained, tmp_path, mo
 
 
 @pytest.mark.parametrize("driver", ["dummy", "offscreen"])
-def test_a_policy_is_shown_in_a_window_if_there_is_a_display(driver, trained, monkeypatch, capsys):
+def test_show_plays_the_policy_in_a_window_or_reports_a_missing_display(driver, trained, monkeypatch, capsys):
     shown = []
 
     def step(self, shots):

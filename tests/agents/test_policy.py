@@ -1,167 +1,459 @@
-import dataclasses
+"""Policies over the velocity of the cue ball, one for each head."""
+
+import math
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
+from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.utils import set_random_seed
+from torch import Tensor
 
+from agents import config, policy
 from agents.config import Config
-from agents.policy import _DIRECT, Geometry, GeometryPolicy, shape
-from agents.ppo import in_frame, make_model, make_vec_env, make_vector
+from agents.mixture import NEVER, Components, MixtureDistribution
+from agents.policy import HEADS, MixturePolicy
+from agents.pot_head import FeatureBuffer, PotFeatures
+from agents.ppo import make_model, make_policy, make_vec_env
 from billiards_env.envs import BilliardsEnv
-from billiards_env.players.pots import direct_pots
+from billiards_env.players.pots import find_pots
+from tests.helpers.environments import VARIANTS
 
-POCKETS = 6
-
-
-def geometry(env: Any) -> tuple[Geometry, BilliardsEnv]:
-    game = cast(BilliardsEnv, env.unwrapped)
-    return Geometry(cast(gym.spaces.Box, game.observation_space), shape(game)), game
+MIRRORS = [(1, -1), (-1, 1), (-1, -1)]
+SET = ("log_along", "log_across")  # names of the standard deviations that `set_std` sets
 
 
-def pots(features: torch.Tensor) -> np.ndarray:
-    """Returns the features of the shots, (m, pockets, 6), with the cuts of the action frame."""
-    shots = features[:, -6 * POCKETS :].reshape(len(features), POCKETS, 6).numpy().copy()
-    shots[..., 0] *= features[:, :1].numpy()
-    return shots
-
-
-def test_the_first_cut_pots_nearly_every_ball():
-    config = Config.from_dict({"timesteps": 1, "frame": {"name": "cut"}})
-    envs = in_frame(config, make_vector(config, 2000))
+def layouts(count: int, **env: Any) -> np.ndarray:
+    """Returns the observations of random layouts, (count, size)."""
+    envs = gym.make_vec("Billiards-v0", num_envs=count, **env)
     observations, _ = envs.reset(seed=0)
-    extractor, _ = geometry(cast(Any, envs.unwrapped).single_env)
-    cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
-    *_, infos = envs.step(np.column_stack((cuts, np.full(2000, 0.2))))
-    assert infos["final_info"]["potted"][:, 1].mean() > 0.94
-    *_, infos = envs.step(np.column_stack((-cuts, np.full(2000, 0.2))))
-    assert infos["final_info"]["potted"][:, 1].mean() < 0.2
+    envs.close()
+    return observations
 
 
-def test_features_agree_with_direct_pots():
+def make(head: str, **env: Any) -> MixturePolicy:
+    """Returns an untrained policy for the environment."""
+    game = gym.make("Billiards-v0", **env)
+    spaces_ = game.observation_space, game.action_space
+    return MixturePolicy(*spaces_, lambda _: 1e-3, env=env, head=head, components=5, net_arch=[16])
+
+
+def disturbed(head: str, **env: Any) -> MixturePolicy:
+    """Returns a policy with random weights, so that its shots depend on all networks."""
+    changed, rng = make(head, **env), torch.Generator().manual_seed(1)
+    with torch.no_grad():
+        for name, weights in changed.named_parameters():
+            if "log_" not in name:
+                weights.add_(0.3 * torch.randn(weights.shape, generator=rng))
+    return changed
+
+
+def components(actor: ActorCriticPolicy, observations: np.ndarray) -> Components:
+    """Returns the components of a policy on each layout."""
+    with torch.no_grad():
+        return cast(MixtureDistribution, actor.get_distribution(torch.as_tensor(observations))).components
+
+
+def train(head: str, **arguments: Any) -> PPO:
+    """Returns a model of Stable-Baselines3 after three updates in the plain environment."""
+    kind, kwargs = ("MlpPolicy", {}) if head == "gaussian" else (MixturePolicy, {"head": head, "components": 3})
+    model = PPO(
+        kind,
+        arguments.pop("env", "Billiards-v0"),
+        n_steps=16,
+        batch_size=8,
+        n_epochs=1,
+        seed=0,
+        device="cpu",
+        policy_kwargs={"net_arch": [8], **kwargs, **arguments},
+    )
+    return model.learn(48)
+
+
+@pytest.fixture(scope="module", params=config.HEADS)
+def learned(request) -> PPO:
+    """Returns a model with each head after a few updates."""
+    return train(request.param)
+
+
+def test_the_configuration_and_the_policy_have_the_same_heads():
+    assert ("gaussian", *policy.HEADS) == config.HEADS
+
+
+def test_ppo_trains_in_the_plain_environment_and_its_actions_are_velocities(learned):
+    assert all(bool(torch.isfinite(weights).all()) for weights in learned.policy.parameters())
     env = gym.make("Billiards-v0")
-    extractor, game = geometry(env)
-    ratios = {False: [], True: []}
-    for seed in range(200):
+    game = cast(Any, env.unwrapped)
+    for seed in range(10):
         observation, _ = env.reset(seed=seed)
-        found = direct_pots(game.scene, game.targets, game.positions, game.potted, game.max_speed)
-        shots = pots(extractor(torch.as_tensor(observation[None])))[0]
-        way = game.positions[1] - game.positions[0]
-        reach = 2 * game.scene.balls.radius[0]
-        for k, pocket in enumerate(found.pocket.tolist()):
-            cut = (way[1] * found.direction[k, 0] - way[0] * found.direction[k, 1]) / reach
-            near = shots[np.abs(shots[:, 0] - cut) < 0.02]
-            if found.tolerance[k] > 1e-3 and len(near) == 1:
-                side = game.scene.table.pockets[pocket].x == 0.0
-                ratios[side].append(near[0, 5] / 10 / found.tolerance[k])
-    assert min(map(len, ratios.values())) > 50
-    # At side pockets both reckon alike; at corners the player leaves out what the cushions lead into them.
-    assert np.median(ratios[True]) == pytest.approx(1.0, abs=0.1)
-    assert 3.0 < np.median(ratios[False]) < 6.0
+        for deterministic in (True, False):
+            action, _ = learned.predict(observation, deterministic=deterministic)
+            assert env.action_space.contains(action)
+        way = game.max_speed * learned.predict(observation, deterministic=True)[0].astype(float)
+        *_, info = env.step(learned.predict(observation, deterministic=True)[0])
+        assert 0 < np.hypot(*way) <= math.sqrt(2) * game.max_speed
+        assert info["n_events"] > 0
 
 
-def test_features_order_balls_by_distance_with_potted_balls_last():
-    env = gym.make("Billiards-v0", n_object_balls=3, max_shots=4, observe_shots_left=True)
-    extractor, _ = geometry(env)
-    places = np.array([[0.0, 0.0], [0.5, 0.3], [-0.2, 0.1], [0.9, -0.2]])
-    observation, _ = env.reset(options={"positions": places})
-    one = extractor(torch.as_tensor(observation[None]))
-    other = extractor(torch.as_tensor(env.reset(options={"positions": places[[0, 2, 3, 1]]})[0][None]))
-    assert torch.equal(one, other)
-    half = torch.tensor([1.27, 0.635])
-    sign = one[0, 0]
-    image = torch.tensor([1.0, float(sign)]) / half
-    told = torch.cat((torch.ones(1), (torch.tensor(places[[0, 2, 1, 3]]).float() * image).flatten(), torch.ones(3)))
-    torch.testing.assert_close(one[0, 1 : 1 + len(told)], told, rtol=0, atol=1e-6)
-    assert extractor.features_dim == one.shape[1] == 1 + len(told) + 6 * POCKETS
-
-    observation[4:6] = 1.0  # ball 2 lies in a corner pocket
-    gone = extractor(torch.as_tensor(observation[None]))[0]
-    left = torch.tensor(places[[0, 1, 3]]).float() * torch.tensor([1.0, float(gone[0])]) / half
-    told = torch.cat((torch.ones(1), left.flatten(), torch.tensor([0.0, 0.0, 1.0, 1.0, 0.0])))
-    torch.testing.assert_close(gone[1 : 1 + len(told)], told, rtol=0, atol=1e-6)
-    assert not np.array_equal(pots(gone[None]), pots(one))  # these are of another ball now
+def test_updates_change_the_weights_of_actor_and_critic(learned):
+    begun = PPO(learned.policy_class, "Billiards-v0", seed=0, device="cpu", policy_kwargs=learned.policy_kwargs)
+    changed = [
+        name
+        for (name, old), new in zip(begun.policy.named_parameters(), learned.policy.parameters(), strict=True)
+        if not torch.equal(old, new)
+    ]
+    assert any("value_net" in name for name in changed)
+    assert any("value_net" not in name and "log_" not in name for name in changed)
+    assert any("log_" in name for name in changed)  # the standard deviations are learned
 
 
-@pytest.mark.parametrize("mirror", [(1, -1), (-1, 1), (-1, -1)])
-def test_the_four_images_of_a_layout_have_the_same_features(mirror):
-    env = gym.make("Billiards-v0", n_object_balls=2, max_shots=3)
-    extractor, _ = geometry(env)
-    observations = np.stack([env.reset(seed=seed)[0] for seed in range(100)])
-    mirrored = observations * np.array(mirror * 3, np.float32)
-    one, other = (extractor(torch.as_tensor(o)).numpy() for o in (observations, mirrored))
-    turned = mirror[0] * mirror[1]
-    aimed = pots(torch.as_tensor(one))[:, 0, 0] != 0  # a pot is possible
-    assert aimed.sum() > 80
-    np.testing.assert_array_equal(one[aimed, 0], turned * other[aimed, 0])
-    np.testing.assert_allclose(one[aimed, 1:], other[aimed, 1:], atol=1e-6)
-
-
-def test_geometry_is_refused_if_it_does_not_apply():
-    config = {
-        "timesteps": 1,
-        "n_envs": 4,
-        "frame": {"name": "cut"},
-        "policy": {"features": "geometry"},
-        "ppo": {"n_steps": 16},
-    }
-    carom = Config.from_dict({**config, "env": {"scene": "carom", "task": "carom"}})
-    with pytest.raises(ValueError, match=r"policy.features = 'geometry' in the task 'carom': expected 'raw'"):
-        make_model(carom, make_vec_env(carom))
-    env = BilliardsEnv()
-    table, balls = env.scene.table, env.scene.balls
-    env.scene = dataclasses.replace(env.scene, balls=dataclasses.replace(balls, radius=(0.03, 0.025)))
-    with pytest.raises(ValueError, match=r"balls of radii \(0.03, 0.025\): expected one radius"):
-        shape(env)
-    table = dataclasses.replace(table, pockets=table.pockets[:1])
-    env.scene = dataclasses.replace(env.scene, balls=balls, table=table)
-    with pytest.raises(ValueError, match=r"with asymmetric pockets"):
-        shape(env)
-
-
-def test_a_geometry_policy_mirrors_its_actions_and_its_last_layer_has_the_features():
-    config = Config.from_dict(
-        {
-            "timesteps": 1,
-            "n_envs": 4,
-            "frame": {"name": "cut"},
-            "policy": {"features": "geometry", "hidden": [8]},
-            "ppo": {"n_steps": 16},
-        }
-    )
-    policy = make_model(config, make_vec_env(config)).policy
-    assert isinstance(policy, GeometryPolicy)
-    last = cast(torch.nn.Linear, policy.action_net)
-    torch.nn.init.normal_(last.weight)
-    env = gym.make("Billiards-v0")
-    observations = np.stack([env.reset(seed=seed)[0] for seed in range(100)])
-    extractor, _ = geometry(env)
-    cuts = pots(extractor(torch.as_tensor(observations)))[:, 0, 0]
-    mirrored = observations * np.array([1, -1] * 2, np.float32)
-    one, other = (GeometryPolicy.predict(policy, o, deterministic=True)[0] for o in (observations, mirrored))
-    np.testing.assert_allclose((one * [-1, 1])[cuts != 0], other[cuts != 0], atol=1e-5)
-    with torch.no_grad():
-        last.weight.zero_()
-        last.bias.zero_()
-        last.weight[0, extractor.features_dim - 1 - 6 * POCKETS] = 0.5 / _DIRECT
-    actions, _ = GeometryPolicy.predict(policy, observations, deterministic=True)
-    np.testing.assert_allclose(actions, np.column_stack((0.5 * cuts, np.zeros(100))), atol=1e-6)
-
-
-def test_the_mean_speed_of_a_geometry_policy_is_at_most_the_largest():
-    config = Config.from_dict(
-        {
-            "timesteps": 1,
-            "n_envs": 64,
-            "frame": {"name": "cut"},
-            "policy": {"features": "geometry"},
-            "ppo": {"n_steps": 2},
-        }
-    )
-    policy = make_model(config, make_vec_env(config)).policy
-    with torch.no_grad():
-        cast(torch.nn.Linear, policy.action_net).bias.copy_(torch.tensor([0.0, 50.0]))
+def test_a_policy_survives_saving_and_loading(learned, tmp_path):
+    observations = layouts(30)
+    expected, _ = learned.predict(observations, deterministic=True)
+    learned.save(tmp_path / "model")
+    learned.policy.save(tmp_path / "policy")
+    loaded = PPO.load(tmp_path / "model", device="cpu")
+    alone = type(learned.policy).load(tmp_path / "policy", device="cpu")
+    for actor in (loaded, alone):
+        np.testing.assert_array_equal(actor.predict(observations, deterministic=True)[0], expected)
+    for weights in (loaded.policy.state_dict(), alone.state_dict()):
+        assert weights.keys() == learned.policy.state_dict().keys()
+        assert all(torch.equal(weights[name], value) for name, value in learned.policy.state_dict().items())
     observation, _ = gym.make("Billiards-v0").reset(seed=0)
-    aimed = cast(Any, policy.get_distribution(torch.as_tensor(observation[None])).distribution)
-    assert aimed.mean[0, 1] == 1.0
+    assert loaded.predict(observation)[0].shape == (2,)
+
+
+def test_a_loaded_model_is_trained_further(learned, tmp_path):
+    learned.save(tmp_path / "model")
+    loaded = PPO.load(tmp_path / "model", env=gym.make("Billiards-v0"), device="cpu")
+    loaded.learn(16)
+    assert not all(
+        torch.equal(old, new) for old, new in zip(learned.policy.parameters(), loaded.policy.parameters(), strict=True)
+    )
+
+
+def test_a_loaded_model_with_a_feature_buffer_is_trained_further(tmp_path):
+    settings = pots_config()
+    make_model(settings, make_vec_env(settings)).save(tmp_path / "model")
+    loaded = PPO.load(tmp_path / "model", env=make_vec_env(settings), device="cpu")
+    before = [weights.clone() for weights in loaded.policy.parameters()]
+    loaded.learn(32)
+    assert not all(torch.equal(old, new) for old, new in zip(before, loaded.policy.parameters(), strict=True))
+
+
+def test_the_density_is_that_of_the_velocity(learned):
+    observations = torch.as_tensor(layouts(40))
+    with torch.no_grad():
+        actions, values, log_prob = learned.policy(observations)
+        distribution = learned.policy.get_distribution(observations)
+        again, evaluated, _ = learned.policy.evaluate_actions(observations, actions)
+    torch.testing.assert_close(distribution.log_prob(actions), log_prob)
+    torch.testing.assert_close(evaluated, log_prob)
+    torch.testing.assert_close(again, values)
+    assert torch.equal(learned.policy.predict_values(observations), again)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_the_density_of_velocities_integrates_to_one(head):
+    found, step = components(make(head), layouts(1)), 0.003
+    wide = found._replace(log_across=found.log_across.clamp(min=math.log(2 * step)))
+    grid = torch.cartesian_prod(*[torch.arange(-1.4, 1.4, step)] * 2)
+    density = MixtureDistribution().proba_distribution(wide.flat().expand(len(grid), -1)).log_prob(grid)
+    assert float(density.double().exp().sum()) * step**2 == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("head", HEADS)
+@pytest.mark.parametrize("env", [{}, {"n_object_balls": 3, "max_shots": 4, "observe_shots_left": True}])
+def test_mirrored_layouts_have_mirrored_shots(head, env):
+    actor, observations = disturbed(head, **env), layouts(100, **env)
+    shots, balls = actor.predict(observations, deterministic=True)[0], 1 + env.get("n_object_balls", 1)
+    table = torch.as_tensor(observations)
+    assert len(np.unique(shots, axis=0)) == 100
+    with torch.no_grad():
+        distribution, value = actor.get_distribution(table), actor.predict_values(table)
+        actions = distribution.sample()
+        for mirror in MIRRORS:
+            mirrored, signs = observations.copy(), np.array(mirror, np.float32)
+            mirrored[:, : 2 * balls] *= np.tile(signs, balls)
+            np.testing.assert_allclose(actor.predict(mirrored, deterministic=True)[0], shots * signs, atol=1e-5)
+            image = torch.as_tensor(mirrored)
+            log_prob = actor.get_distribution(image).log_prob(actions * torch.as_tensor(signs))
+            torch.testing.assert_close(log_prob, distribution.log_prob(actions), rtol=1e-3, atol=1e-2)
+            torch.testing.assert_close(actor.predict_values(image), value, rtol=0, atol=1e-4)
+
+
+def test_the_shots_of_the_head_pots_do_not_depend_on_the_order_of_the_balls():
+    env = {"n_object_balls": 3, "max_shots": 4}
+    actor, observations = disturbed("pots", **env), layouts(100, **env)
+    observations[:30, 4:6] = 1.0  # ball 2 is potted
+    shots, _ = actor.predict(observations, deterministic=True)
+    for order in ((1, 3, 2), (2, 3, 1), (3, 2, 1)):
+        renumbered = observations.reshape(-1, 4, 2)[:, [0, *order]].reshape(-1, 8)
+        np.testing.assert_allclose(actor.predict(renumbered, deterministic=True)[0], shots, atol=1e-5)
+
+
+def with_potted_balls(balls: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Returns 200 layouts in which at least one object ball is left, (200, size), and whether each ball is in play."""
+    observations, rng = layouts(200, n_object_balls=balls, max_shots=2), np.random.default_rng(seed)
+    playing = rng.random((200, 1 + balls)) < 0.5
+    playing[:, 0] = True
+    playing[np.arange(200), rng.integers(1, 1 + balls, 200)] = True
+    positions = observations.reshape(200, -1, 2)
+    positions[~playing] = rng.choice([[1.0, 1.0], [-1.0, 1.0], [0.0, -1.0]], (~playing).sum())
+    return positions.reshape(200, -1), playing
+
+
+@pytest.mark.parametrize("balls", [1, 3, 15])
+@pytest.mark.parametrize("head", ["hits", "pots"])
+def test_potted_balls_are_never_aimed_at(head, balls):
+    env = {"n_object_balls": balls, "max_shots": 2}
+    actor, (observations, playing) = make(head, **env), with_potted_balls(balls)
+    found, game = components(actor, observations), cast(BilliardsEnv, gym.make("Billiards-v0", **env).unwrapped)
+    size = np.array([game.scene.table.length, game.scene.table.width]) / 2
+    positions = observations.reshape(200, -1, 2) * size
+    ways = positions[:, 1:] - positions[:, :1]
+    dx, dy = (part.numpy()[..., None] for part in (found.dx, found.dy))
+    ahead = ways[:, None, :, 0] * dx + ways[:, None, :, 1] * dy
+    aside = np.abs(ways[:, None, :, 1] * dx - ways[:, None, :, 0] * dy)
+    reach = 2 * game.scene.balls.radius[0]
+    hit: Any = (ahead > 0) & (aside < 1.05 * reach) & playing[:, None, 1:]
+    exists = (found.logit != NEVER).numpy()
+    assert exists.any(axis=1).all()
+    assert np.any(hit, axis=2)[exists].all()
+    if head == "hits":
+        assert exists.sum() == 5 * playing[:, 1:].sum()
+    chosen = np.hypot(*actor.predict(observations, deterministic=True)[0].T)
+    assert (chosen > 0).all()
+
+
+def test_the_same_weights_play_with_any_number_of_balls():
+    weights = disturbed("pots").state_dict()
+    for balls in (1, 3, 15):
+        env: dict[str, Any] = {"n_object_balls": balls, "max_shots": 3}
+        actor = make("pots", **env)
+        actor.load_state_dict(weights)
+        envs = gym.make_vec("Billiards-v0", num_envs=50, autoreset_mode="SameStep", **env)
+        observations, _ = envs.reset(seed=0)
+        potted = 0
+        for _ in range(3):
+            actions, _ = actor.predict(observations, deterministic=True)
+            observations, rewards, *_ = envs.step(actions)
+            potted += (rewards > 0).sum()
+        assert potted > 40
+
+
+@pytest.mark.parametrize("balls", [1, 3])
+def test_the_position_of_a_potted_ball_does_not_change_the_shot(balls):
+    actor, (observations, playing) = disturbed("pots", n_object_balls=balls, max_shots=2), with_potted_balls(balls)
+    moved = observations.reshape(200, -1, 2).copy()
+    moved[~playing] = (-1.0, -1.0)
+    shots, others = (actor.predict(o.reshape(200, -1), deterministic=True)[0] for o in (observations, moved))
+    np.testing.assert_array_equal(others, shots)
+
+
+def test_without_a_pot_the_head_pots_plays_a_full_hit_on_the_nearest_ball():
+    env: dict[str, Any] = {"n_object_balls": 2, "max_shots": 2}
+    actor, game = make("pots", **env), cast(BilliardsEnv, gym.make("Billiards-v0", **env).unwrapped)
+    size = np.array([game.scene.table.length, game.scene.table.width]) / 2
+    observations = layouts(3000, **env)
+    positions = observations.reshape(-1, 3, 2) * size
+    playing = np.zeros((3000, 3), np.bool_)
+    alone = find_pots(game.scene, game.targets, positions, playing, game.max_speed, most=5).count == 0
+    assert alone.sum() >= 5
+    ways = (positions[:, 1:] - positions[:, :1])[alone]
+    nearest = ways[np.arange(len(ways)), np.hypot(*ways.T).T.argmin(1)]
+    shots, _ = actor.predict(observations[alone], deterministic=True)
+    np.testing.assert_allclose(shots / np.hypot(*shots.T)[:, None], nearest / np.hypot(*nearest.T)[:, None], atol=1e-4)
+
+    # Both balls are at a long cushion, and the cue ball is at the same one. The farther ball has the lower number.
+    x, y = size
+    edge = y - game.scene.balls.radius[0]
+    table = np.array([[0.3 / x, edge / y, -0.5 / x, edge / y, 1, 1], [-0.3 / x, edge / y, 1, -1, 0.3 / x, edge / y]])
+    shots, _ = actor.predict(table.astype(np.float32), deterministic=True)
+    np.testing.assert_allclose(np.sign(shots[:, 0]), [-1, 1])
+    np.testing.assert_allclose(shots[:, 1], 0, atol=1e-5)
+
+
+def test_the_untrained_head_pots_pots_more_than_nine_balls_in_ten():
+    envs, actor = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep"), make("pots")
+    observations, _ = envs.reset(seed=0)
+    *_, infos = envs.step(actor.predict(observations, deterministic=True)[0])
+    assert infos["final_info"]["success"].mean() > 0.9
+
+
+def test_the_head_pots_is_refused_in_another_task():
+    expected = "policy.head = 'pots' in the task 'carom': expected the task 'pot' or another head"
+    with pytest.raises(ValueError, match=expected):
+        make("pots", scene="carom", task="carom")
+    carom = Config.from_dict(
+        {"timesteps": 1, "env": {"scene": "carom", "task": "carom"}, "policy": {"head": "pots"}, "n_envs": 1}
+    )
+    with pytest.raises(ValueError, match=expected):
+        make_policy(carom)
+
+
+def test_the_head_hits_is_refused_without_an_object_ball():
+    expected = "policy.head = 'hits' in the task 'place': expected at least one object ball or another head"
+    with pytest.raises(ValueError, match=expected):
+        make("hits", task="place", n_object_balls=0, max_shots=3)
+
+
+def test_an_unknown_head_is_refused():
+    with pytest.raises(ValueError, match=r"policy.head = 'pot': expected one of .*did you mean 'pots'"):
+        make("pot")
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_an_environment_whose_observations_do_not_fit_is_refused(head):
+    with pytest.raises(ValueError, match=r"env = \{\}: expected .* has the shape \(8,\), not \(4,\)"):
+        PPO(MixturePolicy, gym.make("Billiards-v0", n_object_balls=3), policy_kwargs={"head": head})
+
+
+@pytest.mark.parametrize("env", VARIANTS, ids=str)
+def test_the_heads_play_every_variant_of_the_environment(env):
+    game = gym.make("Billiards-v0", **env)
+    observations = np.stack([game.reset(seed=seed)[0] for seed in range(3)])
+    pots = env.get("task", "pot") == "pot"
+    for head in ("turned", "hits", *(["pots"] if pots else [])):
+        if head == "hits" and env.get("n_object_balls") == 0:
+            continue  # refused, because there is no object ball
+        actor = disturbed(head, **env)
+        with torch.no_grad():
+            actions, values, log_prob = actor(torch.as_tensor(observations))
+        assert all(bool(torch.isfinite(part).all()) for part in (actions, values, log_prob))
+        shots, _ = actor.predict(observations, deterministic=True)
+        assert all(game.action_space.contains(shot) for shot in shots)
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_set_std_fixes_the_standard_deviations(head):
+    actor, observations = make(head), layouts(20)
+    actor.set_std((0.05, 0.02))
+    found = components(actor, observations)
+    real = found.logit != NEVER
+    torch.testing.assert_close(found.log_along.exp()[real], torch.full((int(real.sum()),), 0.05))
+    if head in ("turned", "mixture", "bins"):
+        torch.testing.assert_close(found.log_across.exp()[real], 0.02 * found.speed[real])
+
+    distribution = actor.get_distribution(torch.as_tensor(observations))
+    loss = -distribution.log_prob(distribution.sample().detach()).sum()
+    loss.backward()
+    actor.optimizer.step()
+    stds = {name: value.exp().item() for name, value in actor.named_parameters() if name.endswith(SET)}
+    assert list(stds.values()) == pytest.approx([0.05, 0.02])
+
+
+class Spin(gym.ActionWrapper):
+    """Actions have five numbers. The environment plays the first two."""
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        self.action_space = spaces.Box(-1, 1, (5,), np.float32)
+
+    def action(self, action: np.ndarray) -> np.ndarray:
+        """Returns the velocity."""
+        return action[:2]
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_actions_with_more_numbers_have_a_density(head, tmp_path):
+    model = train(head, env=Spin(gym.make("Billiards-v0")))
+    observations = layouts(100)
+    shots, _ = model.predict(observations, deterministic=True)
+    assert shots.shape == (100, 5)
+    with torch.no_grad():
+        actions, _, log_prob = model.policy(torch.as_tensor(observations))
+        _, evaluated, _ = model.policy.evaluate_actions(torch.as_tensor(observations), actions)
+    torch.testing.assert_close(evaluated, log_prob)
+    found = components(model.policy, observations)
+    assert found.others.shape[:2] == (100, 3)
+    for number in range(3):
+        spread = float((actions[:, 2 + number] - found.others[:, number, 0]).std())
+        assert spread == pytest.approx(0.1, abs=0.03)
+    model.save(tmp_path / "model")
+    loaded = PPO.load(tmp_path / "model", device="cpu")
+    np.testing.assert_array_equal(loaded.predict(observations, deterministic=True)[0], shots)
+
+
+def pots_config() -> Config:
+    """Returns the configuration of two updates with the head "pots" and several minibatches."""
+    return Config.from_dict(
+        {
+            "timesteps": 64,
+            "n_envs": 8,
+            "env": {"n_object_balls": 2, "max_shots": 3},
+            "policy": {"head": "pots", "components": 3, "hidden": [8]},
+            "ppo": {"n_steps": 4, "batch_size": 8, "n_epochs": 3},
+        }
+    )
+
+
+def test_stored_features_do_not_change_the_training(monkeypatch):
+    settings, compute, computed = pots_config(), PotFeatures.compute, []
+
+    def counted(self: PotFeatures, observations: Tensor) -> Tensor:
+        computed.append(len(observations))
+        return compute(self, observations)
+
+    monkeypatch.setattr(PotFeatures, "compute", counted)
+    weights, counts, batches = [], [], []
+    for kind in (FeatureBuffer, RolloutBuffer):
+        model = make_model(settings, make_vec_env(settings))
+        if kind is RolloutBuffer:
+            arguments: dict[str, Any] = {"gae_lambda": model.gae_lambda, "gamma": model.gamma, "n_envs": 8}
+            arguments |= {"observation_space": model.observation_space, "action_space": model.action_space}
+            model.rollout_buffer = RolloutBuffer(4, device="cpu", **arguments)
+        assert type(model.rollout_buffer) is kind
+        computed.clear()
+        model.learn(64)
+        counts.append(sum(computed))
+        weights.append([parameter.clone() for parameter in model.policy.parameters()])
+        set_random_seed(0)
+        batches.append(list(model.rollout_buffer.get(8)))
+        extractor = cast(PotFeatures, model.policy.features_extractor)
+    assert all(torch.equal(one, other) for one, other in zip(*weights, strict=True))
+    assert counts[0] <= 2 * 8 * (4 + 2)  # once for each step, and for the values after the last step
+    assert counts[1] > 2 * 3 * 32
+    assert len(batches[0]) == len(batches[1]) == 4
+    for stored, plain in zip(*batches, strict=True):
+        assert torch.equal(stored.observations, extractor(plain.observations))
+        assert all(torch.equal(one, other) for one, other in zip(stored[1:6], plain[1:6], strict=True))
+
+
+def test_features_of_equal_observations_are_computed_once(monkeypatch):
+    actor, computed = make("pots"), []
+    extractor, compute = cast(PotFeatures, actor.features_extractor), PotFeatures.compute
+
+    def counted(self: PotFeatures, observations: Tensor) -> Tensor:
+        computed.append(len(observations))
+        return compute(self, observations)
+
+    monkeypatch.setattr(PotFeatures, "compute", counted)
+    observations = torch.as_tensor(layouts(20))
+    features = extractor(observations)
+    assert extractor(observations.clone()) is features
+    assert computed == [20]
+    assert extractor(features) is features  # features are no observations
+    observations[0, 0] += 0.01
+    moved = extractor(observations)
+    assert computed == [20, 20]
+    assert torch.equal(moved[1:], features[1:])
+    assert not torch.equal(moved[0], features[0])
+    assert torch.equal(extractor(observations[:7]), moved[:7])
+
+
+def test_the_features_of_a_rollout_follow_the_order_of_its_observations():
+    settings = pots_config()
+    model = make_model(settings, make_vec_env(settings))
+    model.learn(32)
+    buffer, extractor = cast(FeatureBuffer, model.rollout_buffer), cast(PotFeatures, model.policy.features_extractor)
+    observations = torch.as_tensor(buffer.observations.reshape(32, -1))
+    assert len(observations.unique(dim=0)) > 16
+    assert torch.equal(buffer.flat_features, extractor(observations))
+    model.learn(32)
+    assert torch.equal(buffer.flat_features, extractor(torch.as_tensor(buffer.observations.reshape(32, -1))))

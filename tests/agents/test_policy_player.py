@@ -1,13 +1,14 @@
 """A trained policy as a player of games."""
 
 import sys
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from agents.config import Config
 from agents.policy_player import playable
-from agents.ppo import make_policy, save_policy
+from agents.ppo import make_env, make_policy, save_policy
 from billiards_env import Scene
 from billiards_env.games import RULES, Setup, custom_opening, opening
 from billiards_env.players.game_player import find_player
@@ -34,6 +35,22 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("head", ["hits", "pots"])
+def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, head):
+    config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy={"head": head, "hidden": [8]}))
+    (tmp_path / "config.yaml").write_text(config.to_yaml())
+    policy, env = make_policy(config), make_env(config)
+    save_policy(policy, tmp_path / "policy.pt")
+    game = setup("straight", 1)
+    player = find_player(f"policy:{tmp_path}", game)
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        table = custom_opening(game, cast(Any, env.unwrapped).positions)
+        action, _ = policy.predict(observation, deterministic=True)
+        stroke = player(game, table, 6.0, RNG(0))
+        np.testing.assert_allclose(stroke.velocity, 5.0 * action.astype(float), rtol=1e-6)
+
+
 @pytest.mark.parametrize("text", ["policy", "policy:", "policy:nowhere"])
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
@@ -47,7 +64,7 @@ def test_a_policy_without_the_extra_is_refused(trained, monkeypatch):
         find_player(f"policy:{trained}", setup("straight"))
 
 
-def test_a_game_that_the_policy_plays_is_found(trained, tiny, tmp_path):
+def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_path):
     assert playable(trained) == "straight"
     for task, scene, rules in (("carom", "carom", "carom"), ("sum_to_three", "sum_to_three", None)):
         config = Config.from_dict(tiny(env={"task": task, "scene": scene}))

@@ -16,7 +16,7 @@ import agents
 from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
-from agents.ppo import evaluation_seeds, training_seed
+from agents.ppo import evaluation_seeds, load_policy, training_seed
 
 
 def weights(path: Path) -> dict[str, torch.Tensor]:
@@ -100,6 +100,19 @@ def test_the_standard_deviations_follow_their_schedule(command, tmp_path):
     begun, ended = (weights(tmp_path / "run" / name) for name in ("checkpoints/000000256.zip", "model.zip"))
     assert begun["log_std"].exp().tolist() == pytest.approx([0.2, 2**-0.5])  # set as the third rollout begins
     assert ended["log_std"].exp().tolist() == pytest.approx([0.4 * 0.25**0.75, 0.5**0.75])  # as the fourth does
+
+
+@pytest.mark.parametrize("head", ["turned", "mixture", "bins", "hits", "pots"])
+def test_the_standard_deviations_of_a_mixture_follow_their_schedule(command, tmp_path, head):
+    std = {"first": [0.4, 0.2], "last": [0.1, 0.1], "until": 1.0}
+    command(policy={"head": head, "components": 2, "hidden": [8], "std": std})
+    for name, along, across in (
+        ("checkpoints/000000256.zip", 0.2, 0.2 * 0.5**0.5),
+        ("model.zip", 0.4 * 0.25**0.75, 0.2 * 0.5**0.75),
+    ):
+        found = weights(tmp_path / "run" / name)
+        assert found["mlp_extractor.log_along"].exp().item() == pytest.approx(along)
+        assert found["mlp_extractor.log_across"].exp().item() == pytest.approx(across)
 
 
 def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, monkeypatch):
@@ -195,6 +208,160 @@ def test_a_finished_run_continues_with_more_timesteps(command, tmp_path, monkeyp
         command("--timesteps", "256")
 
 
+@pytest.mark.parametrize("std", [None, {"first": [0.4, 0.3], "last": [0.1, 0.1]}])
+def test_a_run_with_0_timesteps_is_finished_without_training(command, tmp_path, capsys, std):
+    settings = {"timesteps": 0, "policy": {"head": "pots", "hidden": [8], "std": std}}
+    command(**settings)
+    run = tmp_path / "run"
+    (point,) = module.learning_curve(run)
+    assert point.steps == 0
+    assert point.success > 0.5
+    assert point.success == evaluate(run)["policy"]["success_rate"]
+    _, policy = load_policy(run)
+    model = PPO.load(run / "model.zip", device="cpu")
+    assert model.num_timesteps == 0
+    begun = weights(run / "model.zip")
+    assert all(torch.equal(begun[name], value) for name, value in policy.state_dict().items() if "value" not in name)
+    printed = capsys.readouterr().out
+    assert "after 0 steps in 0 s" in " ".join(printed.split())
+    assert f"-m agents.evaluate {run}\n" in printed
+    command(**settings)
+    assert "is trained already (0 steps)" in capsys.readouterr().out
+
+
+IMITATION = {
+    "policy": {"head": "pots", "components": 3, "hidden": [8]},
+    "imitation": {"layouts": 100, "batch_size": 20, "shots": 15},
+}
+
+
+def test_a_run_is_resumed_after_the_imitation_without_imitating_again(command, tmp_path, monkeypatch, capsys):
+    command(**IMITATION)
+    run, whole = tmp_path / "run", tmp_path / "whole"
+    run.rename(whole)
+    assert [path.name for path in sorted((whole / "checkpoints").iterdir())] == ["000000000.zip", "000000256.zip"]
+    with monkeypatch.context() as patch:
+        interrupt_after(64, patch)
+        with pytest.raises(SystemExit):
+            command(**IMITATION)
+    assert "the same command resumes after 0 of 512 steps" in capsys.readouterr().err
+    monkeypatch.setattr(module, "imitate", None)
+    command(**IMITATION)
+    assert "resuming after 0 of 512 steps" in capsys.readouterr().out
+    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
+    curves = [module.learning_curve(folder) for folder in (run, whole)]
+    assert [(point.steps, *point[3:]) for point in curves[0]] == [(point.steps, *point[3:]) for point in curves[1]]
+
+
+def test_an_imitation_without_ppo_is_repeatable_and_can_continue_with_ppo(command, tmp_path):
+    run, first, whole = (tmp_path / name for name in ("run", "first", "whole"))
+    command("--timesteps", "0", **IMITATION)
+    shutil.copytree(run, first)
+    command("--timesteps", "0", "--fresh", **IMITATION)
+    assert equal(weights(run / "model.zip"), weights(first / "model.zip"))
+    command("--timesteps", "512", **IMITATION)  # continues
+    assert [point.steps for point in module.learning_curve(run)] == [0, 256, 512]
+    run.rename(whole)
+    command("--timesteps", "512", **IMITATION)
+    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
+    assert not equal(weights(run / "model.zip"), weights(first / "model.zip"))
+
+
+def test_an_interrupted_imitation_starts_again(command, tmp_path, monkeypatch):
+    def stop(policy, config):
+        with torch.no_grad():
+            next(policy.parameters()).zero_()
+        raise KeyboardInterrupt
+
+    run, whole = tmp_path / "run", tmp_path / "whole"
+    command("--timesteps", "0", **IMITATION)
+    run.rename(whole)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "imitate", stop)
+        with pytest.raises(SystemExit) as stopped:
+            command("--timesteps", "0", **IMITATION)
+    assert stopped.value.code == 130
+    assert not (run / "policy.pt").exists()
+    command("--timesteps", "0", **IMITATION)
+    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
+
+
+def policy_weights(run: Path) -> dict[str, torch.Tensor]:
+    """Returns the weights of a finished run without those of the value function."""
+    return torch.load(run / "policy.pt", weights_only=True)
+
+
+@pytest.mark.parametrize("head", ["gaussian", "turned", "mixture", "bins", "hits", "pots"])
+def test_a_run_starts_from_the_weights_of_another(command, tmp_path, head):
+    run, other = tmp_path / "run", tmp_path / "other"
+    settings = {"policy": {"head": head, "components": 2, "hidden": [8]}}
+    command("--timesteps", "128", **settings)
+    run.rename(other)
+    command("--timesteps", "0", "--seed", "6", start_from=str(other), **settings)
+    assert equal(policy_weights(run), policy_weights(other))
+    command("--timesteps", "128", "--seed", "6", start_from=str(other), **settings)
+    assert not equal(policy_weights(run), policy_weights(other))
+
+
+def test_the_command_line_names_the_run_to_start_from(command, trained, tmp_path):
+    command("--timesteps", "0", "--start-from", str(trained))
+    assert load(tmp_path / "run" / "config.yaml").start_from == str(trained)
+    assert equal(policy_weights(tmp_path / "run"), policy_weights(trained))
+
+
+def test_a_run_with_three_balls_starts_from_a_run_with_one(command, tmp_path):
+    run, other = tmp_path / "run", tmp_path / "other"
+    policy = {"head": "pots", "components": 2, "hidden": [8]}
+    command("--timesteps", "128", policy=policy)
+    run.rename(other)
+    env, more = {"n_object_balls": 3, "max_shots": 5}, {**policy, "components": 6}
+    command("--timesteps", "0", start_from=str(other), policy=more, env=env)
+    assert equal(policy_weights(run), policy_weights(other))
+    command("--timesteps", "128", start_from=str(other), policy=more, env=env)
+    assert not equal(policy_weights(run), policy_weights(other))
+
+
+def test_a_resumed_run_does_not_read_the_run_that_it_started_from(command, trained, tmp_path, monkeypatch):
+    run, whole, other = (tmp_path / name for name in ("run", "whole", "other"))
+    shutil.copytree(trained, other)
+    command(start_from=str(other))
+    run.rename(whole)
+    with monkeypatch.context() as patch:
+        interrupt_after(320, patch)
+        with pytest.raises(SystemExit):
+            command(start_from=str(other))
+    shutil.rmtree(other)
+    command(start_from=str(other))
+    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
+    shutil.rmtree(run / "checkpoints")
+    (run / "policy.pt").unlink()
+    with pytest.raises(SystemExit, match=r"error: start_from = .*other': expected the folder of a finished run"):
+        command(start_from=str(other))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"policy": {"hidden": [8]}},
+        {"policy": {"head": "hits", "hidden": [16]}},
+        {"env": {"n_object_balls": 2, "max_shots": 2}},
+    ],
+)
+def test_weights_of_other_networks_are_refused_and_no_folder_is_created(command, trained, tmp_path, changes):
+    with pytest.raises(SystemExit, match=r"error: start_from = .*: expected a run with the same networks ") as stopped:
+        command(start_from=str(trained), **changes)
+    assert "\n" not in str(stopped.value)
+    assert not (tmp_path / "run").exists()
+
+
+def test_weights_in_an_incomplete_file_are_refused_and_no_folder_is_created(command, trained, tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "policy.pt").write_bytes((trained / "policy.pt").read_bytes()[:100])
+    with pytest.raises(SystemExit, match=r"error: start_from = .*policy.pt does not hold a policy's weights"):
+        command(start_from=str(tmp_path / "other"))
+    assert not (tmp_path / "run").exists()
+
+
 def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
     run = tmp_path / "run"
     run.mkdir()
@@ -213,7 +380,7 @@ def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
     assert (run / "policy.pt").exists()
 
 
-def test_the_end_of_a_training_names_both_kinds_of_success(command, tmp_path, capsys):
+def test_the_end_of_a_training_prints_both_rates_of_success(command, tmp_path, capsys):
     command("--timesteps", "100")
     printed, shown = capsys.readouterr()
     assert (
@@ -270,12 +437,18 @@ def test_incomplete_checkpoints_are_ignored(tmp_path):
         ({"env": {"max_speed": -1.0}}, r"error: max_speed = -1.0: expected a number from"),
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
         (
-            {"env": {"scene": "carom", "task": "carom"}, "frame": {"name": "cut"}, "policy": {"features": "geometry"}},
-            "raw",
+            {"env": {"scene": "carom", "task": "carom"}, "policy": {"head": "pots"}},
+            "error: policy.head = 'pots' in the task 'carom': expected the task 'pot'",
         ),
+        (
+            {"env": {"task": "place", "n_object_balls": 0, "max_shots": 3}, "policy": {"head": "hits"}},
+            "error: policy.head = 'hits' in the task 'place': expected at least one object ball",
+        ),
+        ({"imitation": {"layouts": 0}}, "error: imitation.layouts = 0: expected a number >= 1"),
+        ({"start_from": "nowhere"}, "error: start_from = 'nowhere': expected the folder of a finished run"),
         ({"seed": 2**32}, r"error: seed = 4294967296: expected a number < 2\*\*32"),
         ({"n_envs": 10**9}, r"error: n_envs = 1000000000: expected a whole number from 1 to 10000000"),
-        ({"frame": {"name": "cut", "ball": 7}}, r"error: ball = 7: expected a whole number from 1 to 1"),
+        ({"timesteps": -1}, r"error: timesteps = -1: expected a number >= 0"),
     ],
 )
 def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path, changes, message):
@@ -289,7 +462,7 @@ def test_a_missing_configuration_is_refused(tmp_path):
         module.main([str(tmp_path / "none.yaml"), "--run-dir", str(tmp_path / "run")])
 
 
-def test_a_file_is_no_folder_of_a_run(command, tmp_path):
+def test_a_file_instead_of_a_run_folder_is_refused(command, tmp_path):
     (tmp_path / "run").touch()
     with pytest.raises(SystemExit, match=r"error: run_dir = '.*run': expected a new folder .* it is a file"):
         command()

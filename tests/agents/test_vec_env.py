@@ -28,7 +28,7 @@ def pair(num_envs, **kwargs) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])
 @pytest.mark.parametrize("wrapper", [lambda envs: envs, VecMonitor, VecNormalize])
-def test_it_agrees_with_dummy_vec_env(kwargs, wrapper):
+def test_the_adapter_agrees_with_dummy_vec_env(kwargs, wrapper):
     native, dummy = (wrapper(envs) for envs in pair(7, **kwargs))
     rng = np.random.default_rng(0)
     for start in range(2):
@@ -160,7 +160,7 @@ def test_a_set_attribute_takes_effect():
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
-def test_other_modes_of_resetting_are_refused(mode):
+def test_other_autoreset_modes_are_refused(mode):
     with pytest.raises(ValueError, match=r"expected AutoresetMode\.SAME_STEP"):
         SameStepVecEnv(gym.make_vec("Billiards-v0", num_envs=2, autoreset_mode=mode))
 

@@ -1,0 +1,242 @@
+"""The head "pots": components for each pot that `billiards_env.players.pots` finds, one for each of several speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
+from stable_baselines3.common.type_aliases import RolloutBufferSamples
+from torch import Tensor, nn
+
+from agents.mixture import NEVER
+from billiards_env.envs import BilliardsEnv
+from billiards_env.players import pots
+
+_S = len(pots.SPEEDS)
+_FIRST_INPUT = 3 + 3 * _S  # first column of a pot's features that is an input of the networks
+_FIRST_SPEED = 8  # the first input that is a speed
+_NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
+
+
+class PotFeatures(BaseFeaturesExtractor):
+    """Features of the easiest pots of each layout, pot by pot, (m, size).
+
+    On a table without a pot, the first pot is a full hit on the nearest ball.
+
+    Args:
+        space: The space of observations, `(size,)`.
+        env: The environment.
+        most: The largest number of pots.
+
+    Raises:
+        ValueError: If the task of the environment is not "pot".
+    """
+
+    def __init__(self, space: gym.spaces.Box, env: BilliardsEnv, most: int) -> None:
+        if env.task != "pot":
+            raise ValueError(f"policy.head = 'pots' in the task {env.task!r}: expected the task 'pot' or another head")
+        self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
+        others = int(np.prod(space.shape)) - 2 * self.scene.n_balls
+        super().__init__(space, most * (_FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others))
+        self.half_table = np.array([self.scene.table.length, self.scene.table.width]) / 2
+        self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """Returns the features of observations (m, size). An input of the size of features is returned unchanged.
+
+        The last result is stored, so a second call with the same observations is fast.
+        """
+        if observations.shape[1] == self.features_dim:
+            return observations
+        if not torch.equal(self.last[0], observations):
+            self.last = observations.clone(), self.compute(observations)
+        return self.last[1]
+
+    def compute(self, observations: Tensor) -> Tensor:
+        """Returns the features of observations (m, size)."""
+        m, n = len(observations), self.scene.n_balls
+        balls = observations[:, : 2 * n].numpy().astype(np.float64).reshape(m, n, 2)
+        potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # the centre of a ball in play is never on a cushion line
+        positions = balls * self.half_table
+        found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most)
+        rows, shots = found.rows, found.shots
+        exists = np.arange(self.most) < found.count[:, None]
+        tolerance = np.where(exists, rows[..., pots.TOLERANCE], 1.0)
+        speed, gaps = shots[..., pots.SPEED] / self.max_speed, shots[..., pots.GAPS :]
+        columns = (
+            exists,
+            np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0),
+            tolerance,
+            shots[..., pots.DX],
+            shots[..., pots.DY],
+            speed,
+            # The inputs of the networks: numbers of the order of 1 that reflections of the table do not change.
+            np.log(tolerance) + 4.0,
+            np.log(np.where(exists, rows[..., pots.MOUTH], 1.0)) + 3.0,
+            rows[..., pots.CUT_COS],
+            np.abs(rows[..., pots.CUT_SIN]),
+            rows[..., pots.APPROACH],
+            rows[..., pots.RUN],
+            rows[..., pots.ROOM] / pots.FAR,
+            rows[..., pots.WALL] >= 0,
+            speed,
+            gaps / (np.abs(gaps) + _NEAR),
+            # The same for all pots: the share of the balls left, and the rest of the observation.
+            np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, self.most, 1)),
+            np.broadcast_to(observations[:, None, 2 * n :].numpy(), (m, self.most, observations.shape[1] - 2 * n)),
+        )
+        features = np.concatenate(
+            [np.asarray(column, np.float32).reshape(m, self.most, -1) for column in columns], axis=-1
+        )
+        features *= exists[..., None]
+        alone = found.count == 0
+        if alone.any():
+            features[alone, 0] = self._full_hits(positions[alone], potted[alone])
+        return torch.from_numpy(features).flatten(1)
+
+    def _full_hits(self, positions: Any, potted: Any) -> Any:
+        """Returns the features of full hits on the nearest ball at the largest speed, one for each table."""
+        ways = positions - positions[:, :1]
+        lengths = np.where(self.targets & ~potted, np.hypot(ways[..., 0], ways[..., 1]), np.inf)
+        nearest = ways[np.arange(len(ways)), lengths.argmin(1)]
+        hits = np.zeros((len(ways), self.features_dim // self.most), np.float32)
+        hits[:, 0] = hits[:, 1] = hits[:, 2] = 1.0
+        hits[:, 3 : 3 + 2 * _S] = (nearest / np.hypot(*nearest.T).clip(1e-9)[:, None]).repeat(_S, axis=1)
+        hits[:, 3 + 2 * _S : 3 + 3 * _S] = 1.0
+        return hits
+
+
+class FeatureBuffer(RolloutBuffer):
+    """A rollout buffer that also stores features, so that they are computed once and not in each epoch.
+
+    Its samples have features instead of observations. `PotFeatures` returns these unchanged.
+
+    Args:
+        args: Positional arguments of `RolloutBuffer`.
+        extractor: The features extractor of the policy. It is set after the construction. Without it, for example
+            after `PPO.load`, samples have observations.
+        kwargs: Keyword arguments of `RolloutBuffer`.
+    """
+
+    extractor: PotFeatures | None = None
+
+    def reset(self) -> None:
+        """Empties the buffer."""
+        super().reset()
+        self.features: list[Tensor] = []
+
+    def add(self, obs: np.ndarray, *args: Any, **kwargs: Any) -> None:
+        """Adds a step of all environments."""
+        if self.extractor is not None:
+            self.features.append(self.extractor(torch.from_numpy(obs)))
+        super().add(obs, *args, **kwargs)
+
+    def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
+        """Yields minibatches in a random order."""
+        if self.features and not self.generator_ready:
+            # The order of the other arrays, see `RolloutBuffer.swap_and_flatten`.
+            self.flat_features = torch.stack(self.features, 1).flatten(0, 1)
+            self.features = []
+        yield from super().get(batch_size)
+
+    def _get_samples(self, batch_inds: np.ndarray, env: Any = None) -> RolloutBufferSamples:
+        samples = super()._get_samples(batch_inds, env)
+        if self.extractor is None:
+            return samples
+        return samples._replace(observations=self.flat_features[torch.from_numpy(batch_inds)])
+
+
+class PotColumns(NamedTuple):
+    """Columns of r pots in the features of `PotFeatures`, each (r, columns).
+
+    Attributes:
+        turn: 1 if the object ball goes to the left of the cue ball's direction, else -1.
+        tolerance: The largest error of the direction, radians.
+        dx, dy: The cue ball's direction at each speed.
+        speed: The speeds, over the largest speed; 0 if the pot is not possible at this speed.
+        inputs: The inputs of the networks.
+    """
+
+    turn: Tensor
+    tolerance: Tensor
+    dx: Tensor
+    dy: Tensor
+    speed: Tensor
+    inputs: Tensor
+
+
+class PotHead(nn.Module):
+    """Networks with the same weights for every pot.
+
+    They play with any number of balls. Their shots do not depend on the order of the balls, and reflected tables have
+    reflected shots. For each pot and speed they compute the weight of the component, a factor of the speed, and a turn
+    of the direction as a multiple of the tolerance. Before the training the weights are large for large tolerances and
+    low speeds, and small for shots after which the cue ball enters a pocket before it meets a cushion.
+
+    Args:
+        features_dim: The size of the features.
+        components: The largest number of pots.
+        hidden: The number of units of each hidden layer, at least one.
+        activation: The class of the activation function.
+        others: The length of an action minus 2.
+    """
+
+    def __init__(
+        self, features_dim: int, components: int, hidden: Sequence[int], activation: type[nn.Module], others: int
+    ) -> None:
+        super().__init__()
+        self.most, self.width, self.others, last = components, features_dim // components, others, hidden[-1]
+        layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
+        self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
+        self.output = nn.Linear(last, (3 + others) * _S)
+        nn.init.zeros_(self.output.weight)
+        nn.init.zeros_(self.output.bias)
+        # Effects on the weight of a component: of the tolerance, of a scratch and of the speed.
+        self.ease, self.scratch, self.haste = (nn.Parameter(torch.tensor(value)) for value in (3.0, 6.0, 1.0))
+        self.log_along = nn.Parameter(torch.tensor(math.log(0.04)))
+        self.log_across = nn.Parameter(torch.tensor(math.log(0.3)))  # over the tolerance
+        self.log_others = nn.Parameter(torch.full((others, 1), math.log(0.1)))
+        self.latent_dim_vf = last
+
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Returns the components of the mixtures, see `Components.flat`, and the input of the value function."""
+        table = features.view(-1, self.width)
+        places = table[:, 0].nonzero()[:, 0]
+        pot = PotColumns(*table[places, 1:].split((1, 1, _S, _S, _S, self.width - _FIRST_INPUT), 1))
+        hidden = self.layers(pot.inputs)
+        weight, faster, aside, *others = self.output(hidden).chunk(3 + self.others, 1)
+        gaps = pot.inputs[:, _FIRST_SPEED + _S :][:, : _S * pots.N_GAPS].unflatten(1, (_S, pots.N_GAPS))
+        logit = weight + self.ease * pot.inputs[:, :1] - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
+        angle = aside * pot.tolerance * pot.turn
+        shorter = torch.rsqrt(1 + angle * angle)
+        speed = (pot.speed * torch.exp(0.5 * faster.tanh())).clamp(0.01, 1.0)
+        parts = (
+            torch.where(pot.speed > 0, logit, NEVER),
+            (pot.dx - angle * pot.dy) * shorter,
+            (pot.dy + angle * pot.dx) * shorter,
+            speed,
+            self.log_along.expand_as(speed),
+            self.log_across + torch.log(pot.tolerance * speed),
+            *others,
+            *(log_std.expand_as(speed) for log_std in self.log_others),
+        )
+        none = torch.tensor([NEVER] * _S + [0.0] * (len(parts) - 1) * _S)
+        latent = none.repeat(len(table), 1).index_copy(0, places, torch.cat(parts, 1))
+        pooled = torch.zeros(len(table), hidden.shape[1]).index_copy(0, places, hidden).unflatten(0, (-1, self.most))
+        # From the order (pot, part, speed) to (part, pot, speed).
+        latent = latent.view(-1, self.most, len(parts), _S).transpose(1, 2).flatten(1)
+        return latent, self.value_net(torch.cat((pooled.sum(1), pooled.amax(1)), 1))
+
+    def forward_actor(self, features: Tensor) -> Tensor:
+        """Returns the components of the mixtures."""
+        return self(features)[0]
+
+    def forward_critic(self, features: Tensor) -> Tensor:
+        """Returns the input of the value function."""
+        return self(features)[1]
