@@ -48,16 +48,19 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.rendering
 	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.start_up
-	$(BIN)/python -m studies.players
 	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
 results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; recipes with results are not trained again)
 	$(BIN)/python -m studies.recipes
+	$(BIN)/python -m studies.choices
+	$(BIN)/python -m studies.recipes configs/prior_knowledge.yaml
+	$(BIN)/python -m studies.recipes configs/prior_knowledge_long.yaml
 	$(BIN)/python -m benchmarks.readme
 
 study: $(INSTALLED)  ## train one recipe with several timesteps and compare the policies (half an hour; the same)
 	$(BIN)/python -m studies.timestep configs/study/pot.yaml
+	$(BIN)/python -m studies.timestep configs/study/mixture.yaml
 	$(BIN)/python -m studies.timestep configs/study/blocked.yaml
 	$(BIN)/python -m benchmarks.readme
 

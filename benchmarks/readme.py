@@ -30,7 +30,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import players, recipes, timestep_report, training_speed
+from studies import choices, recipes, timestep_report, training_speed
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -40,18 +40,21 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "ablation": ("benchmarks.ablation", ablation.blocks),
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
+    "choices": ("studies.choices", choices.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "contact_rule": ("benchmarks.contact_rule", contact_rule.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "growth": ("benchmarks.growth", growth.blocks),
-    "players": ("studies.players", players.blocks),
     "pressed": ("benchmarks.pressed", pressed.blocks),
+    "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
+    "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
     "rendering": ("benchmarks.rendering", rendering.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
     "timestep_blocked": ("studies.timestep configs/study/blocked.yaml", timestep_report.blocks),
+    "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
     "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
     "training_speed": ("studies.training_speed", training_speed.blocks),
     "vector": ("benchmarks.vector", vector.blocks),

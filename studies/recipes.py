@@ -1,15 +1,18 @@
-"""Trains every recipe with several seeds and reports the results: `python -m studies.recipes`.
+"""Trains every recipe of a list with several seeds and reports the results: `python -m studies.recipes [LIST]`.
 
-`configs/recipes.yaml` lists the recipes and the seeds. The results are
+A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games.
+`configs/prior_knowledge.yaml` and `configs/prior_knowledge_long.yaml` list recipes for one game with different prior
+knowledge. The results of these lists are
 
-* `studies/results/recipes.json`: the configuration of each recipe, and the learning curve and evaluation of each run,
-* `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration,
-* `docs/images/learning_curves.png`.
+* `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
+  success of players without training,
+* `docs/images/LIST.png`: the learning curves,
+* for `configs/recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
 
-Another list of recipes has its results in `runs/LIST`.
+The results of any other list are in `runs/LIST`.
 
-A recipe whose results are there is not trained again. The runs are kept in `runs/recipes/RECIPE/seedN`, so an
-interrupted command continues when it is started again. All of them take half an hour on two cores.
+A recipe with results in the JSON file is not trained again. The runs are kept in `runs/LIST/RECIPE/seedN`, so the same
+command continues after an interruption.
 """
 
 from __future__ import annotations
@@ -30,27 +33,36 @@ from agents.config import Config, load, read
 from agents.evaluate import evaluate
 from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
-from agents.train import learning_curve
+from agents.train import Point, learning_curve
 from benchmarks import table
 from benchmarks.figures import IMAGES, save
 from billiards_env.files import write_json, write_whole
 from studies import RESULTS, RUNS
+from studies.players import measure as play_alone
 
 CONFIG = Path(__file__).resolve().parent.parent / "configs" / "recipes.yaml"
+
+PLAYERS = ("geometric", "search:20", "search:1000")
+"""The players without training in the results. Random actions are measured with each policy."""
+
+EPISODES = 1000
+"""The largest number of episodes of a player without training."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Recipes:
-    """The list of recipes.
+    """A list of recipes.
 
     Attributes:
-        seeds: The seeds; each recipe is trained once with each.
+        seeds: The seeds. Each recipe is trained once with each seed.
         recipes: Paths of the recipes, which are configurations of `agents.train`, relative to the list.
-        figure: The names of the recipes whose learning curves are drawn; all if empty.
+        timesteps: The number of steps of each recipe; None for that of the recipe.
+        figure: The names of the recipes whose learning curves are drawn. If it is empty, all are drawn.
     """
 
     seeds: tuple[int, ...]
     recipes: tuple[str, ...]
+    timesteps: int | None = None
     figure: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -65,10 +77,21 @@ class Recipes:
             if name not in names:
                 raise ValueError(f"figure = {list(self.figure)!r}: expected names of recipes, not {name!r}")
 
+    def load(self, folder: Path) -> dict[str, Config]:
+        """Returns the configurations by name. The paths are relative to `folder`.
+
+        Raises:
+            OSError: If a file cannot be read.
+            TypeError: If a value has the wrong type.
+            ValueError: If a configuration is impossible.
+        """
+        changes = {} if self.timesteps is None else {"timesteps": self.timesteps}
+        return {Path(recipe).stem: dataclasses.replace(load(folder / recipe), **changes) for recipe in self.recipes}
+
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
-    """Where the command reads and writes.
+    """The files and folders that the command reads and writes.
 
     Attributes:
         runs: The folder of the runs.
@@ -77,23 +100,23 @@ class Places:
         figure: The PNG file of the learning curves.
     """
 
-    runs: Path = RUNS / "recipes"
-    summary: Path = RESULTS / "recipes.json"
-    policies: Path = RESULTS / "policies"
-    figure: Path = IMAGES / "learning_curves.png"
+    runs: Path
+    summary: Path
+    policies: Path
+    figure: Path
 
 
 def default_places(config: Path) -> Places:
-    """Returns the places of the project for its list of recipes, and a folder under `runs` for any other list."""
-    if config.resolve() == CONFIG:
-        return Places()
-    folder = RUNS / config.stem
-    return Places(
-        runs=folder,
-        summary=folder / "recipes.json",
-        policies=folder / "policies",
-        figure=folder / "learning_curves.png",
+    """Returns the places of a list, which are those of the published results if the list is in `configs`."""
+    name, folder = config.stem, RUNS / config.stem
+    places = Places(
+        runs=folder, summary=folder / f"{name}.json", policies=folder / "policies", figure=folder / f"{name}.png"
     )
+    if config.resolve().parent == CONFIG.parent:
+        places = dataclasses.replace(places, summary=RESULTS / f"{name}.json", figure=IMAGES / f"{name}.png")
+    if config.resolve() == CONFIG:
+        places = dataclasses.replace(places, policies=RESULTS / "policies")
+    return places
 
 
 def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dict[str, Any]]:
@@ -102,7 +125,7 @@ def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dic
     Args:
         asked: The list of recipes.
         folder: The folder of the list.
-        places: Where to write.
+        places: The files and folders to write.
         jobs: The number of runs at a time.
 
     Returns:
@@ -111,9 +134,9 @@ def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dic
     Raises:
         OSError: If a file cannot be read or written.
         RuntimeError: If a run fails.
-        ValueError: If a configuration is impossible, or a folder holds a run of another one.
+        ValueError: If a configuration is impossible, or a folder holds a run of another configuration.
     """
-    recipes = {Path(recipe).stem: load(folder / recipe) for recipe in asked.recipes}
+    recipes = asked.load(folder)
     saved = json.loads(places.summary.read_text(encoding="utf-8"))["results"] if places.summary.exists() else []
     results = {
         result["recipe"]: result
@@ -131,11 +154,24 @@ def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dic
         train_all({run: config for configs in runs.values() for run, config in configs.items()}, jobs)
     for name, configs in runs.items():
         results[name] = summarize(name, recipes[name], list(configs))
+        results[name]["players"] = _players(recipes[name], asked.seeds[0], list(results.values()))
+        write_json(places.summary, {"results": [results[recipe] for recipe in recipes if recipe in results]})
         for file in ("config.yaml", "policy.pt"):
             write_whole(places.policies / name / file, (next(iter(configs)) / file).read_bytes())
     found = [results[name] for name in recipes]
     write_json(places.summary, {"results": found})
     return found
+
+
+def _players(recipe: Config, seed: int, results: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Returns the results of `PLAYERS` in the game of a recipe. `results` of the same game are used again."""
+    plain = recipe.to_dict()
+    for other in results:
+        if "players" in other and all(other["config"][key] == plain[key] for key in ("env", "noise")):
+            return other["players"]
+    noise = (0.0, 0.0) if recipe.noise is None else dataclasses.astuple(recipe.noise)
+    episodes = min(recipe.evaluation_episodes, EPISODES)
+    return {name: play_alone(name, recipe.env, noise, episodes, seed) for name in PLAYERS}
 
 
 def summarize(name: str, recipe: Config, folders: Sequence[Path]) -> dict[str, Any]:
@@ -163,49 +199,62 @@ def summarize(name: str, recipe: Config, folders: Sequence[Path]) -> dict[str, A
 
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    head = (
-        "recipe",
-        "million shots",
-        "minutes",
-        "success by seed",
-        "mean over seeds",
-        "score by seed",
-        "random: success",
-        "score",
-    )
     results = result["results"]
-    pot = [r for r in results if r["recipe"].startswith("pot") and r["config"]["env"]["max_shots"] == 1]
-    long = [r for r in pot if r["config"]["timesteps"] >= 1_000_000]
-    million = (f"{r['recipe']} {as_percent(over_seeds(at_steps(r, 1_000_000)))}" for r in long)
-    best = dict(zip(head, row(results[0]), strict=True))
+    head = ("recipe", "million shots", "minutes", "success by seed", "mean over seeds", "score", "random", *PLAYERS)
+    first = results[0]
+    policies = [run["policy"]["success_rate"] for run in first["runs"]]
+    untrained = [_curve(run)[0].success for run in first["runs"]]
+    minutes = sum(_curve(run)[-1].seconds for r in results for run in r["runs"]) / 60
     return {
         "table": table(head, [row(r) for r in results]),
-        "million": f"Success after a million shots, mean over the seeds and its 95 % interval: {'; '.join(million)}.",
-        "summary": f"`make train` trains for {best['minutes']} minutes on one core. The policy then pots the ball on "
-        f"{best['mean over seeds']} of new layouts (mean of {len(results[0]['runs'])} seeds, 95 % interval). Random "
-        f"aims at the object ball pot it on {best['random: success']}.",
+        "ladder": table(
+            ("recipe", "before PPO", "success by seed", "mean over seeds", "minutes"), [step(r) for r in results]
+        ),
+        "time": f"PPO takes {minutes:.0f} minutes of one core in total.",
+        "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The policy then pots the ball on "
+        f"{as_percent(over_seeds(policies))} of new layouts (mean of {len(policies)} seeds, 95 % interval), and "
+        f"before the training on {as_percent(over_seeds(untrained))}, by geometry. Random shots pot it on "
+        f"{np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search that simulates 1,000 "
+        f"shots on {first['players']['search:1000']['success_rate']:.1%}.",
     }
+
+
+def _curve(run: Mapping[str, Any]) -> list[Point]:
+    """Returns the learning curve of a run."""
+    return [Point(*values) for values in run["curve"]]
+
+
+def _seconds(result: Mapping[str, Any]) -> float:
+    """Returns the mean time of a run, without the evaluations."""
+    return float(np.mean([_curve(run)[-1].seconds for run in result["runs"]]))
 
 
 def row(result: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns the cells of a recipe in the table."""
     runs = result["runs"]
-    rates, scores = ([run["policy"][name] for run in runs] for name in ("success_rate", "mean_score"))
+    rates = [run["policy"]["success_rate"] for run in runs]
     return (
         result["recipe"],
         f"{result['config']['timesteps'] / 1e6:.1f}",
-        f"{np.mean([run['curve'][-1][1] for run in runs]) / 60:.1f}",
+        f"{_seconds(result) / 60:.1f}",
         ", ".join(f"{rate:.1%}" for rate in rates),
         as_percent(over_seeds(rates)),
-        ", ".join(f"{score:.2f}" for score in scores),
+        f"{np.mean([run['policy']['mean_score'] for run in runs]):.2f}",
         f"{np.mean([run['random']['success_rate'] for run in runs]):.1%}",
-        f"{np.mean([run['random']['mean_score'] for run in runs]):.2f}",
+        *(f"{result['players'][name]['success_rate']:.1%}" for name in PLAYERS),
     )
 
 
-def at_steps(result: Mapping[str, Any], steps: int) -> list[float]:
-    """Returns the success of each run at the first point of its learning curve with at least this number of steps."""
-    return [next(point[3] for point in run["curve"] if point[0] >= steps) for run in result["runs"]]
+def step(result: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns the cells of a recipe in the table of prior knowledge."""
+    rates = [run["policy"]["success_rate"] for run in result["runs"]]
+    return (
+        result["recipe"],
+        as_percent(over_seeds([_curve(run)[0].success for run in result["runs"]])),
+        ", ".join(f"{rate:.1%}" for rate in rates),
+        as_percent(over_seeds(rates)),
+        f"{_seconds(result) / 60:.1f}",
+    )
 
 
 def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
@@ -215,12 +264,14 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
         results: See `summarize`.
         path: The PNG file to write.
     """
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # comes with matplotlib: the same picture everywhere
-    figure = Figure(figsize=(8, 4.6), dpi=110, layout="constrained")
+    matplotlib.rcParams["font.family"] = (
+        "DejaVu Sans"  # part of matplotlib, so the picture is the same on every machine
+    )
+    figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
     axes = figure.add_subplot()
     for result in results:
-        curves = np.array([[point[3] for point in run["curve"]] for run in result["runs"]])
-        steps = np.array([point[0] for point in result["runs"][0]["curve"]]) / 1e6
+        curves = np.array([[point.success for point in _curve(run)] for run in result["runs"]])
+        steps = np.array([point.steps for point in _curve(result["runs"][0])]) / 1e6
         means = [over_seeds(column.tolist()) for column in curves.T]
         label = f"{result['recipe']}: {as_percent(means[-1])}"
         (line,) = axes.plot(steps, [m["mean"] for m in means], linewidth=2, label=label)
@@ -229,21 +280,25 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
             axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
         for curve in curves:
             axes.plot(steps, curve, color=line.get_color(), linewidth=0.6, alpha=0.7)
-    axes.set(xlabel="million shots", ylabel="success without exploration, unseen layouts", ylim=(0, 1))
+    axes.set(xlabel="million shots", ylabel="success without exploration, unseen layouts", ylim=(0, 1.02))
     axes.grid(alpha=0.3)
-    axes.legend(title="mean of the seeds, its 95 % interval; thin: each seed", fontsize=8, title_fontsize=8)
+    title = "mean of the seeds, its 95 % interval\nthin: each seed"
+    figure.legend(title=title, loc="outside right upper", fontsize=8, title_fontsize=8, frameon=False)
     save(figure, path)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.recipes --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m studies.recipes", description="Train every recipe with several seeds and report the results."
+        prog="python -m studies.recipes",
+        description="Train every recipe of a list with several seeds and report the results.",
     )
-    parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML file (default: %(default)s)")
+    parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML list (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     for field in dataclasses.fields(Places):
-        parser.add_argument(f"--{field.name}", type=Path, help=f"default: {field.default}; with another list in {RUNS}")
+        parser.add_argument(
+            f"--{field.name}", type=Path, help=f"default: published results for lists in configs, else in {RUNS}/LIST"
+        )
     args = parser.parse_args(arguments)
     chosen = {name: path for name in Places.__dataclass_fields__ if (path := getattr(args, name)) is not None}
     places = dataclasses.replace(default_places(args.config), **chosen)

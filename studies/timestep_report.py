@@ -172,6 +172,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     return {
         "findings": "\n".join(f"- {sentence}" for sentence in findings(result)),
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
+        "time": f"The trainings take {sum(p['curve'][-1][1] for p in result['policies']) / 60:.0f} minutes of one core "
+        "in total.",
         "picture": f"![{texts['success']}](docs/{files['success']})",
         "pictures": "\n\n".join(f"![{texts[name]}]({files[name]})" for name in ("transfer", "policies")),
     }

@@ -2,13 +2,11 @@
 
 import json
 
-import gymnasium as gym
 import pytest
 
-from agents.ppo import evaluation_seeds
-from billiards_env.players.strategies import STRATEGIES, find_strategy
+from billiards_env.players.strategies import STRATEGIES
 from studies import players
-from studies.players import main, measure
+from studies.players import main, measure, row
 
 
 def test_success_rates():
@@ -23,40 +21,36 @@ def test_success_rates():
     assert measure("search:300", {"scene": "carom", "task": "carom"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5
 
 
-def test_the_table_is_printed_and_written(tmp_path, capsys, monkeypatch):
+def test_the_table_is_printed_and_written(tmp_path, capsys):
     output = tmp_path / "players.json"
-    arguments = ["--episodes", "20", "--output", str(output)]
-    main([*arguments, "--env", '{"n_object_balls": 2}', "--noise", "0.1", "0.05", "--players", "geometric", "search:5"])
+    settings = ["--env", '{"n_object_balls": 2}', "--noise", "0.1", "0.05", "--seed", "3"]
+    main(["--episodes", "20", *settings, "--players", "geometric", "search:5", "--output", str(output)])
     printed = capsys.readouterr().out
     written = json.loads(output.read_text())
-    assert [r["player"] for r in written["results"]] == ["geometric", "search:5"]
-    for r in written["results"]:
-        assert r["env"] == {"n_object_balls": 2}
-        assert r["noise"] == [0.1, 0.05]
-        assert r["episodes"] == 20
-        low, high = r["confidence_interval_95"]
-        assert f"{low:.1%} - {high:.1%} |" in printed
-        assert f"own, {r['player']}: {r['success_rate']:.1%}\n" in printed
-    cases = {name: ({}, (std, 0.0), ("random",)) for name, std in (("first", 0.0), ("last", 1.0))}
-    monkeypatch.setattr(players, "CASES", cases)
-    main(arguments)
-    assert [r["case"] for r in json.loads(output.read_text())["results"]] == ["first", "last"]
+    assert (written["env"], written["noise"], written["seed"]) == ({"n_object_balls": 2}, [0.1, 0.05], 3)
+    assert list(written["results"]) == ["geometric", "search:5"]
+    for name, result in written["results"].items():
+        assert result["episodes"] == 20
+        assert all(cell in printed for cell in row(name, result))
+        again = measure(name, {"n_object_balls": 2}, (0.1, 0.05), 20, 3)
+        assert {**again, "ms_per_decision": 0} == {**result, "ms_per_decision": 0}
 
 
-@pytest.mark.parametrize(
-    "options", [["--env", "{}"], ["--noise", "0", "0"], ["--players", "random"], ["--seed", "1"], ["--episodes", "3"]]
-)
-def test_only_the_usual_run_writes_the_results_of_the_project(options, tmp_path, monkeypatch, capsys):
-    cases = {"only": ({}, (0.0, 0.0), ("random",))}
-    monkeypatch.setattr(players, "CASES", cases)
-    monkeypatch.setattr(players, "STRATEGIES", ("random",))
-    monkeypatch.setattr(players, "OUTPUT", tmp_path / "players.json")
-    monkeypatch.setattr(players, "evaluation_seeds", lambda seed, episodes: evaluation_seeds(seed, 3))
-    main(options)
-    assert capsys.readouterr().out.endswith("not written, because there is no --output\n")
-    assert not list(tmp_path.iterdir())
+def test_all_players_play_the_usual_game_and_nothing_is_written(tmp_path, monkeypatch, capsys):
+    played = []
+
+    def spy(name, env, noise, episodes, seed):
+        played.append((name, env, noise, episodes, seed))
+        return measure(name, env, noise, 2, seed)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(players, "measure", spy)
+    monkeypatch.setattr(players, "write_json", None)
     main([])
-    assert [path.name for path in tmp_path.iterdir()] == ["players.json"]
+    assert played == [(name, {}, (0.0, 0.0), 1000, 0) for name in STRATEGIES]
+    printed = capsys.readouterr().out
+    assert all(f"| {name} " in printed for name in STRATEGIES)
+    assert not list(tmp_path.iterdir())
 
 
 def test_bad_arguments_are_refused_with_a_message(tmp_path):
@@ -72,10 +66,3 @@ def test_bad_arguments_are_refused_with_a_message(tmp_path):
         with pytest.raises(SystemExit, match=message):
             main([*arguments, "--output", str(tmp_path / "never.json")])
     assert not list(tmp_path.iterdir())
-
-
-def test_every_case_is_possible():
-    for env, noise, names in players.CASES.values():
-        gym.make("Billiards-v0", **env).reset(seed=0)
-        assert all(find_strategy(name, noise) for name in names)
-    assert {name.partition(":")[0] for *_, names in players.CASES.values() for name in names} == set(STRATEGIES)

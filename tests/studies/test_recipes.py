@@ -6,17 +6,22 @@ import json
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
 
 from agents import runs
-from agents.config import Config
+from agents.config import Config, read
 from agents.evaluate import deterministic, play_together
+from agents.intervals import as_percent, over_seeds
 from agents.ppo import evaluation_seeds, load_policy, make_vector
-from agents.train import open_run
+from agents.train import open_run, train
 from studies import recipes
-from studies.recipes import Places, Recipes, at_steps, blocks, main, row
+from studies.recipes import PLAYERS, Places, Recipes, blocks, default_places, main, row, step
+
+LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
+TWO = {"policy": {"head": "hits", "components": 3, "hidden": [8]}}
 
 
 def places(folder):
@@ -30,7 +35,7 @@ def places(folder):
 
 def write_recipes(folder, tiny):
     """Writes two tiny recipes with two seeds each."""
-    for name, changes in (("one", {}), ("two", {"frame": {"name": "cut"}})):
+    for name, changes in (("one", {}), ("two", TWO)):
         (folder / f"{name}.yaml").write_text(yaml.safe_dump(tiny(timesteps=256, **changes)))
     (folder / "recipes.yaml").write_text(
         yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]})
@@ -82,14 +87,34 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
             assert run["curve"][-1][3] == run["policy"]["success_rate"]
             assert run["policy"]["episodes"] == run["random"]["episodes"] == 20
         assert all(cell in printed for cell in row(result))
-        assert at_steps(result, 200) == [run["curve"][1][3] for run in result["runs"]]
+        assert list(result["players"]) == list(PLAYERS)
+        for name, player in result["players"].items():
+            assert player["episodes"] == 20
+            assert f"{player['success_rate']:.1%}" in row(result), name
     assert (tmp_path / "images" / "curves.png").read_bytes().startswith(b"\x89PNG")
 
-    assert blocks({"results": found})["table"] in printed
+    written = blocks({"results": found})
+    assert written["table"] in printed
+    assert all(cell in written["ladder"] for result in found for cell in step(result))
+    assert found[0]["players"] == found[1]["players"]  # both recipes have the same game
+    assert all(name in written["table"].splitlines()[0] for name in ("million shots", "random", *PLAYERS))
     for name in ("one", "two"):
         for file in ("config.yaml", "policy.pt"):
             first = tmp_path / "runs" / name / "seed3" / file
             assert (tmp_path / "policies" / name / file).read_bytes() == first.read_bytes()
+
+
+def train_here(asked, jobs):
+    """Trains runs in this process, which is faster for tiny runs than `train_all`."""
+    for folder, config in asked.items():
+        open_run(config, folder)
+        train(config, folder)
+
+
+def without_times(result):
+    """Returns a result without the times of the players, who are measured again if there is no file of results."""
+    players = {name: {**found, "ms_per_decision": None} for name, found in result["players"].items()}
+    return {**result, "players": players}
 
 
 @pytest.mark.usefixtures("printed")
@@ -102,7 +127,7 @@ def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
     command("--jobs", "1")
     assert [path for path, time in policies.items() if path.stat().st_mtime_ns > time] == [missing]
     again = json.loads((tmp_path / "recipes.json").read_text())["results"]
-    assert again[1] == json.loads(found)["results"][1]
+    assert without_times(again[1]) == without_times(json.loads(found)["results"][1])
 
 
 def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_path, monkeypatch, capsys):
@@ -114,8 +139,9 @@ def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_
         assert capsys.readouterr().out == printed
         assert (tmp_path / "images" / "curves.png").read_bytes() == figure
     found = json.loads((tmp_path / "recipes.json").read_text())["results"]
-    (tmp_path / "two.yaml").write_text(yaml.safe_dump(tiny(timesteps=384, frame={"name": "cut"})))
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump(tiny(timesteps=384, **TWO)))
     asked = Recipes(seeds=(3, 4), recipes=("one.yaml", "two.yaml"))
+    monkeypatch.setattr(recipes, "train_all", train_here)
     again = recipes.measure(asked, tmp_path, places(tmp_path), 2)
     assert again[0] == found[0]
     assert again[1]["config"]["timesteps"] == 384
@@ -149,6 +175,7 @@ def test_a_run_of_another_configuration_is_refused(command, tiny, tmp_path):
         ({"seeds": [1], "recipes": ["a.yaml"], "figure": ["b"]}, "expected names of recipes, not 'b'"),
         ({"seeds": [1], "recipe": ["a.yaml"]}, r"key of the configuration = 'recipe'.*did you mean 'recipes'"),
         ({"seeds": [1], "recipes": ["a.yaml"]}, r"a.yaml"),
+        ({"seeds": [1], "recipes": ["a.yaml"], "timesteps": 1.5}, "timesteps = 1.5: expected a whole number"),
     ],
 )
 def test_a_bad_list_is_refused(tmp_path, data, message):
@@ -158,10 +185,77 @@ def test_a_bad_list_is_refused(tmp_path, data, message):
         main([str(path)])
 
 
-def test_only_the_list_of_the_project_replaces_the_results_of_the_project(tmp_path):
-    own, project = recipes.default_places(tmp_path / "mine.yaml"), Places()
-    assert recipes.default_places(recipes.CONFIG) == project
+def test_the_players_play_the_game_and_the_layouts_of_a_recipe(tiny, monkeypatch):
+    played = []
+
+    def spy(name, env, noise, episodes, seed):
+        played.append((name, env, noise, episodes, seed))
+        return {"success_rate": 0.5}
+
+    monkeypatch.setattr(recipes, "play_alone", spy)
+    quiet = Config.from_dict(tiny(env={"n_object_balls": 2}, evaluation_episodes=2000))
+    noisy = Config.from_dict(tiny(env={"n_object_balls": 2}, noise={"angle_std": 0.5}))
+    found = {"config": quiet.to_dict(), "players": recipes._players(quiet, 3, [])}
+    assert found["players"] == {name: {"success_rate": 0.5} for name in PLAYERS}
+    assert played == [(name, quiet.env, (0.0, 0.0), 1000, 3) for name in PLAYERS]
+    played.clear()
+    recipes._players(noisy, 4, [found])
+    assert played == [(name, noisy.env, (0.5, 0.075), 20, 4) for name in PLAYERS]
+    played.clear()
+    recipes._players(Config.from_dict(tiny(env={"n_object_balls": 3})), 3, [found])
+    assert len(played) == len(PLAYERS)
+    played.clear()
+    same = Config.from_dict(tiny(env={"n_object_balls": 2}, timesteps=7, **TWO))
+    assert recipes._players(same, 3, [{"config": quiet.to_dict()}, found]) is found["players"]
+    assert not played
+
+
+def test_a_list_may_set_the_number_of_steps(command, tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr(recipes, "train_all", train_here)
+    (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3], "recipes": ["one.yaml"], "timesteps": "1e2"}))
+    command()
+    (result,) = json.loads((tmp_path / "recipes.json").read_text())["results"]
+    assert result["config"]["timesteps"] == 100
+    assert result["runs"][0]["curve"][-1][0] == 128
+    asked = Recipes(seeds=(3,), recipes=("one.yaml",))
+    assert asked.load(tmp_path)["one"] == Config.from_dict(tiny(timesteps=256))
+    assert dataclasses.replace(asked, timesteps=100).load(tmp_path)["one"].timesteps == 100
+
+
+def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
+    def run(success, score, random, begun, seconds):
+        return {
+            "policy": {"success_rate": success, "mean_score": score},
+            "random": {"success_rate": random},
+            "curve": [[0, 0.0, 0.0, begun, 0.0], [9, seconds, 0.0, success, score]],
+        }
+
+    result = {
+        "recipe": "pot",
+        "config": {"timesteps": 2_500_000},
+        "runs": [run(0.9, 1.0, 0.02, 0.5, 60.0), run(0.8, 2.0, 0.04, 0.6, 120.0)],
+        "players": {name: {"success_rate": 0.1 * (k + 1)} for k, name in enumerate(PLAYERS)},
+    }
+    mean = as_percent(over_seeds([0.9, 0.8]))
+    players = [f"{10.0 * (k + 1):.1f}%" for k in range(len(PLAYERS))]
+    assert row(result) == ("pot", "2.5", "1.5", "90.0%, 80.0%", mean, "1.50", "3.0%", *players)
+    assert step(result) == ("pot", as_percent(over_seeds([0.5, 0.6])), "90.0%, 80.0%", mean, "1.5")
+    assert blocks({"results": [result, result]})["time"].startswith("PPO takes 6 minutes of one core")
+
+
+def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
+    own = default_places(tmp_path / "mine.yaml")
     assert {path.is_relative_to(recipes.RUNS / "mine") for path in dataclasses.astuple(own)} == {True}
+    for name in ("recipes", "prior_knowledge", "prior_knowledge_long"):
+        found = default_places(recipes.CONFIG.parent / f"{name}.yaml")
+        assert found.runs == recipes.RUNS / name
+        assert found.summary == recipes.RESULTS / f"{name}.json"
+        assert found.figure == recipes.IMAGES / f"{name}.png"
+        policies = recipes.RESULTS if name == "recipes" else recipes.RUNS / name
+        assert found.policies == policies / "policies"
+    # A list of the same name elsewhere is not one of the project.
+    other = default_places(tmp_path / "recipes.yaml")
+    assert {path.is_relative_to(recipes.RUNS / "recipes") for path in dataclasses.astuple(other)} == {True}
 
 
 def test_at_least_one_job_is_needed(command):
@@ -169,16 +263,33 @@ def test_at_least_one_job_is_needed(command):
         command("--jobs", "0")
 
 
-def test_the_list_of_the_project_names_existing_recipes():
-    asked = yaml.safe_load(recipes.CONFIG.read_text())
-    assert len(Recipes(**{key: tuple(value) for key, value in asked.items()}).seeds) >= 3
-    assert all((recipes.CONFIG.parent / recipe).is_file() for recipe in asked["recipes"])
+@pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)
+def test_the_lists_of_the_project_name_existing_recipes(path):
+    asked = read(Recipes, path)
+    assert len(asked.seeds) >= 3
+    configs = asked.load(path.parent)
+    assert list(configs) == [Path(recipe).stem for recipe in asked.recipes]
+    assert not {config.seed for config in configs.values()} & set(asked.seeds)  # no recipe was tuned with these seeds
+    if asked.timesteps is not None:
+        assert {config.timesteps for config in configs.values()} == {asked.timesteps}
+
+
+@pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)
+def test_the_results_of_the_project_are_those_of_its_lists(path):
+    asked, found = read(Recipes, path), json.loads(default_places(path).summary.read_text())["results"]
+    configs = asked.load(path.parent)
+    assert [result["recipe"] for result in found] == list(configs)
+    for result in found:
+        assert [run["seed"] for run in result["runs"]] == list(asked.seeds), result["recipe"]
+        assert configs[result["recipe"]].is_saved_as(result["config"]), result["recipe"]
+        assert set(result["players"]) == set(PLAYERS)
 
 
 def test_the_policies_of_the_project_play_as_well_as_their_results():
-    for result in json.loads(Places().summary.read_text())["results"]:
+    places = default_places(recipes.CONFIG)
+    for result in json.loads(places.summary.read_text())["results"]:
         run = result["runs"][0]
-        config, policy = load_policy(Places().policies / result["recipe"])
+        config, policy = load_policy(places.policies / result["recipe"])
         assert config.seed == run["seed"]
         seeds = evaluation_seeds(config.seed, config.evaluation_episodes)[:500].tolist()
         played = play_together(make_vector(config, len(seeds)), deterministic(policy), seeds)
