@@ -55,7 +55,6 @@ results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; r
 	$(BIN)/python -m studies.recipes
 	$(BIN)/python -m studies.choices
 	$(BIN)/python -m studies.recipes configs/prior_knowledge.yaml
-	$(BIN)/python -m studies.recipes configs/prior_knowledge_long.yaml
 	$(BIN)/python -m benchmarks.readme
 
 study: $(INSTALLED)  ## train one recipe with several timesteps and compare the policies (half an hour; the same)

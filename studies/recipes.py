@@ -1,8 +1,7 @@
 """Trains every recipe of a list with several seeds and reports the results: `python -m studies.recipes [LIST]`.
 
 A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games.
-`configs/prior_knowledge.yaml` and `configs/prior_knowledge_long.yaml` list recipes for one game with different prior
-knowledge. The results of these lists are
+`configs/prior_knowledge.yaml` lists recipes for one game with different prior knowledge. The results of these lists are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
