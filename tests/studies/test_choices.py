@@ -34,9 +34,9 @@ def test_the_nearest_pot_of_a_shot_along_a_pot_is_this_pot():
     chosen = rng.integers(0, np.maximum(found.count, 1))
     rows = np.arange(50)
     shots = found.shots[rows, chosen, 0]
-    velocities = np.where(found.count[:, None] > 0, shots[:, :2], (1.0, 0.0))
+    played = shots[:, choices.pots.SPEED] > 0
+    velocities = np.where(played[:, None], shots[:, :2], (1.0, 0.0))
     _, which = choices._nearest_pots(game, velocities)
-    played = found.shots[rows, chosen, 0, choices.pots.SPEED] > 0
     same = np.isclose(found.shots[rows, which, 0, :2], shots[:, :2]).all(axis=1)
     assert same[played].all()
     assert played.sum() > 30
