@@ -51,13 +51,13 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
-results: $(INSTALLED)  ## train every recipe with several seeds (half an hour; recipes with results are not trained again)
+results: $(INSTALLED)  ## train every recipe with several seeds (an hour; recipes with results are not trained again)
 	$(BIN)/python -m studies.recipes
 	$(BIN)/python -m studies.choices
 	$(BIN)/python -m studies.recipes configs/prior_knowledge.yaml
 	$(BIN)/python -m benchmarks.readme
 
-study: $(INSTALLED)  ## train one recipe with several timesteps and compare the policies (half an hour; the same)
+study: $(INSTALLED)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
 	$(BIN)/python -m studies.timestep configs/study/pot.yaml
 	$(BIN)/python -m studies.timestep configs/study/mixture.yaml
 	$(BIN)/python -m studies.timestep configs/study/blocked.yaml

@@ -169,11 +169,11 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "policies": "Speeds, directions, cuts and false successes of the policies of each world",
     }
     files = {name: f"images/study_{result['study']}_{name}.png" for name in texts}
+    minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
     return {
         "findings": "\n".join(f"- {sentence}" for sentence in findings(result)),
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
-        "time": f"The trainings take {sum(p['curve'][-1][1] for p in result['policies']) / 60:.0f} minutes of one core "
-        "in total.",
+        "time": f"`{result['study']}`: {minutes:.0f} minutes of one core in total.",
         "picture": f"![{texts['success']}](docs/{files['success']})",
         "pictures": "\n\n".join(f"![{texts[name]}]({files[name]})" for name in ("transfer", "policies")),
     }
