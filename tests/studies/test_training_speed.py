@@ -35,7 +35,7 @@ def test_results_are_written_and_printed(tmp_path, monkeypatch, capsys):
     training_speed.main([])
     assert json.loads((tmp_path / "usual.json").read_text()) == measured
     printed = capsys.readouterr().out
-    texts = (f"the environments take {shares[0]:.0%}", f"pots {shares[1]:.0%}", f"networks {shares[2]:.0%}")
+    texts = (f"the environments take {shares[0]:.0%}", f"pots {shares[1]:.0%}", f"the updates {shares[2]:.0%}")
     assert all(text in printed for text in texts)
     assert f"takes {measured['decision']['median']:.1f} us in a batch" in printed
     assert f"and the rest {1 - sum(shares):.0%}." in printed
