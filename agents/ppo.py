@@ -176,7 +176,7 @@ def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If the file does not hold the weights of such a policy.
+        ValueError: If the weights in the file are not those of this policy.
     """
     try:
         weights = torch.load(path, map_location="cpu", weights_only=True)
