@@ -39,6 +39,7 @@ RANGES: dict[str, Range] = {
     "length": Range(1e-4, 1e4, "m", "radii and tables; up to 10 km, coordinates are rounded by less than CONTACT_GAP"),
     "cushion_height": Range(1e-6, 1e4, "m", "as length; the nose may be below the centre of the smallest ball"),
     "coordinate": Range(-1e6, 1e6, "m", "of a pocket or of a cue ball in hand; far beyond any table"),
+    "tip_radius": Range(0.0, 1e4, "m", "as length; 0 for a sharp corner"),
     "mass": Range(1e-8, 1e8, "kg, or inf", "the ratio of two masses is at most 1e16, the resolution of a double"),
     "g": Range(1e-3, 1e3, "m/s^2", "1e-3 on a small asteroid, 274 on the Sun"),
     "friction": Range(1e-12, 100.0, "", "from almost frictionless cloth to far more than rubber (about 1)"),

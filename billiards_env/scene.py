@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, choose, numbers, real, short, whole
+from billiards_env.outline import Corner
 
 MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005")
@@ -114,12 +115,15 @@ class Table:
         width: Distance between the noses of the long cushions (along y), m.
         cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
         pockets: The pockets, for example `six_pockets()`; empty by default.
+        outline: The corners of the cushions, see `billiards_env.outline`; empty for the rectangle of `length` and
+            `width`.
     """
 
     length: float = _POOL_LENGTH
     width: float = _POOL_WIDTH
     cushion_height: float = 0.635 * 2 * _POOL_RADIUS
     pockets: tuple[Pocket, ...] = ()
+    outline: tuple[Corner, ...] = ()
 
     def __post_init__(self) -> None:
         _check(self, "table", length="length", width="length", cushion_height="cushion_height")
@@ -329,6 +333,11 @@ class Scene:
                 table["pockets"] = tuple(
                     Pocket(**_fields_of(Pocket, f"scene.table.pockets[{k}]", p)) for k, p in enumerate(pockets)
                 )
+            if "outline" in table:
+                corners = _sequence("scene.table.outline", table["outline"])
+                table["outline"] = tuple(
+                    Corner(**_fields_of(Corner, f"scene.table.outline[{k}]", c)) for k, c in enumerate(corners)
+                )
             fields["table"] = Table(**table)
         balls = {
             name: tuple(math.inf if v == "inf" else v for v in _sequence(f"scene.balls.{name}", values))
@@ -347,7 +356,8 @@ class Scene:
             'ideal'
         """
         data = dataclasses.asdict(self)
-        data["table"]["pockets"] = list(data["table"]["pockets"])
+        for name in ("pockets", "outline"):
+            data["table"][name] = list(data["table"][name])
         data["balls"] = {
             name: ["inf" if math.isinf(v) else v for v in values] for name, values in data["balls"].items()
         }
