@@ -106,10 +106,8 @@ def pieces(corners: Sequence[Corner]) -> tuple[list[Line], list[Tip]]:
         before, behind = cut[k], cut[(k + 1) % n]
         if before + behind > length:
             raise ValueError(
-                f"table.outline[{k}] = {corner}: expected smaller radii, the arcs at the ends of the cushion to the next "
-                "corner overlap"
+                f"table.outline[{k}] = {corner}: expected smaller radii, the arcs at the ends of the cushion "
+                "to the next corner overlap"
             )
-        lines.append(
-            Line(corner.x + before * dx, corner.y + before * dy, after.x - behind * dx, after.y - behind * dy)
-        )
+        lines.append(Line(corner.x + before * dx, corner.y + before * dy, after.x - behind * dx, after.y - behind * dy))
     return lines, tips

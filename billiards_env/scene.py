@@ -133,7 +133,7 @@ class Table:
             if not isinstance(p, Pocket):
                 raise TypeError(f"table.pockets[{k}] = {short(p)}: expected a Pocket")
         for k, p in enumerate(self.pockets):
-            if abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius:
+            if not self.outline and (abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius):
                 raise ValueError(
                     f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
                     f"({self.length} x {self.width} m, centred on the origin)"

@@ -58,6 +58,7 @@ from billiards_env.physics.state import (
     X,
     Y,
 )
+from billiards_env.physics.walls import wall_pressing
 
 CONTACT_TIME = 2e-4
 """s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""
@@ -73,10 +74,6 @@ WEDGED = 100
 
 RESOLUTION = 1e-8
 """m. Balls that are about to stop next to each other separate by about this distance."""
-
-# Relative rounding of a velocity after several impulses. A plastic impact leaves a normal velocity of about this size,
-# of either sign. If it counted as an approach, the impact would repeat without end.
-NOISE = 2.0**-48
 
 STILL = 1e-200
 """m/s. Balls that are slower than this in a run of impacts at one place and instant come to rest."""
@@ -257,37 +254,31 @@ def resolve_jam(contacts, state, scene, memory):
 
 
 @kernel
-def _hit_cushion_again(i, side, time, speed, state, scene, memory):
+def _hit_cushion_again(i, wall, nx, ny, time, speed, state, scene, memory):
     """Implements `hit_cushion` for an impact that is not ordinary."""
     params = scene.params
-    sign = 1.0 if side % 2 else -1.0
     end_runs(i, time, speed, params, memory)
     count_impact(i, time, memory)
     if is_over(i, i, state, params, memory):
         halt(state, i)
         return 1
     if min(memory.run[i], memory.weak[i]) > JAMMED:
-        change_velocity(state, i, -sign * speed if side < 2 else 0.0, 0.0 if side < 2 else -sign * speed, params)
+        change_velocity(state, i, -speed * nx, -speed * ny, params)
         return 1
-    towards = sign * state.rows[i, AX if side < 2 else AY]
+    towards = wall_pressing(state, i, nx, ny, wall, scene.radius[i], scene.outline)
     rebound = least_rebound(speed, towards, memory.weak[i], params)
-    return 1 if reflect(state, i, side, rebound, scene) else 0
+    return 1 if reflect(state, i, nx, ny, rebound, scene) else 0
 
 
 @inlined
-def cushion_speed(i, side, state):
-    """Returns the speed at which ball i approaches cushion `side` (0 to 3: -x, +x, -y, +y), m/s."""
-    velocity = state.rows[i, VX if side < 2 else VY]
-    return velocity if side % 2 else -velocity
-
-
-@inlined
-def hit_cushion(i, side, time, speed, state, scene, memory):
+def hit_cushion(i, wall, nx, ny, time, speed, state, scene, memory):
     """Changes the motion of ball i at a cushion.
 
     Args:
         i: The ball.
-        side: The cushion, 0 to 3 for -x, +x, -y, +y.
+        wall: The number of the cushion.
+        nx: The unit normal into the cushion along x.
+        ny: The same along y.
         time: s.
         speed: Speed of approach, m/s.
         state: The `State`.
@@ -299,9 +290,9 @@ def hit_cushion(i, side, time, speed, state, scene, memory):
     """
     if is_ordinary(i, time, speed, scene.params, memory):
         count_ordinary(i, time, memory)
-        reflect(state, i, side, 0.0, scene)
+        reflect(state, i, nx, ny, 0.0, scene)
         return 0
-    return _hit_cushion_again(i, side, time, speed, state, scene, memory)
+    return _hit_cushion_again(i, wall, nx, ny, time, speed, state, scene, memory)
 
 
 @kernel

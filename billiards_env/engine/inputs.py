@@ -15,8 +15,6 @@ from billiards_env.engine.threads import spread
 from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import (
-    HALF_LENGTH,
-    HALF_WIDTH,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
@@ -27,6 +25,7 @@ from billiards_env.physics.state import (
     X,
     Y,
 )
+from billiards_env.physics.walls import half_sizes
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions
 
 Floats = NDArray[np.float64]
@@ -72,7 +71,9 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    params, radius, inv_mass, pockets = SceneArrays(*scene)
+    arrays = SceneArrays(*scene)
+    radius, inv_mass, pockets = arrays.radius, arrays.inv_mass, arrays.pockets
+    half_length, half_width = half_sizes(arrays.params, arrays.outline)
     n = len(radius)
     pairs = 0
     for k in range(begin, end):
@@ -93,7 +94,7 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
                 return False
             if not in_play[k, i]:
                 continue
-            if abs(x) > params[HALF_LENGTH] - radius[i] or abs(y) > params[HALF_WIDTH] - radius[i]:
+            if abs(x) > half_length - radius[i] or abs(y) > half_width - radius[i]:
                 return False
             for q in range(len(pockets)):
                 dx, dy, reach = x - pockets[q, POCKET_X], y - pockets[q, POCKET_Y], pockets[q, POCKET_RADIUS]

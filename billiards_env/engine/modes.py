@@ -11,6 +11,7 @@ import numpy as np
 from billiards_env.checks import RANGES, choose, fits, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import set_rule
+from billiards_env.outline import pieces
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -29,6 +30,7 @@ from billiards_env.physics.state import (
     SPIN_DECAY,
     SceneArrays,
 )
+from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import CUSHIONS, MOTIONS, Scene
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
@@ -101,4 +103,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     params[DT] = 0.0 if dt is None else dt
     params[FIX] = FIXES.index(FIXES[0] if fix is None else fix)
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
-    return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets)
+    outline = None
+    if scene.table.outline:
+        outline = outline_arrays(*pieces(scene.table.outline), params[HALF_LENGTH], params[HALF_WIDTH])
+    return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets, outline)

@@ -46,8 +46,6 @@ from billiards_env.physics.motion import advance, begin_phase, capture, end_phas
 from billiards_env.physics.state import (
     DT,
     FIX,
-    HALF_LENGTH,
-    HALF_WIDTH,
     IDEAL,
     LASTS,
     MOTION,
@@ -74,6 +72,7 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
+from billiards_env.physics.walls import back_to_wall, half_sizes, wall_count, wall_overlap
 from billiards_env.scene import CONTACT_GAP
 
 MAX_STEPS = 100_000_000
@@ -343,28 +342,27 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):
 
 
 @kernel
-def _hit_cushion(i, side, scene, work):
-    """Reflects ball i at cushion `side` if it is beyond it and does not come back.
+def _hit_cushion(i, wall, scene, work):
+    """Reflects ball i at a cushion if it is beyond it and does not come back.
 
     Returns:
         Its speed of approach, m/s, 0 if it was only moved back, or -1 if nothing happened.
     """
     here, params, fix = work.here, scene.params, scene.params[FIX]
-    x, vx = (X, VX) if side < 2 else (Y, VY)  # columns of the normal direction
-    sign = 1.0 if side % 2 else -1.0
-    room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - scene.radius[i]
-    beyond, speed = sign * here[i, x] - room, sign * here[i, vx]
+    radius = scene.radius[i]
+    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, params, scene.outline)
+    speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0 or (speed == 0.0 and fix != PUSH_APART):
         return -1.0
     if fix == PUSH_APART:
-        here[i, x] = sign * room
+        here[i, X], here[i, Y] = back_to_wall(here[i, X], here[i, Y], radius, wall, params, scene.outline)
     elif fix == MOVE_BACK:
         t = min(beyond / speed, params[DT])
         here[i, X] -= t * here[i, VX]
         here[i, Y] -= t * here[i, VY]
     work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
     if speed > 0.0:
-        reflect(work.state, i, side, 0.0, scene)
+        reflect(work.state, i, nx, ny, 0.0, scene)
         here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]
     return speed
 
@@ -372,23 +370,26 @@ def _hit_cushion(i, side, scene, work):
 @inlined
 def _test_cushions(now, k, scene, work, shots, log):
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
-    state, params, found = work.state, scene.params, False
+    state, params, outline, found = work.state, scene.params, scene.outline, False
+    half_length, half_width = half_sizes(params, outline)
     for i in range(len(work.moved)):
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
             continue
-        for side in range(4):
-            room = params[HALF_LENGTH if side < 2 else HALF_WIDTH] - scene.radius[i]
-            if abs(work.here[i, X if side < 2 else Y]) <= room:
+        radius = scene.radius[i]
+        if abs(work.here[i, X]) <= half_length - radius and abs(work.here[i, Y]) <= half_width - radius:
+            continue
+        for wall in range(wall_count(outline)):
+            if wall_overlap(work.here[i, X], work.here[i, Y], radius, wall, params, outline)[0] <= 0.0:
                 continue
             advance(state, i, now, params)
-            speed = _hit_cushion(i, side, scene, work)
+            speed = _hit_cushion(i, wall, scene, work)
             work.changed[i] = found = True
             if speed >= 0.0:
                 shots.time[k] = now.hi
             if speed > 0.0:
                 shots.cushions[k, i] += 1
                 shots.n_events[k] += 1
-                log_event(log, now, BALL_CUSHION, i, side, state, speed, False)
+                log_event(log, now, BALL_CUSHION, i, wall, state, speed, False)
     return found
 
 

@@ -11,16 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.contact_rule import NOISE
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
-from billiards_env.physics.contact import circle_time, line_time
+from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, misses_circle
 from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import (
     AX,
     AY,
-    HALF_LENGTH,
-    HALF_WIDTH,
     LASTS,
     POCKET_RADIUS,
     POCKET_X,
@@ -39,12 +36,10 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
+from billiards_env.physics.walls import wall_time
 
 CROSSING_RANK, POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = -1, 0, 1, 2, 3
 """The order of events at one instant. CROSSING_RANK is that of a ball that enters another cell of `cell_grid`."""
-
-MARGIN = 1e-6  # relative, of the tests for paths that do not meet
-TINY = 1e-290  # below it squares lose digits
 
 
 class Singles(NamedTuple):
@@ -98,18 +93,6 @@ def single_time(singles, i):
 
 
 @inlined
-def _stays_within(x, v, a, end, room):
-    """Returns whether x + v t + a t^2 / 2 stays within +-room for t in [0, end], by its Bezier control points.
-
-    It may return False for a path that stays within.
-    """
-    room *= 1.0 - MARGIN
-    half = x + 0.5 * end * v
-    last = x + end * (v + 0.5 * end * a)
-    return abs(x) < room and abs(half) < room and abs(last) < room
-
-
-@inlined
 def predict_single(i, state, scene, singles):
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
@@ -125,31 +108,16 @@ def predict_single(i, state, scene, singles):
         kind = ROLLING_REST
     if phase >= ROLLING:
         x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
-        room = params[HALF_LENGTH] - scene.radius[i]
-        if not _stays_within(x, vx, ax, end, room):
-            for k in range(2):
-                sign = 1.0 if k else -1.0
-                t = line_time(room - sign * x, sign * vx, sign * ax, end)
-                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
-                    end, kind, other = t, BALL_CUSHION, k
-        room = params[HALF_WIDTH] - scene.radius[i]
-        if not _stays_within(y, vy, ay, end, room):
-            for k in range(2):
-                sign = 1.0 if k else -1.0
-                t = line_time(room - sign * y, sign * vy, sign * ay, end)
-                if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
-                    end, kind, other = t, BALL_CUSHION, 2 + k
+        t, wall = wall_time((x, y, vx, vy, ax, ay), scene.radius[i], end, params, scene.outline)
+        if t < math.inf:
+            end, kind, other = t, BALL_CUSHION, wall
         bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
         vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
         way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
         pockets = scene.pockets
         for k in range(len(pockets)):
             dx, dy, reach = pockets[k, POCKET_X] - x, pockets[k, POCKET_Y] - y, pockets[k, POCKET_RADIUS]
-            side = abs(dx * vy - dy * vx) - bend
-            if side > 0.0 and side * side > reach * reach * vv + TINY:
-                continue
-            wide = (1.0 + MARGIN) * reach
-            if abs(dx) > wide + way_x or abs(dy) > wide + way_y:
+            if misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
                 continue
             t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from billiards_env.engine.contact_rule import collide, cushion_speed, hit_cushion
+from billiards_env.engine.contact_rule import collide, hit_cushion
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
 from billiards_env.physics.jit import inlined, merged
 from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
+from billiards_env.physics.walls import wall_normal
 from billiards_env.scene import CONTACT_GAP
 
 
@@ -97,8 +98,9 @@ def resolve_singles(count, now, k, scene, work, shots, log):
             capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.params)
-            speed = cushion_speed(i, other, state)
-            acts = hit_cushion(i, other, now.hi, speed, state, scene, work.memory)
+            nx, ny = wall_normal(state, i, other, scene.outline)
+            speed = nx * state.rows[i, VX] + ny * state.rows[i, VY]
+            acts = hit_cushion(i, other, nx, ny, now.hi, speed, state, scene, work.memory)
             shots.cushions[k, i] += 1
         else:
             end_phase(state, i, now, scene.params)

@@ -9,9 +9,20 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.roots import first_descent
+
+MARGIN = 1e-6
+"""Relative margin of the tests that exclude bodies which a path does not reach."""
+
+TINY = 1e-290
+"""Squares below it lose digits."""
+
+# If the rounding that a plastic impact leaves counted as an approach, the impact would repeat without end.
+NOISE = 2.0**-48
+"""Relative rounding of a velocity after several impulses. A plastic impact leaves a normal velocity of about this size,
+of either sign."""
 
 
 @kernel
@@ -108,3 +119,25 @@ def line_time(gap, v, a, end):
     else:
         t = -2.0 * v / a
     return t if t <= end else math.inf
+
+
+@inlined
+def misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
+    """Returns whether a path does not reach a circle. It may return False for a path that does not.
+
+    Args:
+        dx: Position of the circle relative to the path's beginning along x, m.
+        dy: The same along y.
+        vx: Velocity at the path's beginning along x, m/s.
+        vy: The same along y.
+        reach: Radius of the circle, m.
+        bend: Distance of the path's end from its tangent, times the speed, m^2/s.
+        vv: Square of the speed, raised by a margin, m^2/s^2.
+        way_x: Largest change of x along the path, m.
+        way_y: Largest change of y along the path, m.
+    """
+    side = abs(dx * vy - dy * vx) - bend
+    if side > 0.0 and side * side > reach * reach * vv + TINY:
+        return True
+    wide = (1.0 + MARGIN) * reach
+    return abs(dx) > wide + way_x or abs(dy) > wide + way_y

@@ -14,6 +14,7 @@ from billiards_env.physics.state import (
     MU_CUSHION,
     SLIDING_AND_ROLLING,
     UX,
+    UY,
     VX,
     VY,
     WZ,
@@ -92,13 +93,14 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
 
 
 @kernel
-def reflect(state, i, side, rebound, scene):
+def reflect(state, i, nx, ny, rebound, scene):
     """Changes ball i's velocity, slip and spin at a cushion.
 
     Args:
         state: The `State`.
         i: The ball.
-        side: The cushion, 0 to 3 for -x, +x, -y, +y.
+        nx: The unit normal into the cushion along x.
+        ny: The same along y.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         scene: The `SceneArrays`.
 
@@ -106,20 +108,19 @@ def reflect(state, i, side, rebound, scene):
         Whether `rebound` has raised the speed away from the cushion.
     """
     s, params = state.rows[i], scene.params
-    n, t = (VX, VY) if side < 2 else (VY, VX)
-    un, ut = n + UX - VX, t + UX - VX  # the columns of the slip
-    sign = 1.0 if side % 2 else -1.0
-    turn = sign if side < 2 else -sign  # the tangent z x n of side +x is +y, that of +y is -x
-    speed = max(0.0, sign * s[n])
+    vn, vt = nx * s[VX] + ny * s[VY], nx * s[VY] - ny * s[VX]
     if params[CUSHION] == HAN2005:
         radius = scene.radius[i]
-        after = han2005(speed, turn * s[t], sign * s[un], turn * s[ut], radius * s[WZ], radius, rebound, params)
-        s[n], s[t], s[un], s[ut] = sign * after[0], turn * after[1], sign * after[2], turn * after[3]
-        s[WZ] = after[4] / radius
-        return after[5] and rebound > 0.0
-    raised = params[E_CUSHION] * speed < rebound
-    normal = -sign * rebound if raised else -params[E_CUSHION] * s[n]
+        un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
+        vn, vt, un, ut, rwz, raised = han2005(max(0.0, vn), vt, un, ut, radius * s[WZ], radius, rebound, params)
+        s[VX], s[VY] = nx * vn - ny * vt, ny * vn + nx * vt
+        s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
+        s[WZ] = rwz / radius
+        return raised and rebound > 0.0
+    raised = params[E_CUSHION] * max(0.0, vn) < rebound
+    after = -rebound if raised else -params[E_CUSHION] * vn
     if params[MOTION] == SLIDING_AND_ROLLING:
-        s[un] += normal - s[n]
-    s[n] = normal
+        s[UX] += (after - vn) * nx
+        s[UY] += (after - vn) * ny
+    s[VX], s[VY] = nx * after - ny * vt, ny * after + nx * vt
     return raised

@@ -88,12 +88,14 @@ class SceneArrays(NamedTuple):
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, see the columns above.
+        outline: The `walls.Outline`; None for a rectangle.
     """
 
     params: Floats
     radius: Floats
     inv_mass: Floats
     pockets: Floats
+    outline: Any = None
 
 
 @allocating

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from billiards_env.physics.jit import inlined, kernel, merged
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
+from billiards_env.physics.walls import is_side
 from billiards_env.players.aims import NO_AIM, THINNEST, Aim, distance_to_rim, open_mouth
 from billiards_env.players.hits import (
     approach_clearance,
@@ -138,7 +139,7 @@ def _follow_bank(scene, state, i, p, wall):
                 if pocket_gap(scene.pockets, p if bounce.second > 0.0 else -1, x, y, to_x, to_y) < 0.0:
                     return NO_BOUNCE
             x, y = to_x, to_y
-        if leg.chords == 0 or (leg.wall >= 0 and (bounce.second > 0.0 or leg.wall != wall)):
+        if leg.chords == 0 or (leg.wall >= 0 and (bounce.second > 0.0 or not is_side(leg.wall, wall, scene.outline))):
             return NO_BOUNCE
         end_leg(scene, state, i, leg)
         if leg.wall >= 0:

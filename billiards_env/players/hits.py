@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.contact_rule import NOISE
 from billiards_env.engine.predictions import cannot_meet
 from billiards_env.physics.ball_ball import change_velocity, pair_impulse
-from billiards_env.physics.contact import circle_time
+from billiards_env.physics.contact import NOISE, circle_time
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import (

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from billiards_env.physics.contact import line_time
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     AX,
     AY,
-    HALF_LENGTH,
-    HALF_WIDTH,
     IDEAL,
     LASTS,
     MOTION,
@@ -33,6 +30,7 @@ from billiards_env.physics.state import (
     moves,
     own_time,
 )
+from billiards_env.physics.walls import wall_normal, wall_time
 
 FAR = 0.2
 """m. Gaps are at most this: larger ones are not measured."""
@@ -101,7 +99,7 @@ class Leg(NamedTuple):
 
     Attributes:
         lasts: The duration, s; infinite if the ball does not move.
-        wall: The cushion at its end, 0 to 3 for -x, +x, -y, +y; -1 for none.
+        wall: The number of the cushion at its end; -1 for none.
         chords: The number of straight lines that approximate it; 0 if the ball does not move.
     """
 
@@ -118,15 +116,10 @@ def begin_leg(scene, state, i):
     if not moves(state, i):
         return Leg(math.inf, -1, 0)
     lasts, wall = row[LASTS], -1
-    for c in range(2):
-        room = (params[HALF_WIDTH] if c else params[HALF_LENGTH]) - scene.radius[i]
-        low, high = _extremes(row[X + c], row[VX + c], row[AX + c], lasts)
-        if not (low > -room and high < room):
-            for k in range(2):
-                sign = 2.0 * k - 1.0
-                t = line_time(room - sign * row[X + c], sign * row[VX + c], sign * row[AX + c], lasts)
-                if t < lasts:
-                    lasts, wall = t, 2 * c + k
+    path = (row[X], row[Y], row[VX], row[VY], row[AX], row[AY])
+    t, number = wall_time(path, scene.radius[i], lasts, params, scene.outline)
+    if t < lasts:
+        lasts, wall = t, number
     return Leg(lasts, wall, _CHORDS if state.phase[i] == SLIDING else 1)
 
 
@@ -145,7 +138,8 @@ def end_leg(scene, state, i, leg):
         end_phase(state, i, now, scene.params)
     else:
         advance(state, i, now, scene.params)
-        reflect(state, i, leg.wall, 0.0, scene)
+        nx, ny = wall_normal(state, i, leg.wall, scene.outline)
+        reflect(state, i, nx, ny, 0.0, scene)
 
 
 @kernel

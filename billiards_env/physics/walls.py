@@ -1,0 +1,343 @@
+"""The cushions of a table: the times at which a ball touches them, and their normals.
+
+A table without an outline is a rectangle with cushions 0 to 3: -x, +x, -y, +y. Otherwise the straight cushions of the
+outline come first and then its tips, both in the order of `billiards_env.outline.pieces`. The type of the outline
+decides at compile time which code is compiled.
+
+A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
+between the ends of the cushion. It touches a tip of radius r if the centres are R + r apart. An arc and the cushions at
+its ends have common tangents, so no path passes between them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.outline import Line, Tip
+from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle
+from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import AX, AY, HALF_LENGTH, HALF_WIDTH, VX, VY, X, Y
+from billiards_env.scene import CONTACT_GAP
+
+# Columns of `Outline.lines`.
+LINE_X, LINE_Y = 0, 1  # the beginning, m
+TX, TY = 2, 3  # unit tangent
+NX, NY = 4, 5  # unit normal, from the table into the cushion
+LINE_LENGTH = 6  # m
+
+# Columns of `Outline.tips`.
+TIP_X, TIP_Y, TIP_RADIUS = 0, 1, 2  # m
+
+# Columns of `Outline.rails`.
+RAIL_SIDE, RAIL_FROM, RAIL_TO, RAIL_LINE = 0, 1, 2, 3
+
+# Entries of `Outline.box`.
+BOX_X, BOX_Y = 0, 1
+
+
+class Outline(NamedTuple):
+    """The cushions of a table that is not a plain rectangle.
+
+    Attributes:
+        lines: (k, 7) float64, the straight cushions, see the columns above.
+        tips: (m, 3) float64, the arcs, see the columns above.
+        box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
+        rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
+            +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
+    """
+
+    lines: Any
+    tips: Any
+    box: Any
+    rails: Any
+
+
+def outline_arrays(lines: list[Line], tips: list[Tip], half_length: float, half_width: float) -> Outline:
+    """Returns the arrays of an outline.
+
+    Args:
+        lines: The straight cushions.
+        tips: The arcs.
+        half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
+        half_width: m.
+    """
+    rows = []
+    for x0, y0, x1, y1 in lines:
+        length = math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
+        if length > 0.0:
+            tx, ty = (x1 - x0) / length, (y1 - y0) / length
+            rows.append((x0, y0, tx, ty, ty, -tx, length))
+    box = (half_length, half_width)
+    if any(_reaches_into(line, *box) for line in lines) or any(_tip_reaches_into(tip, *box) for tip in tips):
+        box = (0.0, 0.0)
+    arcs, sides = [tip[:3] for tip in tips], [(0, -box[0]), (0, box[0]), (1, -box[1]), (1, box[1])]
+    rails = []
+    for k, (x0, y0, tx, ty, _, _, length) in enumerate(rows):
+        begin, end = (x0, y0), (x0 + length * tx, y0 + length * ty)
+        for side, (axis, place) in enumerate(sides):
+            if (tx, ty)[axis] == 0.0 and begin[axis] == place:
+                along = sorted((begin[1 - axis], end[1 - axis]))
+                rails.append((side, *along, k))
+    return Outline(
+        np.array(rows).reshape(-1, 7), np.array(arcs).reshape(-1, 3), np.array(box), np.array(rails).reshape(-1, 4)
+    )
+
+
+def _reaches_into(line: Line, half_length: float, half_width: float) -> bool:
+    """Returns whether a straight cushion has points inside a rectangle (Liang and Barsky 1984)."""
+    begin, end = 0.0, 1.0
+    for start, stop, half in ((line.x0, line.x1, half_length), (line.y0, line.y1, half_width)):
+        room, way = half * (1.0 - MARGIN), stop - start
+        if way == 0.0:
+            if abs(start) >= room:
+                return False
+            continue
+        near, far = sorted(((-room - start) / way, (room - start) / way))
+        begin, end = max(begin, near), min(end, far)
+    return begin < end
+
+
+def _tip_reaches_into(tip: Tip, half_length: float, half_width: float) -> bool:
+    """Returns whether the circle of a tip has points inside a rectangle."""
+    dx, dy = max(0.0, abs(tip.x) - half_length), max(0.0, abs(tip.y) - half_width)
+    return math.hypot(dx, dy) < tip.radius * (1.0 - MARGIN) - 1e-9
+
+
+@inlined
+def stays_within(x, v, a, end, room):
+    """Returns whether x + v t + a t^2 / 2 stays within +-room for t in [0, end], by its Bezier control points.
+
+    It may return False for a path that stays within.
+    """
+    room *= 1.0 - MARGIN
+    half = x + 0.5 * end * v
+    last = x + end * (v + 0.5 * end * a)
+    return abs(x) < room and abs(half) < room and abs(last) < room
+
+
+@inlined
+def half_sizes(params, outline):
+    """Returns half the sides of the rectangle that no cushion reaches into, m."""
+    if outline is None:
+        return params[HALF_LENGTH], params[HALF_WIDTH]
+    return outline.box[BOX_X], outline.box[BOX_Y]
+
+
+@inlined
+def wall_time(path, radius, end, params, outline):
+    """Returns the time at which a ball next touches a cushion, s, and the number of the cushion.
+
+    Args:
+        path: (x, y, vx, vy, ax, ay), the position, velocity and acceleration of the ball's centre.
+        radius: m.
+        end: End of the interval, s.
+        params: (N_PARAMS,) float64.
+        outline: The `Outline`; None for a rectangle.
+
+    Returns:
+        (time, number); the time is infinite if the ball touches no cushion until `end`.
+    """
+    half_length, half_width = half_sizes(params, outline)
+    first, side = _exit_time(path, half_length - radius, half_width - radius, end)
+    if outline is None:
+        return first, side
+    return _outline_time(path, radius, end, first, side, outline)
+
+
+@inlined
+def _exit_time(path, room_x, room_y, end):
+    """Returns the time at which a path leaves a rectangle, s, and the side, 0 to 3 for -x, +x, -y, +y.
+
+    Args:
+        path: (x, y, vx, vy, ax, ay).
+        room_x: Half the rectangle's length, m.
+        room_y: Half its width, m.
+        end: End of the interval, s.
+    """
+    x, y, vx, vy, ax, ay = path
+    first, number = math.inf, -1
+    if not stays_within(x, vx, ax, end, room_x):
+        for k in range(2):
+            sign = 1.0 if k else -1.0
+            t = line_time(room_x - sign * x, sign * vx, sign * ax, end)
+            if t < first:
+                first, number = t, k
+    if not stays_within(y, vy, ay, end, room_y):
+        for k in range(2):
+            sign = 1.0 if k else -1.0
+            t = line_time(room_y - sign * y, sign * vy, sign * ay, end)
+            if t < first:
+                first, number = t, 2 + k
+    return first, number
+
+
+@inlined
+def _outline_time(path, radius, end, leaves, side, outline):
+    """Implements `wall_time` for an outline; the path leaves the outline's box, less the radius, at a time and a side.
+
+    A ball in the box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the rail.
+    """
+    x, y, vx, vy, ax, ay = path
+    room_x, room_y = outline.box[BOX_X] - radius, outline.box[BOX_Y] - radius
+    if abs(x) <= room_x + CONTACT_GAP and abs(y) <= room_y + CONTACT_GAP:
+        if leaves == math.inf:
+            return math.inf, -1
+        along = y + leaves * (vy + 0.5 * leaves * ay) if side < 2 else x + leaves * (vx + 0.5 * leaves * ax)
+        rails = outline.rails
+        for k in range(len(rails)):
+            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] <= along <= rails[k, RAIL_TO]:
+                return leaves, int(rails[k, RAIL_LINE])
+    return _any_time(path, radius, end, outline)
+
+
+@kernel
+def _any_time(path, radius, end, outline):
+    """Implements `wall_time` for any outline and any path: tests all cushions."""
+    first, number = math.inf, -1
+    lines, tips = outline.lines, outline.tips
+    for k in range(len(lines)):
+        t = _segment_time(path, radius, end, lines[k])
+        if t < first:
+            first, number, end = t, k, t
+    x, y, vx, vy, ax, ay = path
+    bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
+    vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
+    way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
+    noise = NOISE * norm(vx, vy)
+    for k in range(len(tips)):
+        dx, dy, reach = tips[k, TIP_X] - x, tips[k, TIP_Y] - y, tips[k, TIP_RADIUS] + radius
+        if misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
+            continue
+        t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, noise)
+        if t < first:
+            first, number = t, len(lines) + k
+    return first, number
+
+
+@inlined
+def _segment_time(path, radius, end, line):
+    """Returns the time at which a ball next touches a straight cushion, s, or infinity."""
+    x, y, vx, vy, ax, ay = path
+    v, a = line[NX] * vx + line[NY] * vy, line[NX] * ax + line[NY] * ay
+    if v <= 0.0 and a <= 0.0:
+        return math.inf
+    dx, dy = x - line[LINE_X], y - line[LINE_Y]
+    gap = -(line[NX] * dx + line[NY] * dy) - radius
+    if gap > 0.0 and gap > (1.0 + MARGIN) * end * (max(v, 0.0) + 0.5 * end * max(a, 0.0)):
+        return math.inf
+    foot = line[TX] * dx + line[TY] * dy
+    along, bend = line[TX] * vx + line[TY] * vy, line[TX] * ax + line[TY] * ay
+    if gap > 0.0 or (gap > -radius and 0.0 <= foot <= line[LINE_LENGTH]):
+        t = line_time(gap, v, a, end)
+    else:  # beyond the straight continuation of the cushion: the ball comes back across it first
+        disc = v * v + 2.0 * a * gap
+        t = (math.sqrt(disc) - v) / a if v < 0.0 and a > 0.0 and disc > 0.0 else math.inf
+        t = t if t <= end else math.inf
+    if t < math.inf:
+        foot += t * (along + 0.5 * t * bend)
+        if not 0.0 <= foot <= line[LINE_LENGTH]:
+            return math.inf
+    return t
+
+
+@inlined
+def wall_normal(state, i, wall, outline):
+    """Returns the unit normal of a cushion at ball i, which points into the cushion."""
+    if outline is None:
+        sign = 1.0 if wall % 2 else -1.0
+        return (sign, 0.0) if wall < 2 else (0.0, sign)
+    return _outline_normal(state.rows[i, X], state.rows[i, Y], wall, outline)
+
+
+@kernel
+def _outline_normal(x, y, wall, outline):
+    """Implements `wall_normal` for an outline and a ball at (x, y), m."""
+    lines, tips = outline.lines, outline.tips
+    if wall < len(lines):
+        return lines[wall, NX], lines[wall, NY]
+    dx, dy = tips[wall - len(lines), TIP_X] - x, tips[wall - len(lines), TIP_Y] - y
+    distance = norm(dx, dy)
+    return dx / distance, dy / distance
+
+
+@inlined
+def wall_pressing(state, i, nx, ny, wall, scene_radius, outline):
+    """Returns the acceleration of ball i towards a cushion with the normal (nx, ny), m/s^2."""
+    s = state.rows[i]
+    towards = nx * s[AX] + ny * s[AY]
+    if outline is None:
+        return towards
+    return towards - _centrifugal(s[VX], s[VY], nx, ny, wall, scene_radius, outline)
+
+
+@kernel
+def _centrifugal(vx, vy, nx, ny, wall, radius, outline):
+    """Returns the acceleration at which a ball that moves along a tip leaves it, m/s^2; 0 at a straight cushion."""
+    lines, tips = outline.lines, outline.tips
+    if wall < len(lines):
+        return 0.0
+    around = nx * vy - ny * vx
+    return around * around / (radius + tips[wall - len(lines), TIP_RADIUS])
+
+
+@inlined
+def is_side(wall, side, outline):
+    """Returns whether a cushion is straight and has the normal of cushion `side` of a rectangle."""
+    if outline is None:
+        return wall == side
+    sign, lines = 1.0 if side % 2 else -1.0, outline.lines
+    nx, ny = (sign, 0.0) if side < 2 else (0.0, sign)
+    return wall < len(lines) and lines[wall, NX] == nx and lines[wall, NY] == ny
+
+
+@inlined
+def wall_count(outline):
+    """Returns the number of cushions."""
+    if outline is None:
+        return 4
+    return len(outline.lines) + len(outline.tips)
+
+
+@inlined
+def wall_overlap(x, y, radius, wall, params, outline):
+    """Returns the distance by which a ball at (x, y) is beyond a cushion, m, and the normal into the cushion.
+
+    The distance is not positive if the ball is on the table's side, or not between the ends of a straight cushion.
+    """
+    if outline is None:
+        sign = 1.0 if wall % 2 else -1.0
+        if wall < 2:
+            return sign * x - (params[HALF_LENGTH] - radius), sign, 0.0
+        return sign * y - (params[HALF_WIDTH] - radius), 0.0, sign
+    return _outline_overlap(x, y, radius, wall, outline)
+
+
+@kernel
+def _outline_overlap(x, y, radius, wall, outline):
+    """Implements `wall_overlap` for an outline."""
+    lines, tips = outline.lines, outline.tips
+    nx, ny = _outline_normal(x, y, wall, outline)
+    if wall < len(lines):
+        dx, dy = x - lines[wall, LINE_X], y - lines[wall, LINE_Y]
+        foot = lines[wall, TX] * dx + lines[wall, TY] * dy
+        beyond = nx * dx + ny * dy + radius
+        return (beyond if 0.0 <= foot <= lines[wall, LINE_LENGTH] else 0.0), nx, ny
+    tip = wall - len(lines)
+    distance = norm(tips[tip, TIP_X] - x, tips[tip, TIP_Y] - y)
+    return tips[tip, TIP_RADIUS] + radius - distance, nx, ny
+
+
+@inlined
+def back_to_wall(x, y, radius, wall, params, outline):
+    """Returns the position at which a ball that is beyond a cushion, at (x, y), touches it."""
+    if outline is None:
+        sign = 1.0 if wall % 2 else -1.0
+        if wall < 2:
+            return sign * (params[HALF_LENGTH] - radius), y
+        return x, sign * (params[HALF_WIDTH] - radius)
+    beyond, nx, ny = _outline_overlap(x, y, radius, wall, outline)
+    return x - beyond * nx, y - beyond * ny
