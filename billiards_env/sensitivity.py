@@ -60,6 +60,7 @@ from billiards_env.physics.state import (
     X,
     Y,
 )
+from billiards_env.physics.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y, Outline
 from billiards_env.trajectory import Trajectory, position_after
 
 Floats = NDArray[np.float64]
@@ -148,9 +149,8 @@ def sensitivity_along(
                 previous = now.hi
                 changed = _impact(before, after, arrays.inv_mass[concerned], params)
             else:
-                changed = [
-                    _single(before[0], after[0], kind, int(row[OTHER]), float(arrays.radius[concerned[0]]), params)
-                ]
+                radius = float(arrays.radius[concerned[0]])
+                changed = [_single(before[0], after[0], kind, int(row[OTHER]), radius, arrays)]
             for i, ball in zip(concerned, changed, strict=True):
                 balls[i] = ball
             piece += len(concerned)
@@ -236,15 +236,16 @@ def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: F
     return tangents
 
 
-def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, params: Floats) -> _Ball:
+def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, arrays: SceneArrays) -> _Ball:
     """Returns a ball with its tangent after a cushion, a pocket or a change of phase."""
-    row, tangent = before.row, before.tangent
-    v, u = row[[VX, VY]], row[[UX, UY]]
+    row, tangent, params = before.row, before.tangent, arrays.params
+    v, normal, curvature = row[[VX, VY]], np.zeros(2), 0.0
     if kind == BALL_POCKET:  # the ball ends at the pocket's centre, wherever it enters
         return _Ball(after.row, after.phase, np.zeros_like(tangent))
     if kind == BALL_CUSHION:
-        axis = 0 if other < 2 else 1
-        shift = -tangent[axis] / v[axis] if v[axis] else np.zeros(tangent.shape[1])
+        normal, curvature = _wall(row[[X, Y]], other, radius, arrays.outline)
+        speed = float(normal @ v)
+        shift = -(normal @ tangent[_R]) / speed if speed else np.zeros(tangent.shape[1])
     elif kind == SLIDING_ROLLING:
         # |u| falls at 7/2 mu_s g to zero. The direction of u is constant, so it is that at the start of the slide.
         direction = -row[[AX, AY]] / params[SLIDE]
@@ -256,7 +257,11 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, p
         shift = np.zeros(tangent.shape[1])
     at = tangent + np.outer(_rate(before, params), shift)
     if kind == BALL_CUSHION:
-        at = _cushion_jump(v, u, float(row[WZ]), other, radius, params) @ at
+        jump = _cushion_jump(row, normal, radius, params)
+        # At a tip the normal turns with the point of contact.
+        along = np.array((-normal[1], normal[0]))
+        turn = -curvature * (along @ at[_R])
+        at = jump @ at + np.outer(_turned(after.row) - jump @ _turned(row), turn)
     elif kind == SLIDING_ROLLING:
         at[_U] = 0.0
     elif kind == ROLLING_REST:
@@ -266,24 +271,40 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, p
     return _Ball(after.row, after.phase, at - np.outer(_rate(after, params), shift))
 
 
-def _cushion_jump(v: Floats, u: Floats, wz: float, side: int, radius: float, params: Floats) -> Floats:
+def _wall(position: Floats, wall: int, radius: float, outline: Outline | None) -> tuple[Floats, float]:
+    """Returns the unit normal into a cushion, (2,), and the curvature of the line of the touching centres, 1/m."""
+    if outline is None:
+        normal = np.zeros(2)
+        normal[0 if wall < 2 else 1] = 1.0 if wall % 2 else -1.0
+        return normal, 0.0
+    if wall < len(outline.lines):
+        return outline.lines[wall, [NX, NY]], 0.0
+    tip = outline.tips[wall - len(outline.lines)]
+    offset = tip[[TIP_X, TIP_Y]] - position
+    return offset / math.hypot(*offset), 1.0 / (radius + tip[TIP_RADIUS])
+
+
+def _turned(row: Floats) -> Floats:
+    """Returns the derivative of a state, (7,), with respect to a rotation of its velocity and slip."""
+    return np.array((0.0, 0.0, -row[VY], row[VX], -row[UY], row[UX], 0.0))
+
+
+def _cushion_jump(row: Floats, normal: Floats, radius: float, params: Floats) -> Floats:
     """Returns the derivative of the state after a cushion with respect to the state before it, (7, 7)."""
     jump = np.eye(_SIZE)
-    n, t = (2, 3) if side < 2 else (3, 2)
     e = params[E_CUSHION]
     if params[CUSHION] != HAN2005:
-        jump[n, n] = -e
+        back = (1.0 + e) * np.outer(normal, normal)
+        jump[_V, _V] -= back
         if params[MOTION] == SLIDING_AND_ROLLING:
-            jump[n + 2, n] -= 1.0 + e
+            jump[_U, _V] -= back
         return jump
-    sign = 1.0 if side % 2 else -1.0
-    turn = sign if side < 2 else -sign
     # Transformation to (vn, vt, un, ut, R wz), the variables of `cushion.han2005`.
     to = np.zeros((5, _SIZE))
-    to[0, n] = to[2, n + 2] = sign
-    to[1, t] = to[3, t + 2] = turn
+    to[0, _V] = to[2, _U] = normal
+    to[1, _V] = to[3, _U] = -normal[1], normal[0]
     to[4, _WZ] = radius
-    inputs = to @ np.concatenate((np.zeros(2), v, u, (wz,)))
+    inputs = to @ np.concatenate((np.zeros(2), row[[VX, VY, UX, UY, WZ]]))
     vn, vt, un, ut, rwz = np.eye(5)
     sin = params[CUSHION_HEIGHT] / radius - 1.0
     cos = math.sqrt(1.0 - sin * sin)
