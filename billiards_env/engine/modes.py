@@ -105,5 +105,5 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
     outline = None
     if scene.table.outline:
-        outline = outline_arrays(*pieces(scene.table.outline), params[HALF_LENGTH], params[HALF_WIDTH])
+        outline = outline_arrays(*pieces(scene.table.outline), params[HALF_LENGTH], params[HALF_WIDTH], pockets)
     return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets, outline)

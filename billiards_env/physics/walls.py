@@ -15,6 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from billiards_env.outline import Line, Tip
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle
@@ -48,15 +49,20 @@ class Outline(NamedTuple):
         box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
         rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
             +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
+        mouths: (p, 2) int64, for each pocket the tips to the right and to the left of its mouth, as seen from the
+            centre of the table; -1 for none.
     """
 
     lines: Any
     tips: Any
     box: Any
     rails: Any
+    mouths: Any
 
 
-def outline_arrays(lines: list[Line], tips: list[Tip], half_length: float, half_width: float) -> Outline:
+def outline_arrays(
+    lines: list[Line], tips: list[Tip], half_length: float, half_width: float, pockets: NDArray[np.float64]
+) -> Outline:
     """Returns the arrays of an outline.
 
     Args:
@@ -64,6 +70,7 @@ def outline_arrays(lines: list[Line], tips: list[Tip], half_length: float, half_
         tips: The arcs.
         half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
         half_width: m.
+        pockets: (p, 3) float64, see `state.SceneArrays`.
     """
     rows = []
     for x0, y0, x1, y1 in lines:
@@ -83,8 +90,23 @@ def outline_arrays(lines: list[Line], tips: list[Tip], half_length: float, half_
                 along = sorted((begin[1 - axis], end[1 - axis]))
                 rails.append((side, *along, k))
     return Outline(
-        np.array(rows).reshape(-1, 7), np.array(arcs).reshape(-1, 3), np.array(box), np.array(rails).reshape(-1, 4)
+        np.array(rows).reshape(-1, 7),
+        np.array(arcs).reshape(-1, 3),
+        np.array(box),
+        np.array(rails).reshape(-1, 4),
+        np.array([_mouth(tips, x, y) for x, y, _ in pockets], np.int64).reshape(-1, 2),
     )
+
+
+def _mouth(tips: list[Tip], x: float, y: float) -> tuple[int, int]:
+    """Returns the tips that are nearest to a pocket's centre on the right and on the left; -1 for none."""
+    nearest, distance = [-1, -1], [math.inf, math.inf]
+    for k, tip in enumerate(tips):
+        dx, dy = tip.x - x, tip.y - y
+        left = int(x * dy - y * dx > 0.0)
+        if math.hypot(dx, dy) < distance[left]:
+            nearest[left], distance[left] = k, math.hypot(dx, dy)
+    return nearest[0], nearest[1]
 
 
 def _reaches_into(line: Line, half_length: float, half_width: float) -> bool:

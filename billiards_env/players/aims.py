@@ -8,6 +8,7 @@ from typing import NamedTuple
 from billiards_env.physics.jit import inlined, kernel, merged
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.players.hits import (
     Hit,
     approach_clearance,
@@ -109,9 +110,37 @@ class Mouth(NamedTuple):
 def open_mouth(scene, i, p, x, y):
     """Returns the open mouth of pocket p as seen from the point (x, y), which is outside of the pocket.
 
-    The open mouth is the part of the rim that the centre of ball i can reach. Its ends are tangents of the rim, or the
-    points where the rim meets the limits of the ball's centre.
+    On a rectangle the open mouth is the part of the rim that the centre of ball i can reach. Its ends are tangents of
+    the rim, or the points where the rim meets the limits of the ball's centre. On a table with an outline it lies
+    between the tips of the jaws.
     """
+    return _between_tips(scene, scene.outline, i, p, x, y)
+
+
+@inlined
+def _between_tips(scene, outline, i, p, x, y):
+    """Implements `open_mouth`."""
+    if outline is None:
+        return _rim_mouth(scene, i, p, x, y)
+    right, left = outline.mouths[p]
+    if min(right, left) < 0:
+        return _rim_mouth(scene, i, p, x, y)
+    right_x, right_y = _past_tip(outline.tips[right], scene.radius[i], x, y, 1.0)
+    left_x, left_y = _past_tip(outline.tips[left], scene.radius[i], x, y, -1.0)
+    return _middle(right_x, right_y, left_x, left_y)
+
+
+@inlined
+def _past_tip(tip, radius, x, y, side):
+    """Returns the direction, (x, y), in which a ball passes a tip on its left (side = 1) or right (side = -1)."""
+    to_x, to_y, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius
+    along = math.sqrt(max(to_x * to_x + to_y * to_y - reach * reach, 0.0))
+    return along * to_x - side * reach * to_y, along * to_y + side * reach * to_x
+
+
+@kernel
+def _rim_mouth(scene, i, p, x, y):
+    """Implements `open_mouth` for a rectangle."""
     r = scene.pockets[p, POCKET_RADIUS]
     room_x, room_y = room_of(scene, i)
     to_x, to_y = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y
@@ -133,7 +162,12 @@ def open_mouth(scene, i, p, x, y):
             chord = r * r - (at_y - to_y) * (at_y - to_y)
             if chord >= 0.0:
                 mouth = _wider(mouth, to_x + side * math.sqrt(chord), at_y, x, y, room_x, room_y)
-    right_x, right_y, left_x, left_y = mouth
+    return _middle(*mouth)
+
+
+@inlined
+def _middle(right_x, right_y, left_x, left_y):
+    """Returns the `Mouth` between two vectors."""
     turn = cross(right_x, right_y, left_x, left_y)
     if turn <= 0.0:
         return Mouth(0.0, 0.0, 0.0)
