@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from benchmarks.figures import save
 from billiards_env.physics.state import FIXES
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.simulation import simulate_batch
+from billiards_env.table import Table
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,10 @@ PIC shot after at most `max_events` events, a PIT shot also after at most `pit.M
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import sys
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -207,6 +209,32 @@ def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArra
     if not np.isfinite(array).all():
         raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
     return array
+
+
+def check_fields(owner: object, prefix: str, **ranges: str) -> None:
+    """Checks the fields of a frozen dataclass against their ranges and converts them to floats."""
+    for name, within in ranges.items():
+        object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
+
+
+def sequence(name: str, values: Any) -> tuple[Any, ...]:
+    """Returns a list as a tuple. Raises a TypeError for a value that is not a list or a tuple."""
+    if not isinstance(values, (list, tuple)):
+        raise TypeError(f"{name} = {short(values)}: expected a list")
+    return tuple(values)
+
+
+def fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
+    """Returns `data` as keyword arguments of the dataclass `kind`; raises if a key is unknown or missing."""
+    if not isinstance(data, Mapping):
+        raise TypeError(f"{name} = {short(data)}: expected a mapping")
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    for key in data:
+        choose(f"key of {name}", key, tuple(fields))
+    for key, field in fields.items():
+        if key not in data and field.default is dataclasses.MISSING:
+            raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
+    return dict(data)
 
 
 def missing(module: str, extra: str) -> ModuleNotFoundError:

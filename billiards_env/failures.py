@@ -24,7 +24,8 @@ import dataclasses
 import math
 
 from billiards_env.checks import choose
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.table import Table
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

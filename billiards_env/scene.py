@@ -3,15 +3,11 @@
 All quantities are in SI units. The origin is the table's centre, x runs along the table's length and y along its width.
 Scenes are immutable and are validated on construction. `checks.RANGES` holds the range of each number.
 
-The default values and their sources:
+The default values and their sources (`billiards_env.table` has those of the tables):
 
 =====================  ==============  ===========================================================================
 field                  default         source
 =====================  ==============  ===========================================================================
-table.length, width    2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
-table.cushion_height   0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
-corner pocket radius   0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
-side pocket radius     0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
 balls.radius           0.028575 m      WPA: diameter 2.25 in
 balls.mass             0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
 physics.g              9.81 m/s^2      standard gravity, rounded
@@ -21,9 +17,14 @@ physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Princip
 physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
 physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
 physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
-carom table            2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
 carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
                        0.21 kg
+snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
+                       0.14 kg
+UK object ball         0.0254 m,       WEPF: 2 in across, 116 g
+                       0.116 kg
+UK cue ball            0.0238125 m,    WEPF: 1 7/8 in across, 94 g
+                       0.094 kg
 =====================  ==============  ===========================================================================
 """
 
@@ -37,107 +38,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, numbers, real, short, whole
-from billiards_env.outline import Corner
+from billiards_env.checks import Range, choose, fields_of, numbers, real, sequence, short, whole
+from billiards_env.checks import check_fields as _check
+from billiards_env.outline import clearance, extents
+from billiards_env.table import INCH, POOL_RADIUS, Table, six_pockets
 
 MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005")
+COLOURS = ("pool", "snooker", "uk")
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
 above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
 
-_INCH = 0.0254
-_POOL_LENGTH, _POOL_WIDTH = 100 * _INCH, 50 * _INCH
-_POOL_RADIUS, _POOL_MASS = 2.25 * _INCH / 2, 0.170097
-_CORNER_RADIUS, _SIDE_RADIUS = 4.5625 * _INCH / 2, 5.0625 * _INCH / 2
-_CAROM_LENGTH, _CAROM_WIDTH = 2.84, 1.42
-_CAROM_RADIUS, _CAROM_MASS, _CAROM_CUSHION = 0.03075, 0.21, 0.037
-
-
-def _check(owner: object, prefix: str, **ranges: str) -> None:
-    """Checks the fields of a dataclass against their ranges and converts them to floats."""
-    for name, within in ranges.items():
-        object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
-
-
-def _sequence(name: str, values: Any) -> tuple[Any, ...]:
-    if not isinstance(values, (list, tuple)):
-        raise TypeError(f"{name} = {short(values)}: expected a list")
-    return tuple(values)
-
-
-def _fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
-    """Returns `data` as keyword arguments of the dataclass `kind`; raises if a key is unknown or missing."""
-    if not isinstance(data, Mapping):
-        raise TypeError(f"{name} = {short(data)}: expected a mapping")
-    fields = {f.name: f for f in dataclasses.fields(kind)}
-    for key in data:
-        choose(f"key of {name}", key, tuple(fields))
-    for key, field in fields.items():
-        if key not in data and field.default is dataclasses.MISSING:
-            raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
-    return dict(data)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Pocket:
-    """A circle that captures every ball whose centre enters it.
-
-    Attributes:
-        x: Centre along the table's length, m.
-        y: Centre along the table's width, m.
-        radius: Radius, m.
-    """
-
-    x: float
-    y: float
-    radius: float
-
-    def __post_init__(self) -> None:
-        _check(self, "pocket", x="coordinate", y="coordinate", radius="length")
-
-
-def six_pockets(length: float = _POOL_LENGTH, width: float = _POOL_WIDTH) -> tuple[Pocket, ...]:
-    """Returns four corner and two side pockets, centred on the cushion lines of a table of `length` x `width` (m)."""
-    x, y = length / 2, width / 2
-    corners = [Pocket(sx * x, sy * y, _CORNER_RADIUS) for sx in (-1, 1) for sy in (-1, 1)]
-    sides = [Pocket(0.0, sy * y, _SIDE_RADIUS) for sy in (-1, 1)]
-    return (*corners, *sides)
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Table:
-    """A rectangle of cushions, with or without pockets.
-
-    Attributes:
-        length: Distance between the noses of the short cushions (along x), m.
-        width: Distance between the noses of the long cushions (along y), m.
-        cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
-        pockets: The pockets, for example `six_pockets()`; empty by default.
-        outline: The corners of the cushions, see `billiards_env.outline`; empty for the rectangle of `length` and
-            `width`.
-    """
-
-    length: float = _POOL_LENGTH
-    width: float = _POOL_WIDTH
-    cushion_height: float = 0.635 * 2 * _POOL_RADIUS
-    pockets: tuple[Pocket, ...] = ()
-    outline: tuple[Corner, ...] = ()
-
-    def __post_init__(self) -> None:
-        _check(self, "table", length="length", width="length", cushion_height="cushion_height")
-        if not isinstance(self.pockets, tuple):
-            raise TypeError(f"table.pockets = {short(self.pockets)}: expected a tuple of Pocket objects")
-        for k, p in enumerate(self.pockets):
-            if not isinstance(p, Pocket):
-                raise TypeError(f"table.pockets[{k}] = {short(p)}: expected a Pocket")
-        for k, p in enumerate(self.pockets):
-            if not self.outline and (abs(p.x) > self.length / 2 + p.radius or abs(p.y) > self.width / 2 + p.radius):
-                raise ValueError(
-                    f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
-                    f"({self.length} x {self.width} m, centred on the origin)"
-                )
+_POOL_MASS = 0.170097
+_CAROM_RADIUS, _CAROM_MASS = 0.03075, 0.21
+_SNOOKER_RADIUS, _SNOOKER_MASS = 0.0525 / 2, 0.14
+_UK_RADIUS, _UK_MASS = 2 * INCH / 2, 0.116
+_UK_CUE_RADIUS, _UK_CUE_MASS = 1.875 * INCH / 2, 0.094
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -147,12 +65,17 @@ class Balls:
     Attributes:
         radius: Radius of each ball, m.
         mass: Mass of each ball, kg. A ball of mass `math.inf` is a fixed obstacle.
+        colours: The colours in pictures: "pool" (numbered balls; on a table without pockets up to three balls are
+            white, red and yellow), "snooker" (the last six object balls are yellow, green, brown, blue, pink and black,
+            the others red) or "uk" (seven red balls, the black ball, seven yellow balls).
     """
 
     radius: tuple[float, ...]
     mass: tuple[float, ...]
+    colours: str = "pool"
 
     def __post_init__(self) -> None:
+        choose("balls.colours", self.colours, COLOURS)
         for name, within in (("radius", "length"), ("mass", "mass")):
             values = getattr(self, name)
             if not isinstance(values, tuple):
@@ -174,7 +97,7 @@ class Balls:
             raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move")
 
     @classmethod
-    def uniform(cls, count: int, radius: float = _POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
+    def uniform(cls, count: int, radius: float = POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
         """Returns `count` equal balls of `radius` metres and `mass` kilograms."""
         count = whole("count", count, "balls")
         return cls((radius,) * count, (mass,) * count)
@@ -249,8 +172,9 @@ class Scene:
         for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"scene.{name} = {short(getattr(self, name))}: expected a {kind.__name__}")
-        widest = 2 * max(self.balls.radius)
-        if widest > min(self.table.length, self.table.width):
+        radius = max(self.balls.radius)
+        widest = 2 * radius
+        if widest > min(self.table.length, self.table.width) or _room(self.table, radius) is None:
             raise ValueError(
                 f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
             )
@@ -278,6 +202,19 @@ class Scene:
         """Number of balls, including the cue ball."""
         return len(self.balls)
 
+    @property
+    def half_extents(self) -> tuple[float, float]:
+        """Bounds of abs(x) and abs(y) of the centre of a ball in play, m: the scale of observations.
+
+        For a rectangle these are half its length and half its width. In the jaws of a pocket a ball can lie outside the
+        playing surface, so for an outline they are the largest values of the smallest ball, increased by a millionth.
+        """
+        if not self.table.outline:
+            return self.table.length / 2, self.table.width / 2
+        room = _room(self.table, min(self.balls.radius))
+        assert room is not None  # a larger ball has room
+        return room[0] * (1 + 1e-6), room[1] * (1 + 1e-6)
+
     @classmethod
     def named(cls, name: str, n_object_balls: int | None = None) -> Scene:
         """Returns the scene of a given name.
@@ -285,10 +222,13 @@ class Scene:
         Args:
             name: "pool" (9-foot table with six pockets), "blocked_pool" (the same, with ball 2 as a fixed obstacle),
                 "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
-                "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool) or
-                "sum_to_three" (the small table of pooltool's game of that name).
-            n_object_balls: Number of object balls; None for the default: 2 in "carom", "pooltool_carom" and
-                "blocked_pool", 1 in the others.
+                "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
+                "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
+                jaws of the pockets), "real_carom" (carom), "snooker" (15 red balls, then yellow, green, brown, blue,
+                pink and black), "uk_pool" (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom"
+                (7-foot pool table and carom table of reference shots made with pooltool).
+            n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
+                carom scenes and in "blocked_pool", 1 in the others.
 
         Returns:
             The scene.
@@ -312,7 +252,8 @@ class Scene:
 
         Args:
             data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
-                `Table` and `Physics`. Fields with a default are optional. An infinite mass may be written "inf".
+                `Table` and `Physics`. Fields with a default are optional. An infinite mass may be written "inf". The
+                table may be a name of `Table.named`.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
@@ -325,27 +266,17 @@ class Scene:
             >>> Scene.from_dict({"balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}).balls.mass
             (0.2, inf)
         """
-        fields = dict(_fields_of(Scene, "scene", data))
+        fields = dict(fields_of(Scene, "scene", data))
         if "table" in fields:
-            table = dict(_fields_of(Table, "scene.table", fields["table"]))
-            if "pockets" in table:
-                pockets = _sequence("scene.table.pockets", table["pockets"])
-                table["pockets"] = tuple(
-                    Pocket(**_fields_of(Pocket, f"scene.table.pockets[{k}]", p)) for k, p in enumerate(pockets)
-                )
-            if "outline" in table:
-                corners = _sequence("scene.table.outline", table["outline"])
-                table["outline"] = tuple(
-                    Corner(**_fields_of(Corner, f"scene.table.outline[{k}]", c)) for k, c in enumerate(corners)
-                )
-            fields["table"] = Table(**table)
-        balls = {
-            name: tuple(math.inf if v == "inf" else v for v in _sequence(f"scene.balls.{name}", values))
-            for name, values in _fields_of(Balls, "scene.balls", fields["balls"]).items()
-        }
+            table = fields["table"]
+            named = isinstance(table, str)
+            fields["table"] = Table.named(table) if named else Table.from_dict(table, "scene.table")
+        balls = fields_of(Balls, "scene.balls", fields["balls"])
+        for name in ("radius", "mass"):
+            balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
         fields["balls"] = Balls(**balls)
         if "physics" in fields:
-            fields["physics"] = Physics(**_fields_of(Physics, "scene.physics", fields["physics"]))
+            fields["physics"] = Physics(**fields_of(Physics, "scene.physics", fields["physics"]))
         return cls(**fields)
 
     def to_dict(self) -> dict[str, Any]:
@@ -358,10 +289,16 @@ class Scene:
         data = dataclasses.asdict(self)
         for name in ("pockets", "outline"):
             data["table"][name] = list(data["table"][name])
-        data["balls"] = {
-            name: ["inf" if math.isinf(v) else v for v in values] for name, values in data["balls"].items()
-        }
+        for name in ("radius", "mass"):
+            data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
         return data
+
+
+def _room(table: Table, radius: float) -> tuple[float, float] | None:
+    """Returns the largest abs(x) and abs(y), m, of the centre of a ball in play; None if there is no room for it."""
+    if not table.outline:
+        return table.length / 2 - radius, table.width / 2 - radius
+    return extents(table.outline, tuple((p.x, p.y, p.radius) for p in table.pockets), radius)
 
 
 def _range(values: tuple[float, ...]) -> str:
@@ -382,7 +319,7 @@ def _blocked_pool(n_balls: int) -> Scene:
 def _carom(n_balls: int) -> Scene:
     return Scene(
         Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS),
-        Table(_CAROM_LENGTH, _CAROM_WIDTH, _CAROM_CUSHION),
+        Table.named("carom_10ft"),
     )
 
 
@@ -391,11 +328,50 @@ def _ideal(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls), Table(), physics)
 
 
-def _pooltool_carom(n_balls: int) -> Scene:
+def _pooltool_spin_decay(radius: float) -> float:
     # pooltool's spin coefficient is a length, 4/9 of a radius; its spin decays at 5 mu_spin g / (2 R).
-    spin_decay = 5 * (4 / 90 * 10 * _CAROM_RADIUS) * 9.81 / (2 * _CAROM_RADIUS)
-    physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=spin_decay)
+    return 5 * (4 / 90 * 10 * radius) * 9.81 / (2 * radius)
+
+
+def _pooltool_carom(n_balls: int) -> Scene:
+    physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=_pooltool_spin_decay(_CAROM_RADIUS))
     return dataclasses.replace(_carom(n_balls), physics=physics)
+
+
+# The physics of the scenes with the cushions of real tables
+_REAL = Physics()
+
+
+def _pooltool_real(radius: float, mu_cushion: float) -> Physics:
+    spin_decay = _pooltool_spin_decay(radius)
+    return dataclasses.replace(_REAL, e_ball=1.0, mu_cushion=mu_cushion, spin_decay=spin_decay)
+
+
+def _real_pool(n_balls: int) -> Scene:
+    return Scene(Balls.uniform(n_balls), Table.named("pool_9ft"), _REAL)
+
+
+def _real_carom(n_balls: int) -> Scene:
+    return dataclasses.replace(_carom(n_balls), physics=_REAL)
+
+
+def _snooker(n_balls: int) -> Scene:
+    balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
+    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), _REAL)
+
+
+def _uk_pool(n_balls: int) -> Scene:
+    radius = (_UK_CUE_RADIUS, *(_UK_RADIUS,) * (n_balls - 1))
+    mass = (_UK_CUE_MASS, *(_UK_MASS,) * (n_balls - 1))
+    return Scene(Balls(radius, mass, "uk"), Table.named("uk_7ft"), _REAL)
+
+
+def _pooltool_real_carom(n_balls: int) -> Scene:
+    return dataclasses.replace(_carom(n_balls), physics=_pooltool_real(_CAROM_RADIUS, 0.15))
+
+
+def _pooltool_pool(n_balls: int) -> Scene:
+    return Scene(Balls.uniform(n_balls), Table.named("pool_7ft"), _pooltool_real(POOL_RADIUS, 0.2))
 
 
 def _sum_to_three(n_balls: int) -> Scene:
@@ -413,6 +389,12 @@ _NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
     "ideal": (_ideal, 1, 500),
     "pooltool_carom": (_pooltool_carom, 2, 15),
     "sum_to_three": (_sum_to_three, 1, 15),
+    "real_pool": (_real_pool, 1, 15),
+    "real_carom": (_real_carom, 2, 15),
+    "snooker": (_snooker, 21, 21),
+    "uk_pool": (_uk_pool, 15, 15),
+    "pooltool_pool": (_pooltool_pool, 1, 15),
+    "pooltool_real_carom": (_pooltool_real_carom, 2, 15),
 }
 SCENES = tuple(_NAMED)
 
@@ -457,16 +439,19 @@ def check_positions(
         at = tuple(bad[0])
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
     radius = np.array(scene.balls.radius)
-    half = np.array([scene.table.length / 2, scene.table.width / 2])
-    largest = half - radius[:, None]
-    bad = np.argwhere((np.abs(array) > largest + CONTACT_GAP).any(axis=-1) & playing)
+    limit = np.array([scene.table.length / 2, scene.table.width / 2]) - radius[:, None]
+    if scene.table.outline:
+        outside = clearance(scene.table.outline, array) < radius - CONTACT_GAP
+    else:
+        outside = (np.abs(array) > limit + CONTACT_GAP).any(axis=-1)
+    bad = np.argwhere(outside & playing)
     if len(bad):
         at = tuple(bad[0])
-        limit = largest[at[-1]]
-        raise ValueError(
-            f"{where(at)} is at {array[at].tolist()}: expected |x| <= {limit[0]} and |y| <= {limit[1]}, "
-            "inside the cushions"
-        )
+        x, y = limit[at[-1]].tolist()
+        expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
+        if scene.table.outline:
+            expected = f"a place inside the outline, at least {radius[at[-1]]} m from the cushions"
+        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
         inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius
         bad = np.argwhere(inside & playing)

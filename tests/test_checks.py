@@ -16,8 +16,9 @@ from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.wrappers import ActionFrame
 from billiards_env.games import Setup, Stroke, opening, play
-from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.simulation import simulate, simulate_batch
+from billiards_env.table import Pocket, Table
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
 

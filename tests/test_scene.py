@@ -7,17 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.scene import (
-    CONTACT_GAP,
-    SCENES,
-    Balls,
-    Physics,
-    Pocket,
-    Scene,
-    Table,
-    check_positions,
-    six_pockets,
-)
+from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Physics, Scene, check_positions
+from billiards_env.table import Pocket, Table, six_pockets
 
 R = 0.03125
 

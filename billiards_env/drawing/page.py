@@ -14,7 +14,7 @@ import numpy as np
 from billiards_env.drawing.recording import Recording, check_pair
 from billiards_env.drawing.style import CHALK, KINDS, POTTED, RAIL, draw_table, looks, rail_width, tray, tray_height
 from billiards_env.files import check_path, replacing
-from billiards_env.scene import Table
+from billiards_env.table import Table
 
 SIDE, CONTROLS, LIST, NARROW, LARGEST = 296, 172, 225, 760, 640
 """Pixels: the width of the events next to the table, the heights of all controls and of the events under the table, the

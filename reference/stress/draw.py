@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
-from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.table import Pocket, Table
 
 _TRIES = 1000
 _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import layouts
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.sensitivity import UNIT_ROUNDOFF
 from billiards_env.simulation import simulate
+from billiards_env.table import Table
 from reference import oracle
 from reference.stress import draw
 from reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, check_shots

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.scene import Balls, Physics, Pocket, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
+from billiards_env.table import Pocket, Table
 from reference.stress.checks import check_shots
 
 R = 0.03125  # m, a power of two: sums and halves of it are exact

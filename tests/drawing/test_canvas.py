@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.scene import Balls, Table
+from billiards_env.scene import Balls
 from billiards_env.simulation import simulate
+from billiards_env.table import Table
 
 pytest.importorskip("pygame")
 

@@ -8,8 +8,9 @@ import pytest
 from billiards_env import Scene
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import CLOTH, POCKET, RAIL_EDGE, draw_table, looks, rail_width, tray
-from billiards_env.scene import Balls, Pocket, Table, six_pockets
+from billiards_env.scene import Balls
 from billiards_env.simulation import simulate
+from billiards_env.table import Pocket, Table, six_pockets
 
 BIG = tuple(Pocket(pocket.x, pocket.y, 0.12) for pocket in six_pockets())
 TABLES = {

@@ -18,8 +18,9 @@ import pytest
 
 import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.engine.modes import MANY_BALLS
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.simulation import simulate, simulate_batch
+from billiards_env.table import Table
 
 LONG = 10**9  # events
 MAX_DELAY = 10.0  # s; on an idle machine it is about 0.1 s

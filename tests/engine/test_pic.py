@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from billiards_env import Scene, layouts, simulation
 from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.physics import state as columns
-from billiards_env.scene import Balls, Physics, Pocket, Table
+from billiards_env.scene import Balls, Physics
+from billiards_env.table import Pocket, Table
 from tests.helpers.shots import (
     FREE,
     ROLLING,

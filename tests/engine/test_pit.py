@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from billiards_env import Scene, engine, layouts, simulate_batch, simulation
 from billiards_env.physics import state as columns
 from billiards_env.physics.state import FIXES
-from billiards_env.scene import SCENES, Balls, Physics, Pocket, Table
+from billiards_env.scene import SCENES, Balls, Physics
+from billiards_env.table import Pocket, Table
 from tests.helpers.shots import (
     FREE,
     ROLLING,

@@ -7,7 +7,8 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.engine import modes, pic
-from billiards_env.scene import Balls, Physics, Table
+from billiards_env.scene import Balls, Physics
+from billiards_env.table import Table
 from reference import plain
 from reference.stress import draw, families
 from tests.helpers.engine_runs import run

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from billiards_env import layouts
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.sensitivity import UNIT_ROUNDOFF
 from billiards_env.simulation import simulate
+from billiards_env.table import Table
 from reference.oracle import run
 
 STEP = mpmath.mpf(10) ** -25

@@ -7,7 +7,8 @@ import pytest
 
 from billiards_env import Scene, layouts, simulation
 from billiards_env.engine.log import KINDS
-from billiards_env.scene import Balls, Physics, Table
+from billiards_env.scene import Balls, Physics
+from billiards_env.table import Table
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.cushion import han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.table import Table
 
 R = 0.03
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from billiards_env.checks import RANGES
-from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.simulation import simulate
+from billiards_env.table import Table
 
 MAX_EVENTS = 2000
 Shot = tuple[Scene, np.ndarray, np.ndarray, np.ndarray | None]

@@ -7,7 +7,8 @@ import pytest
 
 from billiards_env import Scene, failures, layouts, simulate
 from billiards_env.failures import FAILURES
-from billiards_env.scene import Balls, Physics, Pocket, Table
+from billiards_env.scene import Balls, Physics
+from billiards_env.table import Pocket, Table
 from studies.causes import CAUSES, cause, contacts, history
 
 
