@@ -162,7 +162,7 @@ def clearance(corners: Sequence[Corner], points: ArrayLike) -> Floats:
     lines, tips = pieces(corners)
     x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
     nearest = np.full(x.shape, np.inf)
-    inside = np.zeros(x.shape, np.bool_)
+    inside, cap = np.zeros(x.shape, np.bool_), np.zeros(x.shape, np.bool_)
 
     def crosses(x0: float, y0: float, x1: float, y1: float) -> NDArray[np.bool_]:
         """Returns whether the ray from each point in the direction +x crosses a line."""
@@ -182,10 +182,10 @@ def clearance(corners: Sequence[Corner], points: ArrayLike) -> Floats:
             continue
         distance = np.hypot(x - tip.x, y - tip.y)
         nearest = np.where(_within(tip, x, y), np.minimum(nearest, abs(distance - tip.radius)), nearest)
-        # The area between the arc and its chord belongs to the cushion.
         chord_x, chord_y = tip.x1 - tip.x0, tip.y1 - tip.y0
-        inside &= ~((distance < tip.radius) & (chord_x * (y - tip.y0) - chord_y * (x - tip.x0) > 0.0))
-    return np.where(inside, nearest, -nearest)
+        cap |= (distance < tip.radius) & (chord_x * (y - tip.y0) - chord_y * (x - tip.x0) > 0.0)
+    # The area between an arc and its chord belongs to the cushion.
+    return np.where(inside & ~cap, nearest, -nearest)
 
 
 @functools.lru_cache(maxsize=256)
@@ -309,7 +309,7 @@ def _holds(piece: Line | Tip, x: float, y: float) -> bool:
     """Returns whether a point lies on a piece."""
     if isinstance(piece, Tip):
         on_circle = abs(math.hypot(x - piece.x, y - piece.y) - piece.radius) <= TOUCH
-        return on_circle and bool(_within(piece, np.float64(x), np.float64(y)))
+        return on_circle and bool(_within(piece, np.array(x), np.array(y)))
     dx, dy = piece.x1 - piece.x0, piece.y1 - piece.y0
     share = ((x - piece.x0) * dx + (y - piece.y0) * dy) / (dx * dx + dy * dy)
     share = min(max(share, 0.0), 1.0)

@@ -97,8 +97,8 @@ def test_ideal_scene_loses_no_energy_and_has_a_time_limit():
     ("name", "count", "message"),
     [
         ("pol", None, "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'pooltool_carom', "),
-        ("pol", None, "'sum_to_three' (did you mean 'pool'?)"),
-        ("snooker", None, "scene = 'snooker': expected one of"),
+        ("pol", None, "'pooltool_real_carom' (did you mean 'pool'?)"),
+        ("billiards", None, "scene = 'billiards': expected one of"),
         ("pool", 16, "n_object_balls = 16: expected a whole number from 0 to 15 for scene 'pool'"),
         ("pool", -1, "n_object_balls = -1: expected a whole number"),
         ("pool", True, "n_object_balls = True: expected a whole number"),
