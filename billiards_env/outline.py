@@ -152,6 +152,13 @@ def check_outline(corners: tuple[Corner, ...]) -> None:
                     f"table.outline[{k}] and table.outline[{path[j][0]}]: expected cushions that do not meet, except "
                     "neighbours at their corner"
                 )
+            for (corner, tip), (other, near) in ((path[i], path[j]), (path[j], path[i])):
+                # The engines treat a tip as a full circle.
+                if isinstance(tip, Tip) and _distance(near, tip.x, tip.y) < tip.radius - TOUCH:
+                    raise ValueError(
+                        f"table.outline[{corner}] = {corners[corner]}: expected a smaller radius, the circle of the tip "
+                        f"reaches the cushion of table.outline[{other}]"
+                    )
 
 
 def clearance(corners: Sequence[Corner], points: ArrayLike) -> Floats:
@@ -305,21 +312,20 @@ def _intersections(a: Line | Circle, b: Line | Circle) -> list[Point]:
     return [(a.x0 + s * dx, a.y0 + s * dy) for s in (t - half, t + half)]
 
 
-def _holds(piece: Line | Tip, x: float, y: float) -> bool:
-    """Returns whether a point lies on a piece."""
+def _distance(piece: Line | Tip, x: float, y: float) -> float:
+    """Returns the distance of a point from a piece, m."""
     if isinstance(piece, Tip):
-        on_circle = abs(math.hypot(x - piece.x, y - piece.y) - piece.radius) <= TOUCH
-        return on_circle and bool(_within(piece, np.array(x), np.array(y)))
+        if _within(piece, np.array(x), np.array(y)):
+            return abs(math.hypot(x - piece.x, y - piece.y) - piece.radius)
+        return min(math.hypot(x - piece.x0, y - piece.y0), math.hypot(x - piece.x1, y - piece.y1))
     dx, dy = piece.x1 - piece.x0, piece.y1 - piece.y0
-    share = ((x - piece.x0) * dx + (y - piece.y0) * dy) / (dx * dx + dy * dy)
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(x - (piece.x0 + share * dx), y - (piece.y0 + share * dy)) <= TOUCH
+    share = min(max(((x - piece.x0) * dx + (y - piece.y0) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+    return math.hypot(x - (piece.x0 + share * dx), y - (piece.y0 + share * dy))
 
 
 def _meet(a: Line | Tip, b: Line | Tip) -> bool:
     """Returns whether two pieces have a point in common."""
-    ends = [(a, b.x0, b.y0), (a, b.x1, b.y1), (b, a.x0, a.y0), (b, a.x1, a.y1)]
+    points = [(piece.x0, piece.y0) for piece in (a, b)] + [(piece.x1, piece.y1) for piece in (a, b)]
     curves = [piece if isinstance(piece, Line) else (piece.x, piece.y, piece.radius) for piece in (a, b)]
-    return any(_holds(piece, x, y) for piece, x, y in ends) or any(
-        _holds(a, *point) and _holds(b, *point) for point in _intersections(curves[0], curves[1])
-    )
+    points += _intersections(curves[0], curves[1])
+    return any(_distance(a, *point) <= TOUCH and _distance(b, *point) <= TOUCH for point in points)

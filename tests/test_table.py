@@ -245,6 +245,15 @@ def test_tips_that_overlap_another_cushion_are_rejected():
         custom((*wedge, (-1, 0.5)), r2=0.05, r7=0.02)
 
 
+def test_the_circle_of_a_tip_stays_inside_its_cushion():
+    wall = ((-1, -0.5), (-0.4, -0.5), (-0.4, 0), (-0.2, 0), (-0.2, -0.5), (1, -0.5), (1, 0.5), (-1, 0.5))  # 0.2 m thick
+    custom(wall, r2=0.09)
+    with rejected(
+        "table.outline[2] = Corner(x=-0.4, y=0.0, radius=0.15): expected a smaller radius, the circle of the"
+    ):
+        custom(wall, r2=0.15)
+
+
 @pytest.mark.parametrize(
     ("length", "width", "message"),
     [
