@@ -5,26 +5,28 @@ Scenes are immutable and are validated on construction. `checks.RANGES` holds th
 
 The default values and their sources:
 
-=====================  ==============  ===========================================================================
-field                  default         source
-=====================  ==============  ===========================================================================
-table.length, width    2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
-table.cushion_height   0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
-corner pocket radius   0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
-side pocket radius     0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
-balls.radius           0.028575 m      WPA: diameter 2.25 in
-balls.mass             0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
-physics.g              9.81 m/s^2      standard gravity, rounded
-physics.mu_slide       0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
-physics.mu_roll        0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
-physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
-physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
-physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
-physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
-carom table            2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
-carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
-                       0.21 kg
-=====================  ==============  ===========================================================================
+================================  ==============  ======================================================================
+field                             default         source
+================================  ==============  ======================================================================
+table.length, width               2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
+table.cushion_height              0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
+corner pocket radius              0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
+side pocket radius                0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
+balls.radius                      0.028575 m      WPA: diameter 2.25 in
+balls.mass                        0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
+physics.g                         9.81 m/s^2      standard gravity, rounded
+physics.mu_slide                  0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
+physics.mu_roll                   0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
+physics.spin_decay                10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
+physics.e_ball                    0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
+physics.e_cushion                 0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
+physics.mu_cushion                0.2             Han (2005): 0.14 to 0.2
+physics.mu_ball                   None            the speed law of Alciatore (2019), TP A.14, fitted to Marlow (1995), Table 10
+physics.cushion_frequency_ratio   1.8             the default of the simulator pooltool, version 0.6
+carom table                       2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
+carom ball                        0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
+                                  0.21 kg
+================================  ==============  ======================================================================
 """
 
 from __future__ import annotations
@@ -40,7 +42,12 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import Range, choose, numbers, real, short, whole
 
 MOTIONS = ("ideal", "rolling", "sliding")
-CUSHIONS = ("restitution", "han2005")
+CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010")
+BALL_BALL = ("frictionless", "frictional")
+
+MARLOW = 9.951e-3, 0.108, 1.088
+"""The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
+(1995), Table 10."""
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
@@ -112,7 +119,7 @@ class Table:
     Attributes:
         length: Distance between the noses of the short cushions (along x), m.
         width: Distance between the noses of the long cushions (along y), m.
-        cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
+        cushion_height: Height of the cushions' noses above the cloth, m; "restitution" cushions do not use it.
         pockets: The pockets, for example `six_pockets()`; empty by default.
     """
 
@@ -186,15 +193,26 @@ class Physics:
     Attributes:
         motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
             "ideal" (constant velocity).
-        cushion: "restitution" (the normal velocity is reversed and multiplied by `e_cushion`) or "han2005" (Han 2005,
-            with friction and spin; needs `motion="sliding"`).
+        cushion: "restitution" (the normal velocity is reversed and multiplied by the restitution), "han2005" (Han 2005,
+            with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion) or
+            "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth). All but
+            "restitution" need `motion="sliding"`.
+        ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
+            spin; needs `motion="sliding"`).
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
         spin_decay: Deceleration of the spin about the vertical axis, rad/s^2.
         e_ball: Restitution of a ball-ball collision, 0 to 1.
         e_cushion: Restitution of a ball-cushion collision, 0 to 1.
-        mu_cushion: Coefficient of friction between ball and cushion; used by the "han2005" cushions.
+        mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
+        mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
+        mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for those that cling.
+        cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
+        e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
+            normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
+        e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
+        e_cushion_floor: Least restitution of the cushions.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -208,21 +226,54 @@ class Physics:
     e_cushion: float = 0.85
     mu_cushion: float = 0.2
     max_time: float | None = None
+    ball_ball: str = "frictionless"
+    mu_ball: float | None = None
+    mu_ball_factor: float = 1.0
+    cushion_frequency_ratio: float = 1.8
+    e_cushion_loss: float = 0.0
+    e_cushion_onset: float = 0.0
+    e_cushion_floor: float = 0.0
 
     def __post_init__(self) -> None:
         choose("physics.motion", self.motion, MOTIONS)
         choose("physics.cushion", self.cushion, CUSHIONS)
+        choose("physics.ball_ball", self.ball_ball, BALL_BALL)
         _check(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
         _check(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
+        _check(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
+        _check(self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution")
+        if self.mu_ball is not None:
+            _check(self, "physics", mu_ball="mu_ball")
         if self.max_time is not None:
             _check(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
             raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
-        if self.cushion == "han2005" and self.motion != "sliding":
+        if self.motion != "sliding":
+            for name, other in (("cushion", "restitution"), ("ball_ball", "frictionless")):
+                if getattr(self, name) != other:
+                    raise ValueError(
+                        f"physics.{name} = {getattr(self, name)!r} with physics.motion = {self.motion!r}: "
+                        f"expected motion 'sliding' (its friction acts on spin) or {name} {other!r}"
+                    )
+        if self.e_cushion_floor > self.e_cushion:
             raise ValueError(
-                f"physics.cushion = 'han2005' with physics.motion = {self.motion!r}: expected motion 'sliding' "
-                "(its friction acts on spin) or cushion 'restitution'"
+                f"physics.e_cushion_floor = {self.e_cushion_floor!r}: expected at most e_cushion = {self.e_cushion!r}"
             )
+        if self.cushion == "stronge":
+            name = "e_cushion_floor" if self.e_cushion_loss else "e_cushion"
+            least = (math.sqrt(1.0 + 8.0 / self.cushion_frequency_ratio**2) - 1.0) / 2.0
+            if getattr(self, name) < least:
+                raise ValueError(
+                    f"physics.{name} = {getattr(self, name)!r} with physics.cushion = 'stronge': expected at least "
+                    f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
+                    "no energy"
+                )
+
+
+def ball_friction(physics: Physics) -> tuple[float, float, float]:
+    """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
+    a, b, c = MARLOW if physics.mu_ball is None else (physics.mu_ball, 0.0, 0.0)
+    return physics.mu_ball_factor * a, physics.mu_ball_factor * b, c
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -250,12 +301,12 @@ class Scene:
             raise ValueError(
                 f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
             )
-        if self.physics.cushion == "han2005":
+        if self.physics.cushion != "restitution":
             for i, radius in enumerate(self.balls.radius):
                 if not 0 < self.table.cushion_height < 2 * radius:
                     raise ValueError(
                         f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
-                        f"of ball {i} ({2 * radius} m), 'han2005' cushions must hit a ball below its top"
+                        f"of ball {i} ({2 * radius} m), {self.physics.cushion!r} cushions must hit a ball below its top"
                     )
 
     def __repr__(self) -> str:
@@ -266,6 +317,7 @@ class Scene:
             f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"
             f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
             f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
+            + ("frictional balls, " if physics.ball_ball == "frictional" else "")
             + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
         )
 

@@ -72,7 +72,8 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    params, radius, inv_mass, pockets = SceneArrays(*scene)
+    arrays = SceneArrays(*scene)
+    params, radius, inv_mass, pockets = arrays.params, arrays.radius, arrays.inv_mass, arrays.pockets
     n = len(radius)
     pairs = 0
     for k in range(begin, end):
