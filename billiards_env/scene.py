@@ -17,6 +17,9 @@ physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Princip
 physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
 physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
 physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
+physics.mu_ball        None            Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10
+physics.cushion_       1.8             the default of the simulator pooltool 0.6
+  frequency_ratio
 carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
                        0.21 kg
 snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
@@ -44,8 +47,13 @@ from billiards_env.outline import clearance, extents
 from billiards_env.table import INCH, POOL_RADIUS, Table, six_pockets
 
 MOTIONS = ("ideal", "rolling", "sliding")
-CUSHIONS = ("restitution", "han2005")
+CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010")
+BALL_BALL = ("frictionless", "frictional")
 COLOURS = ("pool", "snooker", "uk")
+
+MARLOW = 9.951e-3, 0.108, 1.088
+"""The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
+(1995), Table 10."""
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
@@ -113,15 +121,26 @@ class Physics:
     Attributes:
         motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
             "ideal" (constant velocity).
-        cushion: "restitution" (the normal velocity is reversed and multiplied by `e_cushion`) or "han2005" (Han 2005,
-            with friction and spin; needs `motion="sliding"`).
+        cushion: "restitution" (the normal velocity is reversed and multiplied by the restitution), "han2005" (Han 2005,
+            with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion) or
+            "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth). All but
+            "restitution" need `motion="sliding"`.
+        ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
+            spin; needs `motion="sliding"`).
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
         spin_decay: Deceleration of the spin about the vertical axis, rad/s^2.
         e_ball: Restitution of a ball-ball collision, 0 to 1.
         e_cushion: Restitution of a ball-cushion collision, 0 to 1.
-        mu_cushion: Coefficient of friction between ball and cushion; used by the "han2005" cushions.
+        mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
+        mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
+        mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for those that cling.
+        cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
+        e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
+            normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
+        e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
+        e_cushion_floor: Least restitution of the cushions.
         max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
     """
 
@@ -135,21 +154,54 @@ class Physics:
     e_cushion: float = 0.85
     mu_cushion: float = 0.2
     max_time: float | None = None
+    ball_ball: str = "frictionless"
+    mu_ball: float | None = None
+    mu_ball_factor: float = 1.0
+    cushion_frequency_ratio: float = 1.8
+    e_cushion_loss: float = 0.0
+    e_cushion_onset: float = 0.0
+    e_cushion_floor: float = 0.0
 
     def __post_init__(self) -> None:
         choose("physics.motion", self.motion, MOTIONS)
         choose("physics.cushion", self.cushion, CUSHIONS)
+        choose("physics.ball_ball", self.ball_ball, BALL_BALL)
         _check(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
         _check(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
+        _check(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
+        _check(self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution")
+        if self.mu_ball is not None:
+            _check(self, "physics", mu_ball="mu_ball")
         if self.max_time is not None:
             _check(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
             raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
-        if self.cushion == "han2005" and self.motion != "sliding":
+        if self.motion != "sliding":
+            for name, other in (("cushion", "restitution"), ("ball_ball", "frictionless")):
+                if getattr(self, name) != other:
+                    raise ValueError(
+                        f"physics.{name} = {getattr(self, name)!r} with physics.motion = {self.motion!r}: "
+                        f"expected motion 'sliding' (its friction acts on spin) or {name} {other!r}"
+                    )
+        if self.e_cushion_floor > self.e_cushion:
             raise ValueError(
-                f"physics.cushion = 'han2005' with physics.motion = {self.motion!r}: expected motion 'sliding' "
-                "(its friction acts on spin) or cushion 'restitution'"
+                f"physics.e_cushion_floor = {self.e_cushion_floor!r}: expected at most e_cushion = {self.e_cushion!r}"
             )
+        if self.cushion == "stronge":
+            name = "e_cushion_floor" if self.e_cushion_loss else "e_cushion"
+            least = (math.sqrt(1.0 + 8.0 / self.cushion_frequency_ratio**2) - 1.0) / 2.0
+            if getattr(self, name) < least:
+                raise ValueError(
+                    f"physics.{name} = {getattr(self, name)!r} with physics.cushion = 'stronge': expected at least "
+                    f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
+                    "no energy"
+                )
+
+
+def ball_friction(physics: Physics) -> tuple[float, float, float]:
+    """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
+    a, b, c = MARLOW if physics.mu_ball is None else (physics.mu_ball, 0.0, 0.0)
+    return physics.mu_ball_factor * a, physics.mu_ball_factor * b, c
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -178,12 +230,12 @@ class Scene:
             raise ValueError(
                 f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
             )
-        if self.physics.cushion == "han2005":
+        if self.physics.cushion != "restitution":
             for i, radius in enumerate(self.balls.radius):
                 if not 0 < self.table.cushion_height < 2 * radius:
                     raise ValueError(
                         f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
-                        f"of ball {i} ({2 * radius} m), 'han2005' cushions must hit a ball below its top"
+                        f"of ball {i} ({2 * radius} m), {self.physics.cushion!r} cushions must hit a ball below its top"
                     )
 
     def __repr__(self) -> str:
@@ -194,6 +246,7 @@ class Scene:
             f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"
             f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
             f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
+            + ("frictional balls, " if physics.ball_ball == "frictional" else "")
             + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
         )
 

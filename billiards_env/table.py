@@ -87,7 +87,7 @@ class Table:
     Attributes:
         length: Length of the playing surface, from nose to nose of the cushions (along x), m.
         width: Width of the playing surface (along y), m.
-        cushion_height: Height of the cushions' noses above the cloth, m; used by the "han2005" cushions.
+        cushion_height: Height of the cushions' noses above the cloth, m; "restitution" cushions do not use it.
         pockets: The pockets, for example `six_pockets()`; empty by default.
         outline: The corners of the cushions, counter-clockwise, see `billiards_env.outline`; empty for the rectangle.
         head_string: x of the head string (baulk line), m; None for -length / 4.

@@ -18,6 +18,9 @@ from billiards_env.physics.state import (
     DT,
     E_BALL,
     E_CUSHION,
+    E_FLOOR,
+    E_LOSS,
+    E_ONSET,
     FIX,
     FIXES,
     HALF_LENGTH,
@@ -31,7 +34,7 @@ from billiards_env.physics.state import (
     SceneArrays,
 )
 from billiards_env.physics.walls import outline_arrays
-from billiards_env.scene import CUSHIONS, MOTIONS, Scene
+from billiards_env.scene import CUSHIONS, MOTIONS, Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. All have the same arguments."""
@@ -99,6 +102,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     params[E_BALL], params[E_CUSHION], params[MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
     params[HALF_LENGTH], params[HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
     params[CUSHION_HEIGHT] = scene.table.cushion_height
+    params[E_LOSS], params[E_ONSET], params[E_FLOOR] = p.e_cushion_loss, p.e_cushion_onset, p.e_cushion_floor
     set_rule(params, scene.balls.mass)
     params[DT] = 0.0 if dt is None else dt
     params[FIX] = FIXES.index(FIXES[0] if fix is None else fix)
@@ -106,4 +110,13 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     outline = None
     if scene.table.outline:
         outline = outline_arrays(*pieces(scene.table.outline), params[HALF_LENGTH], params[HALF_WIDTH], pockets)
-    return SceneArrays(params, np.array(scene.balls.radius), 1.0 / np.array(scene.balls.mass), pockets, outline)
+    return SceneArrays(
+        params,
+        np.array(scene.balls.radius),
+        1.0 / np.array(scene.balls.mass),
+        pockets,
+        outline,
+        np.array(ball_friction(p)) if p.ball_ball == "frictional" else None,
+        np.array([p.cushion_frequency_ratio]) if p.cushion == "stronge" else None,
+        np.array([p.mu_slide]) if p.cushion == "mathavan2010" else None,
+    )

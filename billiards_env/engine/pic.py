@@ -57,7 +57,14 @@ def make_workspace(scene, queue, most):
     """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     changed = np.empty(2 * most + n, np.int64)
-    return Workspace(empty_state(n), queue, empty_contacts(most), empty_scratch(n, most), empty_memory(n), changed)
+    return Workspace(
+        empty_state(n),
+        queue,
+        empty_contacts(most),
+        empty_scratch(n, most, scene.ball_friction),
+        empty_memory(n),
+        changed,
+    )
 
 
 @inlined

@@ -118,7 +118,7 @@ def make_workspace(scene):
     return Workspace(
         empty_state(n),
         empty_contacts(most),
-        empty_scratch(n, most),
+        empty_scratch(n, most, scene.ball_friction),
         np.empty((n, 4)),
         np.empty(n),
         np.empty(n),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
+from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
 
@@ -64,6 +65,7 @@ def exchange_pair(contacts, state, scene):
     else:
         p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
     nx, ny = contacts.nx[0], contacts.ny[0]
+    rub_pair(scene.ball_friction, i, j, nx, ny, p, state, scene)
     change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
     change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
     return raised

@@ -85,8 +85,8 @@ class Scratch(NamedTuple):
 
 
 @allocating
-def empty_scratch(n, most):
-    """Returns the `Scratch` for n balls and `most` contacts."""
+def empty_scratch(n, most, ball_friction):
+    """Returns the `Scratch` for n balls and `most` contacts; `ball_friction` is `SceneArrays.ball_friction`."""
     return Scratch(
         np.empty((most, 2)),
         np.empty((most, 2)),

@@ -33,7 +33,7 @@ REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 
 # Indices into scene.MOTIONS and scene.CUSHIONS.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
-RESTITUTION, HAN2005 = 0, 1
+RESTITUTION, HAN2005, STRONGE, MATHAVAN2010 = 0, 1, 2, 3
 
 # Treatments of overlaps in PIT.
 FIXES = ("push_apart", "move_back", "none")
@@ -47,7 +47,11 @@ E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
 HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
 DT, FIX = 11, 12  # of PIT: timestep, s, and index into FIXES
 TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: s, m/s and a number of impacts
-N_PARAMS = 16
+E_LOSS, E_ONSET, E_FLOOR = 16, 17, 18  # of a restitution that falls with the speed: s/m, m/s and the least value
+N_PARAMS = 19
+
+# Entries of `SceneArrays.ball_friction`: the coefficient is limit + drop exp(-rate speed).
+MU_LIMIT, MU_DROP, MU_RATE = 0, 1, 2  # the rate in s/m
 
 # Columns of angular velocities.
 SPIN_X, SPIN_Y, SPIN_Z = 0, 1, 2  # rad/s
@@ -89,6 +93,12 @@ class SceneArrays(NamedTuple):
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, see the columns above.
         outline: The `walls.Outline`; None for a rectangle.
+        ball_friction: (3,) float64, see the entries above; None for balls without friction.
+        stronge: (1,) float64, the frequency ratio of "stronge" cushions; None for others.
+        mathavan: (1,) float64, friction on the cloth with "mathavan2010" cushions; None for others.
+
+    Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
+    argument begins with `if field is None`.
     """
 
     params: Floats
@@ -96,6 +106,9 @@ class SceneArrays(NamedTuple):
     inv_mass: Floats
     pockets: Floats
     outline: Any = None
+    ball_friction: Floats | None = None
+    stronge: Floats | None = None
+    mathavan: Floats | None = None
 
 
 @allocating

@@ -66,7 +66,8 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     Each ball is in contact with probability `frozen`.
     """
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
-    _, radius, _, pockets = scene_arrays(scene)
+    arrays = scene_arrays(scene)
+    radius, pockets = arrays.radius, arrays.pockets
     out = np.zeros((m, scene.n_balls, 2))
     half = scene.table.length / 2, scene.table.width / 2
     return out if _scatter(rng, radius, order, *half, pockets, frozen, out) == m else None

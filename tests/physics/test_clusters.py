@@ -32,7 +32,7 @@ def fill(first, second, nx, ny, closing, rebound):
 def plastic(first, second, nx, ny, wanted, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
-    contacts, scratch = fill(first, second, nx, ny, wanted, 0.0 * wanted), empty_scratch(n, count)
+    contacts, scratch = fill(first, second, nx, ny, wanted, 0.0 * wanted), empty_scratch(n, count, None)
     scratch.wanted[:, 0], scratch.wanted[:, 1] = wanted, 0.0
     scratch.change[:] = 0.0
     solve_plastic(count, contacts, inv_mass, scratch)
@@ -53,9 +53,11 @@ def summed(first, second, nx, ny, impulse, inv_mass):
 def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
     """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
     state = State(rows, np.zeros(len(rows), np.int8))
-    scene = SceneArrays(params, inv_mass, inv_mass, np.empty((0, 3)))  # `exchange` does not use the radii
+    scene = SceneArrays(
+        params, inv_mass, inv_mass, np.empty((0, 3)), None, None, None
+    )  # `exchange` does not use the radii
     contacts = fill(first, second, nx, ny, closing, rebound)
-    return exchange(len(first), contacts, state, scene, empty_scratch(len(inv_mass), len(first)))
+    return exchange(len(first), contacts, state, scene, empty_scratch(len(inv_mass), len(first), None))
 
 
 def solve(contacts, inverse):

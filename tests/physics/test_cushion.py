@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics.cushion import han2005
+from billiards_env.physics.compliance import friction_impulse
+from billiards_env.physics.cushion import cushion_impact, cushion_restitution, han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.table import Table
@@ -110,3 +111,234 @@ def test_running_english_increases_and_reverse_english_decreases_the_tangential_
 
 def test_a_ball_does_not_continue_into_a_han2005_cushion():
     assert run_han(1.0, 0.0, np.array([0.0, -200.0, 0.0]), cushion(1.9 * R, e_cushion=0.0, mu_cushion=2.0))[0] == 0.0
+
+
+# Pool balls and cushions of different laws. The axes are x along the cushion, y into it and z up.
+
+POOL_R = 0.028575
+
+
+def pool_cushion(law, height=1.28, radius=POOL_R, **physics):
+    physics = Physics(cushion=law, **physics)
+    return scene_arrays(Scene(Balls((radius,), (0.17,)), Table(cushion_height=height * radius), physics))
+
+
+def rebound_of(scene, velocity, spin, rebound=0.0):
+    """Returns (vx, vy) and the spin, rad/s, after an impact; `velocity` is (vx, vy)."""
+    (vx, vy), (wx, wy, wz), radius = velocity, spin, float(scene.radius[0])
+    after = cushion_impact(vy, -vx, vy + radius * wx, -vx + radius * wy, radius * wz, radius, rebound, scene)
+    vn, vt, un, ut, rwz, _ = after
+    return np.array([-vt, vn]), np.array([un - vn, ut - vt, rwz]) / radius
+
+
+def rolling(angle, side=0.0, radius=POOL_R):
+    """Returns velocity and spin of a ball that rolls at 1 m/s at an angle to the cushion with R omega_z = `side`."""
+    x, y = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    return (x, y), (-y / radius, x / radius, side / radius)
+
+
+ROLLING = [
+    (90, 0, (0, -0.80442), (-0.112, 0, 0)),
+    (90, 1, (0.21312, -0.78452), (-0.2896, 0.14918, 0.48851)),
+    (60, 0, (0.34619, -0.68511), (-0.20003, 0.39234, 0.36913)),
+    (60, 1, (0.58532, -0.69327), None),
+    (60, -1, (0.24714, -0.65956), None),
+    (45, 0, (0.52951, -0.54821), (-0.26311, 0.58279, 0.42624)),
+    (30, 0, (0.71222, -0.37734), None),
+    (15, 0, (0.87713, -0.18912), None),
+]
+
+
+@pytest.mark.parametrize("law", ["han2005", "stronge"])
+@pytest.mark.parametrize(("angle", "side", "velocity", "spin"), ROLLING)
+def test_a_rolling_ball_slips_at_the_cushion(law, angle, side, velocity, spin):
+    found = rebound_of(pool_cushion(law), *rolling(angle, side))
+    assert found[0] == pytest.approx(velocity, abs=6e-6)
+    if spin is not None:
+        assert POOL_R * found[1] == pytest.approx(spin, abs=6e-6)
+
+
+@pytest.mark.parametrize(("angle", "side", "after"), [(60, 1, 49.83), (60, -1, 69.46), (45, 1, 38.21), (45, -1, 47.72)])
+def test_rebound_angles_with_side_spin(angle, side, after):
+    (vx, vy), _ = rebound_of(pool_cushion("stronge"), *rolling(angle, side))
+    assert math.degrees(math.atan2(-vy, vx)) == pytest.approx(after, abs=0.006)
+
+
+NOT_ROLLING = [
+    (
+        (0.2, 1),
+        (0, 0, 0),
+        ((0.14286, -0.72736), (6.9991, -1.3998, 4.7994)),
+        ((0.12513, -0.73431), (9.1699, -1.8340, 6.2879)),
+    ),
+    (
+        (0.5, 1),
+        (0, 0, 0),
+        ((0.35714, -0.72736), (6.9991, -3.4996, 11.9985)),
+        ((0.28725, -0.73832), (10.4235, -5.2118, 17.8689)),
+    ),
+    (
+        (1, 1),
+        (0, 0, 0),
+        ((0.71429, -0.72736), (6.9991, -6.9991, 23.997)),
+        ((0.65796, -0.73178), (8.3791, -8.3791, 28.7282)),
+    ),
+    (
+        (1, 1),
+        (0, 0, 30),
+        ((0.94942, -0.72736), (6.9991, -1.2391, 34.2484)),
+        ((0.93502, -0.73373), (8.9908, -1.5917, 35.4574)),
+    ),
+    (
+        (0.6, 0.8),
+        (-8.399, 6.299, 0),
+        ((0.41417, -0.60109), (3.1996, 1.747, 15.6076)),
+        ((0.36867, -0.61018), (6.0394, 0.6324, 19.429)),
+    ),
+]
+
+
+@pytest.mark.parametrize(("velocity", "spin", "rigid", "compliant"), NOT_ROLLING)
+def test_a_compliant_cushion_adds_spin_to_a_ball_that_does_not_roll(velocity, spin, rigid, compliant):
+    for law, expected in (("han2005", rigid), ("stronge", compliant)):
+        found = rebound_of(pool_cushion(law), velocity, spin)
+        assert found[0] == pytest.approx(expected[0], abs=6e-6)
+        assert found[1] == pytest.approx(expected[1], abs=3e-4)
+
+
+COMPLIANT = {
+    (0.85, 1.8): (0, -0.1601, -0.1195, 0.2670, 0.7501, 1.1570, 1.4684, 1.6805, 1.7707, 1.7057, 1.4486, 0.975, 0.475),
+    (0.77, 1.76): (0, -0.0052, 0.1481, 0.5461, 1.0210, 1.4062, 1.6859, 1.8578, 1.8729, 1.6592, 1.1950, 0.695, 0.195),
+    (0.70, 1.7): (0, 0.1515, 0.4108, 0.8173, 1.2837, 1.6456, 1.8901, 2.0170, 1.9053, 1.4500, 0.9500, 0.450, -0.050),
+}
+
+
+@pytest.mark.parametrize(("e", "ratio"), COMPLIANT)
+def test_the_tangential_velocity_after_a_compliant_impact(e, ratio):
+    """The unit is the normal velocity times the friction; a reversed velocity is positive."""
+    for x, expected in zip(np.arange(0, 6.5, 0.5), COMPLIANT[e, ratio], strict=True):
+        assert 3.5 * friction_impulse(x, 1.0, e, ratio) - x == pytest.approx(expected, abs=6e-5)
+
+
+@pytest.mark.parametrize(("slip", "after"), [(0.0, 0.0), (3.0, -1.81), (0.5, 0.3291142832763)])
+def test_compliant_impacts_of_another_simulator(slip, after):
+    """The values are those of tests of the simulator tailuge/billiards."""
+    assert 3.5 * friction_impulse(slip, 0.2, 0.7, 1.7) - slip == pytest.approx(after, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "spin", "change", "change_of_spin"),
+    [
+        ((0.5, 1), (0, 0, -10), (-0.06819102304, -1.7), (0, 0, -5.205421606)),
+        ((0.2, 1), (0, 0, -2), (-0.0516068981, -1.7), (0, 0, -3.939457867)),
+        ((0, 1), (-5, 0, 0), (0, -1.7), (4.909064176, 0, 0)),
+    ],
+)
+def test_compliant_rebounds_of_another_simulator(velocity, spin, change, change_of_spin):
+    """The nose of its cushion is at the height of the ball's centre. Its z axis points down."""
+    scene = pool_cushion("stronge", 1.0, 0.03275, e_cushion=0.7, cushion_frequency_ratio=1.7)
+    after = rebound_of(scene, velocity, (spin[0], spin[1], -spin[2]))
+    assert after[0] - velocity == pytest.approx(change, abs=1e-9)
+    assert after[1] - (spin[0], spin[1], -spin[2]) == pytest.approx(
+        (change_of_spin[0], change_of_spin[1], -change_of_spin[2]), abs=1e-7
+    )
+
+
+ENERGETIC = st.tuples(st.floats(0, 1), st.floats(1.0, 2.0))
+
+
+@given(ENERGETIC, st.floats(0, 20))
+def test_compliance_never_increases_the_tangential_velocity(constants, x):
+    share, ratio = constants
+    least = (math.sqrt(1 + 8 / ratio**2) - 1) / 2
+    e = least + share * (1 - least)
+    assert abs(3.5 * friction_impulse(x, 1.0, e, ratio) - x) <= x * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(("e", "ratio"), COMPLIANT)
+def test_the_compliant_friction_is_continuous(e, ratio):
+    top = 3.5 * (1 + e) - 3.5 / ratio**2 / e
+    for x in (3.5 / ratio**2, 3.5, top):
+        below, above = (friction_impulse(x * (1 + d), 1.0, e, ratio) for d in (-1e-9, 1e-9))
+        assert below == pytest.approx(above, abs=3e-9)
+    assert friction_impulse(top, 1.0, e, ratio) == 1 + e
+
+
+def test_a_stiff_cushion_without_slip_is_restitution():
+    velocity, spin = rebound_of(pool_cushion("stronge", 1.0, mu_cushion=0.0), (0.3, 1.0), (1.0, 2.0, 3.0))
+    assert velocity == pytest.approx((0.3, -0.85))
+    assert spin == pytest.approx((1.0, 2.0, 3.0))
+
+
+LAWS = ["han2005", "stronge"]
+STATES = st.tuples(st.floats(0.01, 5), st.floats(-5, 5), *[st.floats(-5, 5)] * 3)
+
+
+def energy(vn, vt, un, ut, rwz):
+    return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(state=STATES, height=st.floats(0.8, 1.5), mu=st.floats(0, 0.5), e=st.floats(0.5, 1))
+def test_a_cushion_adds_no_energy_and_mirrors_bit_for_bit(law, state, height, mu, e):
+    scene = pool_cushion(law, height, mu_cushion=mu, e_cushion=e)
+    after = cushion_impact(*state, POOL_R, 0.0, scene)
+    assert after[0] <= 0.0
+    assert energy(*after[:5]) <= energy(*state) * (1 + 1e-12)
+    vn, vt, un, ut, rwz = state
+    mirrored = cushion_impact(vn, -vt, un, -ut, -rwz, POOL_R, 0.0, scene)
+    assert (after[0], -after[1], after[2], -after[3], -after[4]) == mirrored[:5]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(state=STATES, power=st.integers(-20, 20))
+def test_a_rebound_is_free_of_scale(law, state, power):
+    scene, scale = pool_cushion(law), 2.0**power
+    after = cushion_impact(*state, POOL_R, 0.0, scene)
+    scaled = cushion_impact(*(scale * x for x in state), POOL_R, 0.0, scene)
+    assert scaled[:5] == pytest.approx([scale * x for x in after[:5]], rel=1e-13, abs=1e-14 * scale)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(state=STATES, rebound=st.floats(0, 10))
+def test_a_ball_leaves_a_cushion_at_the_least_speed_or_faster(law, state, rebound):
+    after = cushion_impact(*state, POOL_R, rebound, pool_cushion(law))
+    assert after[0] <= -rebound
+    assert not after[5] or after[0] == -rebound
+
+
+@pytest.mark.parametrize("law", ["restitution", *LAWS])
+def test_the_restitution_of_cushions_may_fall_with_the_speed(law):
+    scene = pool_cushion(law, e_cushion=0.93, e_cushion_loss=0.093, e_cushion_onset=2.0, e_cushion_floor=0.6)
+    for speed, e in ((0.0, 0.93), (2.0, 0.93), (2.5, 0.8835), (3.0, 0.837), (10.0, 0.6)):
+        assert cushion_restitution(speed, scene.params) == pytest.approx(e)
+    plain = pool_cushion(law, e_cushion=0.837)
+    if law != "restitution":
+        state = 3.0, 1.0, 0.5, 0.25, 0.125
+        assert cushion_impact(*state, POOL_R, 0.0, scene) == pytest.approx(
+            cushion_impact(*state, POOL_R, 0.0, plain), abs=1e-12
+        )
+
+
+@pytest.mark.parametrize(
+    ("physics", "message"),
+    [
+        (
+            {"cushion": "stronge", "e_cushion": 0.3},
+            "physics.e_cushion = 0.3 with physics.cushion = 'stronge': expected",
+        ),
+        ({"cushion": "stronge", "e_cushion_loss": 0.1}, "physics.e_cushion_floor = 0.0 with"),
+        ({"e_cushion_floor": 0.9}, "physics.e_cushion_floor = 0.9: expected at most e_cushion = 0.85"),
+        ({"cushion_frequency_ratio": 2.5}, "physics.cushion_frequency_ratio = 2.5: expected a number from 1 to 2"),
+        (
+            {"motion": "rolling", "cushion": "restitution", "ball_ball": "frictional"},
+            "physics.ball_ball = 'frictional'",
+        ),
+        ({"ball_ball": "rough"}, "physics.ball_ball = 'rough': expected one of 'frictionless', 'frictional'"),
+        ({"mu_ball": -0.1}, "physics.mu_ball = -0.1: expected a number from 0 to 100"),
+    ],
+)
+def test_constants_of_impacts_outside_their_range_are_refused(physics, message):
+    with pytest.raises(ValueError) as caught:
+        Physics(**physics)
+    assert message in str(caught.value)
