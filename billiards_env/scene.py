@@ -392,7 +392,7 @@ def _pooltool_carom(n_balls: int) -> Scene:
 
 
 # The physics of the scenes with the cushions of real tables
-_REAL = Physics()
+_REAL = Physics(ball_ball="frictional", cushion="stronge")
 
 
 def _pooltool_real(radius: float, mu_cushion: float) -> Physics:

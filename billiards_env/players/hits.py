@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from billiards_env.engine.predictions import cannot_meet
 from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time
+from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import (
@@ -41,6 +42,8 @@ from billiards_env.players.paths import (
     pocket_gap,
     travel_time,
 )
+
+_THROW_STEPS = 4  # each reduces the error of the direction by a factor of about 10
 
 
 class Table(NamedTuple):
@@ -137,9 +140,44 @@ def play_hit(table, i, hit, speed, state):
     if params[MOTION] == SLIDING_AND_ROLLING:
         row[UX], row[UY] = slip * hit.dx, slip * hit.dy
     state.rows[i, X], state.rows[i, Y] = table.positions[i, X], table.positions[i, Y]
+    rub_pair(scene.ball_friction, cue, i, hit.line_x, hit.line_y, impulse, state, scene)
     for ball, push in ((cue, -impulse * scene.inv_mass[cue]), (i, impulse * scene.inv_mass[i])):
         change_velocity(state, ball, push * hit.line_x, push * hit.line_y, params)
     return closing > 0.0
+
+
+@inlined
+def against_throw(ball_friction, table, i, hit, speed, state):
+    """Returns the `Hit` after which ball i moves in the direction in which it moves without friction after `hit`.
+
+    Args:
+        ball_friction: `SceneArrays.ball_friction`.
+        table: The `Table`.
+        i: The object ball.
+        hit: The `Hit`.
+        speed: The initial speed of the cue ball, m/s.
+        state: A `State`; its content changes.
+    """
+    if ball_friction is None:
+        return hit
+    return _turned_against_throw(table, i, hit, speed, state)
+
+
+@kernel
+def _turned_against_throw(table, i, hit, speed, state):
+    """Implements `against_throw`: turns the line of centres by the throw, several times."""
+    want_x, want_y, row = hit.line_x, hit.line_y, state.rows[i]
+    reach = table.scene.radius[table.cue] + table.scene.radius[i]
+    for _ in range(_THROW_STEPS):
+        play_hit(table, i, hit, speed, state)
+        size = norm(row[VX], row[VY])
+        if size == 0.0:
+            return hit
+        cosine, sine = (row[VX] * want_x + row[VY] * want_y) / size, (row[VX] * want_y - row[VY] * want_x) / size
+        line_x, line_y = cosine * hit.line_x - sine * hit.line_y, sine * hit.line_x + cosine * hit.line_y
+        x, y = table.positions[i, X] - reach * line_x, table.positions[i, Y] - reach * line_y
+        hit = hit_at(table, i, x, y)
+    return hit
 
 
 @inlined

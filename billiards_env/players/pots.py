@@ -17,7 +17,7 @@ from billiards_env.physics.jit import entry_point, inlined, kernel, merged
 from billiards_env.physics.state import SceneArrays, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
-from billiards_env.players.hits import Table, cut_cosine, gain, hit_at, meet_before, play_hit
+from billiards_env.players.hits import Table, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
 from billiards_env.players.paths import cross, follow, launch
 from billiards_env.scene import Scene
@@ -260,7 +260,7 @@ def _add_speeds(table, found, state):
 def _add_shots(table, found, k, state):
     """Writes the shots of pot k in the `Pots` of one table, and returns whether any speed is possible."""
     i, row, possible = found.ball[k], found.rows[k], False
-    hit, wall = hit_at(table, i, row[GHOST_X], row[GHOST_Y]), int(row[WALL])
+    straight, wall = hit_at(table, i, row[GHOST_X], row[GHOST_Y]), int(row[WALL])
     for s in range(len(SPEEDS)):
         speed = row[LEAST_SPEED] + SPEEDS[s] * (table.max_speed - row[LEAST_SPEED])
         if wall >= 0:
@@ -268,8 +268,10 @@ def _add_shots(table, found, k, state):
             if aim.room < 0.0:
                 continue
             hit = aim.hit
-        elif meet_before(table, i, hit, speed, row[RUN], state):
-            continue
+        else:
+            hit = against_throw(table.scene.ball_friction, table, i, straight, speed, state)
+            if cut_cosine(hit) <= 0.0 or meet_before(table, i, hit, speed, row[RUN], state):
+                continue
         shot, possible = found.shots[k, s], True
         shot[DX], shot[DY], shot[SPEED] = hit.dx, hit.dy, speed
         play_hit(table, i, hit, speed, state)
