@@ -142,7 +142,7 @@ class HitAims(nn.Module):
         self.count, self.width = each * len(self.balls), 2.0 / each
         radius = np.asarray(env.scene.balls.radius)
         for name, value in (
-            ("scale", np.array([env.scene.table.length, env.scene.table.width]) / 2),
+            ("scale", np.array(env.scene.half_extents)),
             ("reach", (radius[0] + radius[self.balls])[:, None]),
             ("sines", self.width * (np.arange(each) + 0.5) - 1.0),
         ):

@@ -44,7 +44,7 @@ class PotFeatures(BaseFeaturesExtractor):
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
         others = int(np.prod(space.shape)) - 2 * self.scene.n_balls
         super().__init__(space, most * (_FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others))
-        self.half_table = np.array([self.scene.table.length, self.scene.table.width]) / 2
+        self.scale = np.array(self.scene.half_extents)
         self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
 
     def forward(self, observations: Tensor) -> Tensor:
@@ -62,8 +62,8 @@ class PotFeatures(BaseFeaturesExtractor):
         """Returns the features of observations (m, size)."""
         m, n = len(observations), self.scene.n_balls
         balls = observations[:, : 2 * n].numpy().astype(np.float64).reshape(m, n, 2)
-        potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # the centre of a ball in play is never on a cushion line
-        positions = balls * self.half_table
+        potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # a ball in play is inside
+        positions = balls * self.scale
         found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most)
         rows, shots = found.rows, found.shots
         exists = np.arange(self.most) < found.count[:, None]

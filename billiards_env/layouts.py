@@ -2,7 +2,8 @@
 
 `draw(name, scene, rng)` returns (n, 2) float64 positions in m that `check_positions` accepts. It raises a `ValueError`
 if the layout does not suit the scene's balls. The head of the table is its -x end, where the cue ball starts; the foot
-is its +x end. The foot spot and the head spot lie at a quarter of the table's length from the centre.
+is its +x end. The foot spot lies at a quarter of the table's length from the centre. `Table.head_x` is the x of the
+head string, which is called baulk line in snooker. All balls lie inside the rectangle of the table's length and width.
 
 "random"
     Balls all over the table. They are placed one after the other, the largest first, uniformly in the free area (random
@@ -17,6 +18,10 @@ is its +x end. The foot spot and the head spot lie at a quarter of the table's l
 "carom_opening"
     The fixed opening position of carom billiards (UMB 1989, art. 23), for one or two object balls: the cue ball on the
     right starting spot, ball 1 (the red ball) on the foot spot, ball 2 (the opponent's cue ball) on the head spot.
+"snooker"
+    The start of a frame of snooker: the last six object balls (yellow, green, brown, blue, pink, black) on their spots
+    (WPBSA, Official Rules of Snooker, section 3), the others (15 red balls) in a tight rack behind the pink ball, and
+    the cue ball anywhere in the D.
 "line"
     Cue ball and object ball on the long axis of the table, at a quarter and at three quarters of its length.
 "snookered"
@@ -42,6 +47,7 @@ from numpy.typing import NDArray
 
 from billiards_env import streams
 from billiards_env.checks import choose
+from billiards_env.outline import pieces
 from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.scene import Scene, check_positions, check_scene
@@ -61,7 +67,11 @@ _BALLS_PER_CHECK = 5000  # an interrupt is checked after this number of balls: a
 # on a table 1.42 m wide; on other tables they scale with the width.
 _STARTING_SPOT = 0.1825 / 1.42
 
-LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line", "snookered")
+# WPBSA: the black ball lies 324 mm from the cushion of a table 3569 mm long; on other tables this scales. The red balls
+# are as close to the pink ball as possible without touching it.
+_BLACK_SPOT, _PINK_GAP = 0.324 / 3.569, 5e-4
+
+LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line", "snookered", "snooker")
 
 
 def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
@@ -102,6 +112,9 @@ class Plan(NamedTuple):
         limits: (n, 3) float64, m: smallest x, largest x and largest abs(y) of a drawn ball.
         radius: (n,) float64, m.
         pockets: (k, 3) float64: x, y, radius, m.
+        outline: The cushions that reach into the rectangle of the table: (e, 4) float64, the ends of the straight
+            cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; None for a rectangle.
+        d: x of the centre and radius of the D in which balls are drawn, m; infinite without a D.
     """
 
     layout: int
@@ -113,6 +126,8 @@ class Plan(NamedTuple):
     limits: Floats
     radius: Floats
     pockets: Floats
+    outline: tuple[Floats, Floats] | None
+    d: tuple[float, float]
 
 
 def plan(name: str, scene: Scene) -> Plan:
@@ -143,12 +158,14 @@ def _make_plan(name: str, scene: Scene) -> Plan:
         return _rack_plan(name, scene)
     if name == "snookered":
         return _snookered_plan(name, scene)
+    if name == "snooker":
+        return _snooker_plan(name, scene)
     _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
-    spot = scene.table.length / 4
+    foot = scene.table.foot_x
     if name == "line":
-        spots = [(-spot, 0.0), (spot, 0.0)]
+        spots = [(-foot, 0.0), (foot, 0.0)]
     else:
-        spots = [(-spot, -_STARTING_SPOT * scene.table.width), (spot, 0.0), (-spot, 0.0)][:n]
+        spots = [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)][:n]
     return _plan(name, scene, np.array(spots), 0.0, range(n), n, 0.0)
 
 
@@ -200,8 +217,37 @@ _ONE = np.ones(1, np.bool_)
 
 
 @kernel
+def is_inside(outline, x, y, reach):
+    """Returns whether a point is inside an outline and at least `reach` from it."""
+    if outline is None:
+        return True
+    edges, tips = outline
+    for k in range(len(tips)):
+        dx, dy, least = x - tips[k, 0], y - tips[k, 1], tips[k, 2] + reach
+        if dx * dx + dy * dy < least * least:
+            return False
+    inside = False
+    for k in range(len(edges)):
+        x0, y0 = edges[k, 0], edges[k, 1]
+        dx, dy = edges[k, 2] - x0, edges[k, 3] - y0
+        square = dx * dx + dy * dy
+        share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        ox, oy = x - x0 - share * dx, y - y0 - share * dy
+        if ox * ox + oy * oy < reach * reach:
+            return False
+        if (y0 > y) != (edges[k, 3] > y) and x < x0 + dx * ((y - y0) / dy):  # the ray towards +x crosses the edge
+            inside = not inside
+    return inside
+
+
+@kernel
 def is_clear(plan, i, x, y, placed, positions):
-    """Returns whether ball i at (x, y) is clear of the pockets and of the first `placed` balls of the order."""
+    """Returns whether ball i at (x, y) is clear of the cushions, the pockets and the first `placed` balls of the order.
+
+    The limits of the plan keep it clear of the cushions of a rectangle.
+    """
+    if not is_inside(plan.outline, x, y, plan.radius[i] + MARGIN):
+        return False
     for k in range(placed):
         j = plan.order[k]
         dx, dy, reach = x - positions[j, 0], y - positions[j, 1], plan.radius[j] + plan.radius[i] + MARGIN
@@ -221,6 +267,9 @@ def draw_ball(plan, i, placed, stream, positions):
     for _ in range(_TRIES):
         x = x_low + (x_high - x_low) * streams.next_double(stream)
         y = y_high * (2 * streams.next_double(stream) - 1)
+        d_x, d_radius = plan.d
+        if (x - d_x) * (x - d_x) + y * y > d_radius * d_radius:
+            continue
         if is_clear(plan, i, x, y, placed, positions):
             positions[i, 0], positions[i, 1] = x, y
             return True
@@ -283,18 +332,25 @@ def _plan(
     n_spots: int,
     x_most: float,
     midway: bool = False,
+    d_radius: float = math.inf,
 ) -> Plan:
-    """Returns a plan whose drawn balls stay at x <= `x_most`; raises if the balls cannot fit."""
+    """Returns a plan whose drawn balls stay at x <= `x_most`, or in the D behind it; raises if the balls cannot fit."""
     order = np.array(order, np.int64)
     radius = np.array(scene.balls.radius)
     x_limit, y_limit = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
-    limits = np.column_stack((-x_limit, np.minimum(x_limit, x_most), y_limit))
+    limits = np.column_stack(
+        (np.maximum(-x_limit, x_most - d_radius), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))
+    )
     for i in order[n_spots:].tolist():
         if limits[i, 1] < limits[i, 0] or limits[i, 2] < 0:
             raise _no_room(name, i, float(radius[i]))
     pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
-    return Plan(LAYOUTS.index(name), spots, displacement, order, n_spots, midway, limits, radius, pockets)
+    outline, d = None, (x_most, d_radius)
+    if not scene.table.is_rectangular:
+        lines, tips = pieces(scene.table.outline)
+        outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
+    return Plan(LAYOUTS.index(name), spots, displacement, order, n_spots, midway, limits, radius, pockets, outline, d)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:
@@ -320,15 +376,38 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
         radii = sorted(set(radius[1:]))
         if len(radii) > 1:
             raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
+    spots = np.zeros((scene.n_balls, 2))
+    spots[1:] = _rack(count, scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
+    return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, scene.table.head_x)
+
+
+def _rack(count: int, foot: float, pitch: float) -> Floats:
+    """Returns the places (count, 2) of the balls of a rack, m, with the first ball at x = `foot`."""
     rows = (1, 2, 3, 2, 1) if count == 9 else range(1, count + 1)
     # Position of each ball in units of the distance between neighbours: (rows from the apex, offset from the axis).
     lattice = [(k, j - (size - 1) / 2) for k, size in enumerate(rows) for j in range(size)][:count]
-    pitch = 2 * max(radius[1:], default=0.0) + gap
-    foot = scene.table.length / 4
+    places = [(foot + pitch * (math.sqrt(3) / 2) * row, pitch * offset) for row, offset in lattice]
+    return np.array(places).reshape(-1, 2)
+
+
+def _snooker_plan(name: str, scene: Scene) -> Plan:
+    """Returns the plan of "snooker": object balls on their spots, the cue ball drawn in the D."""
+    _expect_object_balls(scene, name, 6, 21)
+    table, radius = scene.table, scene.balls.radius[1:]
+    if not table.d_radius:
+        raise ValueError(
+            f"layout = {name!r} with table.d_radius = 0: expected a table with a D, such as 'snooker_12ft'"
+        )
+    if len(set(radius)) > 1:
+        raise ValueError(f"layout = {name!r} with object balls of radii {sorted(set(radius))} m: expected one radius")
+    pitch, reds = 2 * radius[0], scene.n_balls - 7
     spots = np.zeros((scene.n_balls, 2))
-    for i, (row, offset) in enumerate(lattice, start=1):
-        spots[i] = foot + pitch * (math.sqrt(3) / 2) * row, pitch * offset
-    return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, -foot)
+    spots[1 : 1 + reds] = _rack(reds, table.foot_x + pitch + _PINK_GAP, pitch)
+    black = table.length / 2 - _BLACK_SPOT * table.length
+    across = ((table.head_x, -table.d_radius), (table.head_x, table.d_radius), (table.head_x, 0.0))
+    spots[1 + reds :] = (*across, (0.0, 0.0), (table.foot_x, 0.0), (black, 0.0))
+    order = [*range(1, scene.n_balls), 0]
+    return _plan(name, scene, spots, 0.0, order, len(order) - 1, table.head_x, d_radius=table.d_radius)
 
 
 def _snookered_plan(name: str, scene: Scene) -> Plan:

@@ -156,8 +156,8 @@ def check_outline(corners: tuple[Corner, ...]) -> None:
                 # The engines treat a tip as a full circle.
                 if isinstance(tip, Tip) and _distance(near, tip.x, tip.y) < tip.radius - TOUCH:
                     raise ValueError(
-                        f"table.outline[{corner}] = {corners[corner]}: expected a smaller radius, the circle of the tip "
-                        f"reaches the cushion of table.outline[{other}]"
+                        f"table.outline[{corner}] = {corners[corner]}: expected a smaller radius, the circle of the "
+                        f"tip reaches the cushion of table.outline[{other}]"
                     )
 
 

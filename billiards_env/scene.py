@@ -43,7 +43,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, choose, fields_of, numbers, real, sequence, short, whole
 from billiards_env.checks import check_fields as _check
-from billiards_env.outline import clearance, extents
+from billiards_env.outline import extents
 from billiards_env.table import INCH, POOL_RADIUS, Table, six_pockets
 
 MOTIONS = ("ideal", "rolling", "sliding")
@@ -492,18 +492,14 @@ def check_positions(
         at = tuple(bad[0])
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
     radius = np.array(scene.balls.radius)
-    limit = np.array([scene.table.length / 2, scene.table.width / 2]) - radius[:, None]
-    if scene.table.outline:
-        outside = clearance(scene.table.outline, array) < radius - CONTACT_GAP
-    else:
-        outside = (np.abs(array) > limit + CONTACT_GAP).any(axis=-1)
-    bad = np.argwhere(outside & playing)
+    bad = np.argwhere((scene.table.clearance(array) < radius - CONTACT_GAP) & playing)
     if len(bad):
         at = tuple(bad[0])
-        x, y = limit[at[-1]].tolist()
-        expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
-        if scene.table.outline:
-            expected = f"a place inside the outline, at least {radius[at[-1]]} m from the cushions"
+        least = scene.balls.radius[at[-1]]
+        expected = f"a place inside the outline, at least {least} m from the cushions"
+        if not scene.table.outline:
+            x, y = scene.table.length / 2 - least, scene.table.width / 2 - least
+            expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
         inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius

@@ -41,6 +41,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from billiards_env.checks import check_fields, choose, fields_of, real, sequence, short
 from billiards_env.outline import TOUCH, Corner, check_outline, clearance, enters
 
@@ -114,7 +117,11 @@ class Table:
         if self.outline:
             self._check_outline()
         for k, p in enumerate(self.pockets):
-            if not self._reaches(p):
+            if self.outline:
+                reaches = self.clearance((p.x, p.y)) > -p.radius
+            else:
+                reaches = abs(p.x) <= self.length / 2 + p.radius and abs(p.y) <= self.width / 2 + p.radius
+            if not reaches:
                 raise ValueError(
                     f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
                     f"({self.length} x {self.width} m, centred on the origin)"
@@ -133,11 +140,6 @@ class Table:
                     f"{max(values)})"
                 )
 
-    def _reaches(self, pocket: Pocket) -> bool:
-        if self.outline:
-            return bool(clearance(self.outline, (pocket.x, pocket.y)) > -pocket.radius)
-        return abs(pocket.x) <= self.length / 2 + pocket.radius and abs(pocket.y) <= self.width / 2 + pocket.radius
-
     def _check_markings(self) -> None:
         half = self.length / 2
         if self.head_string is not None:
@@ -152,6 +154,15 @@ class Table:
             raise ValueError(
                 f"table.d_radius = {self.d_radius}: expected 0 or a number below {most}, inside the cushions"
             )
+
+    def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Returns the distances (...) of points (..., 2) from the nearest cushion, m; negative outside the table.
+
+        Outside a rectangle it is the negative distance from the farthest of the lines on which its cushions lie.
+        """
+        if self.outline:
+            return clearance(self.outline, points)
+        return (np.array([self.length / 2, self.width / 2]) - np.abs(points)).min(axis=-1)
 
     @property
     def head_x(self) -> float:

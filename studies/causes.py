@@ -166,6 +166,5 @@ def _degrees_off(exact: ShotResult, true: Contact, stepped: ShotResult, found: C
 def _depth(stepped: ShotResult, found: Contact, scene: Scene) -> float:
     """Returns the depth of a ball beyond a cushion when PIT finds it, before PIT moves it, in radii."""
     assert stepped.trajectory is not None
-    x, y = stepped.trajectory.path(found.ball, [found.time], before=True)[0]
-    radius = scene.balls.radius[found.ball]
-    return max(abs(x) - scene.table.length / 2, abs(y) - scene.table.width / 2) / radius + 1.0
+    position = stepped.trajectory.path(found.ball, [found.time], before=True)[0]
+    return 1.0 - float(scene.table.clearance(position)) / scene.balls.radius[found.ball]

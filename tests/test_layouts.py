@@ -90,8 +90,9 @@ def test_racks_are_valid_and_the_cue_ball_is_behind_the_head_string(scene, n_obj
     positions = draws(name, scene, 50)
     check_positions(scene, positions)
     cue = positions[:, 0]
-    assert np.all(cue[:, 0] <= -scene.table.length / 4)
-    assert np.ptp(cue[:, 0]) > 0.84 * (scene.table.length / 4 - scene.balls.radius[0])
+    assert np.all(cue[:, 0] <= scene.table.head_x)
+    behind = scene.table.length / 2 + scene.table.head_x
+    assert np.ptp(cue[:, 0]) > 0.84 * (behind - scene.balls.radius[0])
     assert np.ptp(cue[:, 1]) > 0.7 * scene.table.width
 
 
@@ -150,6 +151,54 @@ def test_the_carom_opening_is_fixed(scene, n_object_balls):
 def test_the_carom_opening_uses_the_spots_of_the_rules():
     positions = draws("carom_opening", Scene.named("carom"), 1)[0]
     np.testing.assert_allclose(positions, [[-0.71, -0.1825], [0.71, 0.0], [-0.71, 0.0]], rtol=1e-15)
+
+
+def test_a_frame_of_snooker_begins_with_the_colours_on_their_spots():
+    scene = Scene.named("snooker")
+    positions = draws("snooker", scene, 400)
+    check_positions(scene, positions)
+    assert (positions[:, 1:] == positions[0, 1:]).all()
+    baulk, d, r = 0.737 - 3.569 / 2, 0.292, 0.02625
+    yellow, green, brown, blue, pink, black = positions[0, -6:]
+    np.testing.assert_allclose(
+        [yellow, green, brown, blue, pink, black],
+        [[baulk, -d], [baulk, d], [baulk, 0], [0, 0], [3.569 / 4, 0], [3.569 / 2 - 0.324, 0]],
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    reds = positions[0, 1:16]
+    assert 2 * r < reds[0, 0] - pink[0] < 2 * r + 1e-3
+    assert np.unique(reds[:, 0].round(9), return_counts=True)[1].tolist() == [1, 2, 3, 4, 5]
+    # The cue ball is anywhere in the D.
+    cue = positions[:, 0]
+    assert (cue[:, 0] <= baulk).all()
+    distance = np.hypot(cue[:, 0] - baulk, cue[:, 1])
+    assert 0.95 * d < distance.max() <= d
+    assert np.ptp(cue[:, 1]) > 1.8 * d
+
+
+def test_a_frame_of_snooker_may_have_fewer_red_balls():
+    scene = Scene.named("snooker", 12)
+    check_positions(scene, layouts.draw("snooker", scene, np.random.default_rng(0)))
+
+
+def test_snooker_needs_a_d_and_six_colours():
+    with pytest.raises(ValueError, match=r"layout = 'snooker' with table.d_radius = 0: expected a table with a D"):
+        layouts.draw("snooker", Scene.named("pool", 15), np.random.default_rng(0))
+    with pytest.raises(ValueError, match=r"layout = 'snooker' with 5 object balls: expected 6 to 21"):
+        layouts.draw("snooker", Scene.named("snooker", 5), np.random.default_rng(0))
+
+
+def test_random_balls_are_inside_an_outline_that_is_no_rectangle():
+    hexagon = [(-1.0, 0.0), (-0.5, -0.75), (0.5, -0.75), (1.0, 0.0), (0.5, 0.75), (0.2, 0.75), (0.0, 0.4), (-0.5, 0.75)]
+    corners = [{"x": x, "y": y} for x, y in hexagon]
+    corners[6]["radius"] = 0.1
+    table = {"length": 2.0, "width": 1.5, "outline": corners}
+    scene = Scene.from_dict({"balls": {"radius": [0.03] * 5, "mass": [0.2] * 5}, "table": table})
+    positions = draws("random", scene, 300)
+    check_positions(scene, positions)
+    gaps = scene.table.clearance(positions) - 0.03
+    assert layouts.MARGIN <= gaps.min() < 2 * layouts.MARGIN
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -64,7 +64,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | last        | shots left / `max_shots` (`observe_shots_left=True`)     | 0   | 1   |
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
-    ball has the position of the pocket's centre, clipped to [-1, 1].
+    ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
+    lie in the jaws of a pocket. There the largest abs(x) and abs(y) of a ball's centre, `scene.half_extents`, replace
+    half the length and half the width.
 
     ## Rewards
 
@@ -89,13 +91,15 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
       pockets.
-    - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4), the object balls in a triangle at the
-      foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
+    - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4 in pool), the object balls in a triangle
+      at the foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis of the table.
     - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them, so that no straight path of the
       cue ball hits ball 1 first.
+    - `"snooker"`: the start of a frame of snooker, with the cue ball anywhere in the D. The scene needs a table with a
+      D, such as `"snooker"`.
 
     With `task="place"` the goal is then drawn uniformly from all positions that the cue ball can have on an empty
     table. The goal does not change during an episode.

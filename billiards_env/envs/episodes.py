@@ -63,8 +63,8 @@ class Rules(NamedTuple):
         targets: (n,) bool, the balls of the task.
         max_shots: Number of shots after which an episode ends.
         scratch_penalty: Reward subtracted for a scratch.
-        half_length: Half the table's length, m.
-        half_width: Half the table's width, m.
+        half_length: Scale of x in observations, m, see `Scene.half_extents`.
+        half_width: Scale of y in observations, m.
     """
 
     task: int
@@ -158,8 +158,7 @@ class Episodes:
             settings.targets,
             settings.max_shots,
             settings.scratch_penalty,
-            scene.table.length / 2,
-            scene.table.width / 2,
+            *scene.half_extents,
         )
         self._starts = *shots[:4], self.start, self.potted_before
         self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over
@@ -249,8 +248,8 @@ def cue_ball_alone(scene: Scene) -> Scene:
 def observe(k, rules, progress, observations):
     """Writes the observation of episode k.
 
-    It holds the positions of the balls and goals, divided by half the length and width of the table. If there is room
-    for one more number, this is the fraction of the shots that are left.
+    It holds the positions of the balls and goals, divided by `Scene.half_extents`. If there is room for one more
+    number, this is the fraction of the shots that are left.
     """
     positions, goals = progress.positions, progress.goals
     n, n_goals = positions.shape[1], goals.shape[1]

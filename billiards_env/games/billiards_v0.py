@@ -82,7 +82,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     | Num | Observation | Min | Max |
     |---|---|---|---|
-    | 4 i, 4 i + 1 | x and y of ball i over half the table's length and width; of its pocket if it is potted | -1 | 1 |
+    | 4 i, 4 i + 1 | x and y of ball i over `scene.half_extents`; of its pocket if it is potted | -1 | 1 |
     | 4 i + 2 | 1 if ball i lies on the table; 0 if it is potted or is the cue ball in hand | 0 | 1 |
     | 4 i + 3 | 1 if the observing player may touch ball i first | 0 | 1 |
     | 4 n | 1 if it is the observing player's turn | 0 | 1 |
@@ -168,11 +168,10 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, mode, dt, fix)
 
-        table = self.setup.scene.table
         n, players = self.setup.scene.n_balls, self.setup.n_players
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
-        self._half = np.array([table.length / 2, table.width / 2])
+        self._half = np.array(self.setup.scene.half_extents)
         keeps_score = self.setup.target is not None
         self._score_scale = float(self.setup.target or n - 1) if keeps_score else 0.0
         low = np.zeros(_VALUES * n + 4 + (players if keeps_score else 0), np.float32)

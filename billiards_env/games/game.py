@@ -70,6 +70,11 @@ class Setup:
             raise ValueError(
                 f"rules = {self.rules!r} with a table of {len(self.scene.table.pockets)} pockets: expected {expected}"
             )
+        if not self.scene.table.is_rectangular:
+            raise ValueError(
+                f"rules = {self.rules!r} with a table whose cushions reach into its rectangle: expected a playing "
+                "surface that is a rectangle"
+            )
         for i, mass in enumerate(self.scene.balls.mass):
             if math.isinf(mass):
                 raise ValueError(f"rules = {self.rules!r} with ball {i} of infinite mass: expected finite masses")

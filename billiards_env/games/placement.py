@@ -45,14 +45,14 @@ def placement_area(scene: Scene, ball: int, behind: bool = False) -> tuple[float
     Args:
         scene: The scene.
         ball: The ball.
-        behind: Whether the ball must be behind the head string, which is at a quarter of the table's length.
+        behind: Whether the ball must be behind the head string.
 
     Returns:
         The smallest x, largest x, smallest y and largest y, m.
     """
     x = scene.table.length / 2 - scene.balls.radius[ball] - MARGIN
     y = scene.table.width / 2 - scene.balls.radius[ball] - MARGIN
-    return -x, -scene.table.length / 4 if behind else x, -y, y
+    return -x, scene.table.head_x if behind else x, -y, y
 
 
 def _is_free(point: Point, circles: list[Circle]) -> bool:
@@ -157,7 +157,7 @@ def spotted_point(scene: Scene, positions: NDArray[Any], on_table: Iterable[int]
     """
     circles = obstacles(scene, positions, ball, on_table)
     area = placement_area(scene, ball)
-    foot = min(scene.table.length / 4, area[1])
+    foot = min(scene.table.foot_x, area[1])
     edges = [x for cx, cy, radius in circles for x in _line_intersections(cx, radius, cy)]
     behind = sorted(x for x in (foot, *edges) if foot <= x <= area[1])
     in_front = sorted((x for x in edges if area[0] <= x < foot), reverse=True)

@@ -267,7 +267,7 @@ def _next_turn(model: Model) -> Model:
     if model.players[state.player] != HUMAN:
         return dataclasses.replace(model, phase="thinking")
     if state.in_hand != "no":
-        head_spot = -model.setup.scene.table.length / 4, 0.0
+        head_spot = model.setup.scene.table.head_x, 0.0
         model = dataclasses.replace(model, phase="placing", place=_free_point(model, head_spot))
         return dataclasses.replace(model, speed=_first_speed(model))
     model = dataclasses.replace(model, phase="aiming", speed=_first_speed(model))

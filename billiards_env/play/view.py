@@ -93,8 +93,8 @@ class View:
         frame.blit(canvas.table, (0, 0))
         game, cue = model.game, model.cue
         if model.phase == "placing" and game.state.in_hand == "behind":
-            x, y = model.setup.scene.table.length / 4, model.setup.scene.table.width / 2
-            self._draw_line(frame, np.array([[-x, -y], [-x, y]]), CHALK)
+            x, y = model.setup.scene.table.head_x, model.setup.scene.table.width / 2
+            self._draw_line(frame, np.array([[x, -y], [x, y]]), CHALK)
         if model.preview is not None:
             self._draw_line(frame, model.preview.path, canvas.looks[cue].path)
         for ball in sorted(game.state.on_table - {cue}):

@@ -11,12 +11,15 @@ FITTING = [
     (s, t)
     for s in SCENES
     for t in TASKS
-    if (t != "pot" or Scene.named(s).table.pockets) and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
+    if (t != "pot" or Scene.named(s).table.pockets)
+    and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
+    and (t not in ("carom", "three_cushion") or Scene.named(s).n_balls <= 3)
 ]
 VARIANTS = [
     *({"scene": scene, "task": task} for scene, task in FITTING),
     *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
-    *({"layout": layout} for layout in (*LAYOUTS, None) if layout != "snookered"),
+    *({"layout": layout} for layout in (*LAYOUTS, None) if layout not in ("snookered", "snooker")),
+    {"layout": "snooker", "scene": "snooker"},
     {"layout": "snookered", "scene": "blocked_pool"},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
