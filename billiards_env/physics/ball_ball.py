@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
-from billiards_env.physics.friction import rub_pair
+from billiards_env.physics.friction import add_normal_impulses, forget_normal_impulses, rub_all, rub_pair
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
 
@@ -32,14 +32,16 @@ def change_velocity(state, i, dvx, dvy, params):
 @kernel
 def _exchange_many(count, contacts, state, scene, scratch):
     """Implements `exchange` for more than one contact."""
-    e, wanted = scene.params[E_BALL], scratch.wanted
+    e, wanted, friction = scene.params[E_BALL], scratch.wanted, scene.ball_friction
+    forget_normal_impulses(friction, count, scratch)
     for c in range(count):
         wanted[c, HI] = wanted[c, LO] = 0.0
         if contacts.closing[c] > 0.0:
             speed, speed_lo = separation_speed(contacts, c, state)
             wanted[c, HI], wanted[c, LO] = -speed, -speed_lo
-    solve_plastic(count, contacts, scene.inv_mass, scratch)
+    direct = solve_plastic(count, contacts, scene.inv_mass, scratch)
     apply_changes(count, e, contacts, state, scene, scratch)
+    add_normal_impulses(friction, count, 1.0 + e, direct, scratch)
     acts = 0
     for c in range(count):
         speed, speed_lo = separation_speed(contacts, c, state)
@@ -49,8 +51,10 @@ def _exchange_many(count, contacts, state, scene, scratch):
             speed = speed_lo = 0.0  # the rounding of a plastic impact
         wanted[c, HI], wanted[c, LO] = add(contacts.rebound[c], 0.0, -speed, -speed_lo)
     if acts > 0:
-        solve_plastic(count, contacts, scene.inv_mass, scratch)
+        direct = solve_plastic(count, contacts, scene.inv_mass, scratch)
         apply_changes(count, 0.0, contacts, state, scene, scratch)
+        add_normal_impulses(friction, count, 1.0, direct, scratch)
+    rub_all(friction, count, contacts, state, scene, scratch)
     return acts
 
 

@@ -62,6 +62,32 @@ def empty_contacts(most):
     )
 
 
+class Rubbing(NamedTuple):
+    """Scratch arrays for the friction of up to `most` impacts of n balls at one instant.
+
+    Attributes:
+        normal: (most,) float64, normal impulses, kg m/s.
+        target: (min(most, MOST), 4) float64, scratch of `solve_smallest`.
+        limit: (most,) float64, the largest friction, kg m/s.
+        weight: (most,) float64, upper bounds of the change of slip per impulse, 1/kg.
+        slip: (most, 2) float64, slip along z x n and along z before the friction, m/s.
+        point: (most, 2) float64, impulses of friction in these directions, kg m/s.
+        last: (most, 2) float64, the same after a step.
+        sums: (n, 6) float64, sums of impulses on each ball.
+        degree: (n,) int64, number of contacts of each ball.
+    """
+
+    normal: Any
+    target: Any
+    limit: Any
+    weight: Any
+    slip: Any
+    point: Any
+    last: Any
+    sums: Any
+    degree: Any
+
+
 class Scratch(NamedTuple):
     """Scratch arrays for the resolution of up to `most` impacts of n balls.
 
@@ -73,6 +99,7 @@ class Scratch(NamedTuple):
         descent: (4, most) float64, scratch of `_descend`.
         dv: (n, 2) float64, changes of velocity, m/s; `apply_changes` uses it as scratch.
         done: (n,) bool, False between calls.
+        rubbing: The `Rubbing`; None for balls without friction.
     """
 
     wanted: Any
@@ -82,6 +109,24 @@ class Scratch(NamedTuple):
     descent: Any
     dv: Any
     done: Any
+    rubbing: Any
+
+
+@allocating
+def _empty_rubbing(ball_friction, n, most):
+    if ball_friction is None:
+        return None
+    return Rubbing(
+        np.empty(most),
+        np.empty((min(most, MOST), 4)),
+        np.empty(most),
+        np.empty(most),
+        np.empty((most, 2)),
+        np.empty((most, 2)),
+        np.empty((most, 2)),
+        np.empty((n, 6)),
+        np.empty(n, np.int64),
+    )
 
 
 @allocating
@@ -95,6 +140,7 @@ def empty_scratch(n, most, ball_friction):
         np.empty((4, most)),
         np.empty((n, 2)),
         np.zeros(n, np.bool_),
+        _empty_rubbing(ball_friction, n, most),
     )
 
 
@@ -199,7 +245,7 @@ def _descend(count, contacts, inv_mass, scratch):
 
 
 @kernel
-def _quantum(largest, n_terms):
+def quantum(largest, n_terms):
     """Returns a q such that n_terms values (x + q) - q, which are x rounded, sum exactly for abs(x) <= `largest`."""
     _, exponent = math.frexp(largest)
     _, spare = math.frexp(float(n_terms))
@@ -229,10 +275,10 @@ def sum_impulses(count, contacts, impulse, scale, inv_mass, dv, done):
             dv[k, X] = dv[k, Y] = 0.0
             done[k] = False
         largest = max(largest, abs(impulse[c] * scale[c]))
-    quantum = _quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
+    q = quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
         p = impulse[c] * scale[c]
-        px, py = (p * contacts.nx[c] + quantum) - quantum, (p * contacts.ny[c] + quantum) - quantum
+        px, py = (p * contacts.nx[c] + q) - q, (p * contacts.ny[c] + q) - q
         i, j = first[c], second[c]
         dv[i, X] -= px
         dv[i, Y] -= py
@@ -255,9 +301,13 @@ def solve_plastic(count, contacts, inv_mass, scratch):
         contacts: The `Contacts`.
         inv_mass: (n,) float64, 1/kg.
         scratch: The `Scratch`; `wanted` is read, `change` holds the result for the balls in contact.
+
+    Returns:
+        Whether the problem was solved directly.
     """
     change, impulse = scratch.change, scratch.impulse
-    if not (count <= MOST and _solve_directly(count, contacts, inv_mass, scratch)):
+    direct = count <= MOST and _solve_directly(count, contacts, inv_mass, scratch)
+    if not direct:
         _descend(count, contacts, inv_mass, scratch)
     for c in range(count):
         change[contacts.first[c]] = 0.0
@@ -270,6 +320,7 @@ def solve_plastic(count, contacts, inv_mass, scratch):
             y, y_lo = multiply(p, p_lo, contacts.ny[c], 0.0)
             change[k, DVX], change[k, DVX_LO] = add(change[k, DVX], change[k, DVX_LO], x, x_lo)
             change[k, DVY], change[k, DVY_LO] = add(change[k, DVY], change[k, DVY_LO], y, y_lo)
+    return direct
 
 
 @inlined

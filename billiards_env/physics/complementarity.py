@@ -23,6 +23,7 @@ MOST = 48
 _SINGULAR = 2.0**-75
 _SHIFT = 2.0**-80
 _ZERO = 2.0**-88  # relative; a smaller value is rounding
+_PROXIMAL = 2.0**-24  # relative weight of the distance from the last solution in `solve_smallest`
 _EXCHANGES = 100  # largest number of changes of the active set; random problems need a few
 
 
@@ -183,3 +184,33 @@ def solve_complementarity(n, problem):
         else:
             active[last] = not active[last]
     return False
+
+
+@kernel
+def solve_smallest(n, problem, target):
+    """Replaces the solution x of `solve_complementarity` by the smallest one, weighted by the diagonal.
+
+    If a is regular, x is the only solution and does not change. Otherwise x is the limit of the proximal point
+    iteration from zero (Rockafellar 1976), each step of which has one solution. So x does not depend on the order of the
+    unknowns, as it may after `solve_complementarity`.
+
+    Args:
+        n: Number of unknowns, at most `MOST`.
+        problem: The `Problem`; a and b are changed.
+        target: (m, 4) float64 scratch.
+    """
+    a, b, x = problem.a, problem.b, problem.x
+    for i in range(n):
+        problem.index[i] = i
+    if _factorise(n, problem, 0.0):
+        return
+    for i in range(n):
+        target[i, 0], target[i, 1] = b[i, HI], b[i, LO]
+        target[i, 2], target[i, 3] = _PROXIMAL * a[i, i, HI], _PROXIMAL * a[i, i, LO]
+        a[i, i, HI], a[i, i, LO] = add(a[i, i, HI], a[i, i, LO], target[i, 2], target[i, 3])
+        x[i, HI] = x[i, LO] = 0.0
+    for _ in range(5):
+        for i in range(n):
+            p, p_lo = multiply(x[i, HI], x[i, LO], target[i, 2], target[i, 3])
+            b[i, HI], b[i, LO] = add(target[i, 0], target[i, 1], p, p_lo)
+        solve_complementarity(n, problem)

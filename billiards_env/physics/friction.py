@@ -4,14 +4,31 @@ Friction acts against the slip of the two surfaces. The slip has a horizontal pa
 about horizontal axes, a vertical part. Normal and tangential impulses of spheres are independent, so the slip keeps its
 direction, and Coulomb's law has a closed form (Alciatore 2019, TP A.14): the impulse is mu times the normal impulse or,
 if that is less, the impulse that stops the slip. The vertical velocity is set to zero afterwards.
+
+Several impacts at one instant first get the normal impulses of `clusters`. Then the impulses of friction are those that
+minimise the kinetic energy after the impact, each at most mu times the normal impulse of its contact: the principle of
+maximum dissipation (Moreau 1973) with fixed normal impulses, as in the staggered projections of Kaufman, Sueda, James and
+Pai (2008). Zero friction is one of the choices, so the energy never rises. The problem is convex, and its velocities are
+unique. For one contact the result is the closed form. Balls that approach after it meet again at the same instant.
 """
 
 from __future__ import annotations
 
+import math
+
+from billiards_env.physics.clusters import quantum
+from billiards_env.physics.complementarity import solve_smallest
+from billiards_env.physics.double_double import HI
 from billiards_env.physics.elementary import exponential
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import MU_DROP, MU_LIMIT, MU_RATE, UX, UY, VX, VY, WZ
+
+# Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
+_PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
+_ACROSS, _UP = 0, 1  # columns of slips and of impulses of friction
+
+_SWEEPS = 2000  # largest number of steps of `rub_all`
 
 
 @inlined
@@ -80,3 +97,154 @@ def rub_pair(ball_friction, i, j, nx, ny, p, state, scene):
         ratio = -(limit / slip if limit < stop * slip else stop)
         rub_ball(i, 1.0, nx, ny, ratio * across, ratio * up, state, scene)
         rub_ball(j, -1.0, nx, ny, ratio * across, ratio * up, state, scene)
+
+
+@inlined
+def forget_normal_impulses(ball_friction, count, scratch):
+    """Sets the normal impulses of the contacts to zero."""
+    if ball_friction is None:
+        return
+    for c in range(count):
+        scratch.rubbing.normal[c] = 0.0
+
+
+@inlined
+def add_normal_impulses(ball_friction, count, factor, direct, scratch):
+    """Adds `factor` times the impulses of `solve_plastic` to the normal impulses; `direct` is its result."""
+    if ball_friction is None:
+        return
+    normal, impulse, x = scratch.rubbing.normal, scratch.impulse, scratch.problem.x
+    if direct:
+        solve_smallest(count, scratch.problem, scratch.rubbing.target)
+    for c in range(count):
+        normal[c] += factor * (x[c, HI] if direct else impulse[c, HI])
+
+
+@kernel
+def _sum_friction(count, contacts, push, rubbing):
+    """Computes `Rubbing.sums`, independently of the order of the contacts, as `clusters.sum_impulses` does."""
+    sums, first, second = rubbing.sums, contacts.first, contacts.second
+    largest = 0.0
+    for c in range(count):
+        for k in range(6):
+            sums[first[c], k] = sums[second[c], k] = 0.0
+        largest = max(largest, abs(push[c, _ACROSS]), abs(push[c, _UP]))
+    q = quantum(largest, count) if count > 2 and largest > 0.0 else 0.0
+    for c in range(count):
+        i, j, nx, ny = first[c], second[c], contacts.nx[c], contacts.ny[c]
+        across, up = (push[c, _ACROSS] + q) - q, (push[c, _UP] + q) - q
+        px, py = (-push[c, _ACROSS] * ny + q) - q, (push[c, _ACROSS] * nx + q) - q
+        roll_x, roll_y = (push[c, _UP] * nx + q) - q, (push[c, _UP] * ny + q) - q
+        for k in (i, j):
+            sign = 1.0 if k == i else -1.0
+            sums[k, _PX] += sign * px
+            sums[k, _PY] += sign * py
+            sums[k, _PZ] += sign * up
+            sums[k, _TURN] += across
+            sums[k, _ROLL_X] += roll_x
+            sums[k, _ROLL_Y] += roll_y
+
+
+@kernel
+def _change_of_slip(c, contacts, sums, inv_mass):
+    """Returns the change of contact c's slip (along z x n, along z) by the sums of impulses, m/s."""
+    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
+    mi, mj = inv_mass[i], inv_mass[j]
+    across = nx * (mi * sums[i, _PY] - mj * sums[j, _PY]) - ny * (mi * sums[i, _PX] - mj * sums[j, _PX])
+    up = mi * sums[i, _PZ] - mj * sums[j, _PZ]
+    turn = mi * sums[i, _TURN] + mj * sums[j, _TURN]
+    roll_x = mi * sums[i, _ROLL_X] + mj * sums[j, _ROLL_X]
+    roll_y = mi * sums[i, _ROLL_Y] + mj * sums[j, _ROLL_Y]
+    return across + 2.5 * turn, up + 2.5 * (nx * roll_x + ny * roll_y)
+
+
+@kernel
+def _minimise_energy(count, contacts, inv_mass, rubbing):
+    """Computes the impulses of friction, `Rubbing.last`, by an accelerated projected gradient.
+
+    The weights are a diagonal upper bound of the quadratic form: a ball's change of velocity by `degree` impulses has
+    at most `degree` times the sum of their energies.
+    """
+    first, second = contacts.first, contacts.second
+    slip, limit, weight, degree = rubbing.slip, rubbing.limit, rubbing.weight, rubbing.degree
+    point, last, sums = rubbing.point, rubbing.last, rubbing.sums
+    for c in range(count):
+        degree[first[c]] = degree[second[c]] = 0
+    for c in range(count):
+        degree[first[c]] += 1
+        degree[second[c]] += 1
+    largest = 0.0
+    for c in range(count):
+        i, j = first[c], second[c]
+        weight[c] = 3.5 * (inv_mass[i] * degree[i] + inv_mass[j] * degree[j])
+        largest = max(largest, norm(slip[c, _ACROSS], slip[c, _UP]))
+        for k in range(2):
+            point[c, k] = last[c, k] = 0.0
+    theta = 1.0
+    for _ in range(_SWEEPS):
+        _sum_friction(count, contacts, point, rubbing)
+        change, uphill = 0.0, False
+        theta_next = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * theta * theta))
+        for c in range(count):
+            across, up = _change_of_slip(c, contacts, sums, inv_mass)
+            across = point[c, _ACROSS] - (slip[c, _ACROSS] + across) / weight[c]
+            up = point[c, _UP] - (slip[c, _UP] + up) / weight[c]
+            size = norm(across, up)
+            if size > limit[c]:
+                across, up = limit[c] * (across / size), limit[c] * (up / size)
+            step_across, step_up = across - last[c, _ACROSS], up - last[c, _UP]
+            step = weight[c] * norm(step_across, step_up)
+            change = max(change, step)
+            back = (point[c, _ACROSS] - across) * step_across + (point[c, _UP] - up) * step_up
+            uphill = uphill or back > 0.0
+            slope = (theta - 1.0) / theta_next
+            point[c, _ACROSS], point[c, _UP] = across + slope * step_across, up + slope * step_up
+            last[c, _ACROSS], last[c, _UP] = across, up
+        theta = theta_next
+        if change <= 2e-16 * largest:
+            break
+        if uphill:
+            theta = 1.0
+            for c in range(count):
+                point[c, _ACROSS], point[c, _UP] = last[c, _ACROSS], last[c, _UP]
+
+
+@kernel
+def _rub_together(count, contacts, state, scene, rubbing):
+    """Implements `rub_all`."""
+    inv_mass, radius, slip = scene.inv_mass, scene.radius, rubbing.slip
+    for c in range(count):
+        i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.nx[c], contacts.ny[c]
+        slip[c, _ACROSS], slip[c, _UP] = contact_slip(i, j, nx, ny, state, radius)
+        speed = norm(slip[c, _ACROSS], slip[c, _UP])
+        rubbing.limit[c] = friction_coefficient(scene.ball_friction, speed) * rubbing.normal[c]
+    _minimise_energy(count, contacts, inv_mass, rubbing)
+    _sum_friction(count, contacts, rubbing.last, rubbing)
+    for c in range(count):
+        for k in (contacts.first[c], contacts.second[c]):
+            if rubbing.degree[k] == 0:
+                continue
+            rubbing.degree[k] = 0
+            s, sums, inverse = state.rows[k], rubbing.sums[k], inv_mass[k]
+            s[VX] += inverse * sums[_PX]
+            s[VY] += inverse * sums[_PY]
+            s[UX] += inverse * (sums[_PX] + 2.5 * sums[_ROLL_X])
+            s[UY] += inverse * (sums[_PY] + 2.5 * sums[_ROLL_Y])
+            s[WZ] += 2.5 * inverse * sums[_TURN] / radius[k]
+
+
+@inlined
+def rub_all(ball_friction, count, contacts, state, scene, scratch):
+    """Changes velocities, slips and spins by the friction of the impacts at one instant.
+
+    Args:
+        ball_friction: `SceneArrays.ball_friction`.
+        count: Number of contacts.
+        contacts: The `Contacts`.
+        state: The `State` after the normal impulses.
+        scene: The `SceneArrays`.
+        scratch: The `Scratch`; `rubbing.normal` holds the normal impulses.
+    """
+    if ball_friction is None:
+        return
+    _rub_together(count, contacts, state, scene, scratch.rubbing)

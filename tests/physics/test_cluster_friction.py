@@ -1,0 +1,180 @@
+"""The friction of several pairs of balls that collide at one instant."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env.engine.modes import scene_arrays
+from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.jit import entry_point
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
+from billiards_env.scene import Balls, Physics, Scene
+from tests.physics.test_clusters import cluster, triangle
+
+
+@entry_point
+def collide(first, second, nx, ny, closing, rebound, rows, scene):
+    """Runs `exchange` on balls with these rows."""
+    scene = SceneArrays(*scene)
+    contacts = empty_contacts(len(first))
+    contacts.first[:], contacts.second[:] = first, second
+    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
+    state = State(rows, np.zeros(len(rows), np.int8))
+    return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
+
+
+def arrays_of(e=0.95, mu=None, radius=None, inverse=None):
+    physics = Physics(ball_ball="frictional", cushion="restitution", mu_ball=mu, e_ball=e)
+    arrays = scene_arrays(Scene(Balls.uniform(1), physics=physics))
+    return arrays._replace(radius=radius, inv_mass=inverse)
+
+
+def collided(places, rows, pairs, arrays, rebound=0.0):
+    """Returns the rows after the impacts of those pairs that approach, and whether there are any."""
+    contacts = []
+    for i, j in pairs:
+        d, w = places[j] - places[i], rows[j, VX : VY + 1] - rows[i, VX : VY + 1]
+        n = d / math.sqrt(d[0] * d[0] + d[1] * d[1])
+        closing = -(n[0] * w[0] + n[1] * w[1])
+        if closing > 0:
+            contacts.append((i, j, n[0], n[1], closing))
+    rows = rows.copy()
+    if contacts:
+        first, second, nx, ny, closing = (np.array(column) for column in zip(*contacts, strict=True))
+        collide(first, second, nx, ny, closing, np.full(len(first), rebound), rows, tuple(arrays))
+    return rows, len(contacts)
+
+
+def energy(rows, arrays):
+    """Returns the kinetic energy of translation and rotation; fixed balls have none."""
+    finite = arrays.inv_mass > 0
+    mass = 1 / arrays.inv_mass[finite]
+    r, radius = rows[finite], arrays.radius[finite]
+    rotation = (r[:, UX] - r[:, VX]) ** 2 + (r[:, UY] - r[:, VY]) ** 2 + (radius * r[:, WZ]) ** 2
+    return 0.5 * float(mass @ (r[:, VX] ** 2 + r[:, VY] ** 2 + 0.4 * rotation))
+
+
+def drawn(seed, n, e, mu, fixed, masses=True):
+    rng = np.random.default_rng(seed)
+    places, inverse, pairs = cluster(rng, n)
+    inverse = 10.0 ** rng.uniform(-1, 1, n) if masses else np.full(n, 1 / 0.17)
+    if fixed:
+        inverse[0] = 0.0
+    radius = rng.uniform(0.02, 0.04, n)
+    rows = np.zeros((n, WIDTH))
+    moving = (rng.random((n, 1)) < 0.6) & (inverse[:, None] > 0)
+    rows[:, VX : VY + 1] = rng.normal(size=(n, 2)) * moving
+    rows[:, UX : UY + 1] = rows[:, VX : VY + 1] + rng.normal(size=(n, 2)) * moving
+    rows[:, WZ] = rng.normal(size=n) * 30 * moving[:, 0]
+    return rng, places, rows, pairs, arrays_of(e, mu, radius, inverse)
+
+
+CASES = {
+    "seed": st.integers(0, 2**32),
+    "n": st.integers(3, 30),
+    "e": st.floats(0, 1),
+    "mu": st.sampled_from([None, 0.06, 0.5, 5.0]),
+    "fixed": st.booleans(),
+}
+
+
+@given(**CASES)
+def test_joint_impacts_with_friction_lose_energy_and_keep_momentum(seed, n, e, mu, fixed):
+    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed)
+    found, _ = collided(places, rows, pairs, arrays)
+    assert energy(found, arrays) <= energy(rows, arrays) * (1 + 1e-12)
+    assert np.array_equal(found[arrays.inv_mass == 0], rows[arrays.inv_mass == 0])
+    if not fixed:
+        mass = 1 / arrays.inv_mass
+        change = mass @ (found - rows)[:, VX : VY + 1]
+        assert np.abs(change).max() <= 1e-14 * mass.max() * (1 + np.abs(rows[:, VX : VY + 1]).max()) * n
+
+
+@given(**CASES, rebound=st.sampled_from([0.0, 0.1]))
+def test_joint_impacts_with_friction_have_no_preferred_order_or_side(seed, n, e, mu, fixed, rebound):
+    rng, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed)
+    found, _ = collided(places, rows, pairs, arrays, rebound)
+    names, order = rng.permutation(n), rng.permutation(len(pairs))
+    back = np.argsort(names)
+    renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
+    other = arrays._replace(radius=arrays.radius[names], inv_mass=arrays.inv_mass[names])
+    assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound)[0], found[names])
+    for columns, mirror in (([VX, UX, WZ], [-1, 1]), ([VY, UY, WZ], [1, -1])):
+        signs = np.ones(WIDTH)
+        signs[columns] = -1
+        assert np.array_equal(collided(places * mirror, rows * signs, pairs, arrays, rebound)[0], found * signs)
+
+
+@pytest.mark.parametrize("rows_of_rack", [4, 5])
+def test_a_frozen_rack_with_redundant_contacts_has_no_preferred_order(rows_of_rack):
+    """Normal impulses of redundant contacts are not unique; the friction depends on the smallest ones."""
+    n, contacts = triangle(rows_of_rack)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        closing = rng.uniform(0.01, 2, len(contacts))
+        start = np.zeros((n, WIDTH))
+        start[:, VX : UY + 1] = rng.normal(size=(n, UY + 1 - VX))
+        start[:, WZ] = rng.normal(size=n) * 30
+        arrays = arrays_of(radius=np.full(n, 0.03), inverse=np.full(n, 1 / 0.17))
+        first, second, angle = (np.array(column) for column in zip(*contacts, strict=True))
+        nx, ny = np.cos(angle), np.sin(angle)
+        results = []
+        for order, names in (
+            (np.arange(len(contacts)), np.arange(n)),
+            (rng.permutation(len(contacts)), rng.permutation(n)),
+        ):
+            rows = np.empty_like(start)
+            rows[names] = start
+            pick = names[first[order]], names[second[order]], nx[order], ny[order], closing[order]
+            collide(*pick, np.zeros(len(order)), rows, tuple(arrays))
+            results.append(rows[names])
+        assert np.array_equal(*results)
+
+
+def test_a_ball_between_two_balls_is_thrown_by_neither():
+    """A spinning ball hits two touching balls in the middle. The mirrored problem has the mirrored result."""
+    radius = 0.03
+    angle = math.pi / 6
+    places = np.array([[0, 0], [2 * radius * math.cos(angle), radius], [2 * radius * math.cos(angle), -radius]])
+    arrays = arrays_of(radius=np.full(3, radius), inverse=np.full(3, 1 / 0.17))
+    rows = np.zeros((3, WIDTH))
+    rows[0, VX] = rows[0, UX] = 1.0
+    plain, count = collided(places, rows, [(0, 1), (0, 2)], arrays)
+    assert count == 2
+    assert plain[0, [VY, UY, WZ]].tolist() == [0.0, 0.0, 0.0]
+    assert plain[1, WZ] == -plain[2, WZ] != 0.0
+    assert plain[1, VY] == -plain[2, VY]
+    frictionless = collided(places, rows, [(0, 1), (0, 2)], arrays_of(mu=0.0, radius=arrays.radius, inverse=arrays.inv_mass))
+    assert plain[0, VX] < frictionless[0][0, VX] + 0.1
+
+
+def test_contacts_without_a_common_ball_have_the_closed_form():
+    radius, inverse = np.full(4, 0.03), np.full(4, 1 / 0.17)
+    places = np.array([[0, 0], [0.06, 0], [1, 0], [1, 0.06]])
+    rng = np.random.default_rng(0)
+    rows = np.zeros((4, WIDTH))
+    rows[:, VX : UY + 1] = rng.normal(size=(4, UY + 1 - VX))
+    rows[:, WZ] = rng.normal(size=4) * 30
+    rows[0, VX], rows[1, VX], rows[2, VY], rows[3, VY] = 1, 0, 1, 0
+    arrays = arrays_of(radius=radius, inverse=inverse)
+    both = collided(places, rows, [(0, 1), (2, 3)], arrays)[0]
+    single = collided(places, rows, [(0, 1)], arrays)[0][:2]
+    assert both[:2] == pytest.approx(single, abs=1e-14)
+    assert both[2:] == pytest.approx(collided(places, rows, [(2, 3)], arrays)[0][2:], abs=1e-14)
+
+
+@given(**{**CASES, "fixed": st.just(False)})
+def test_friction_dissipates_as_much_as_it_can(seed, n, e, mu, fixed):
+    """The slips and impulses satisfy the conditions of the minimum: no small change of an impulse lowers the energy."""
+    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed, masses=False)
+    found, count = collided(places, rows, pairs, arrays)
+    if not count:
+        return
+    smooth = collided(places, rows, pairs, arrays_of(e, 0.0, arrays.radius, arrays.inv_mass))[0]
+    assert energy(found, arrays) <= energy(smooth, arrays) * (1 + 1e-12)
+    if mu == 5.0 and count <= n:  # friction stops the slip unless a normal impulse is zero
+        assert energy(found, arrays) < energy(smooth, arrays)
