@@ -195,10 +195,10 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
         overlaps = any(abs(x - point[0]) < 2 * label_height and abs(y - point[1]) < label_height for x, y in labelled)
         if kind != "sliding_rolling" and not overlaps:
             labelled.append(point.tolist())
-            _label(ax, kind, other, point, f"{time:.2f} s")
+            _label(ax, kind, scene, point, f"{time:.2f} s")
 
 
-def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
+def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
     """Writes an event's time on the rail, in the pocket, or next to two balls, towards the centre of the table."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
     if kind == "ball_ball":
@@ -206,7 +206,8 @@ def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
         ground, style["color"], style["xytext"] = CLOTH, CHALK, (8 * x, 8 * y)
         style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
-        x, y = ((-1, 0), (1, 0), (0, -1), (0, 1))[other]
+        across = np.array([scene.table.length, scene.table.width]) / 2 - abs(point)
+        x, y = (np.sign(point) * (across == across.min())).astype(int).tolist()
         ground, style["color"], style["xytext"] = RAIL, CHALK, (20 * x, 20 * y)
         style |= {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
     else:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.outline import Circle, polygon, runs
+from billiards_env.outline import TOUCH, Circle, pieces, polygon, runs
 from billiards_env.scene import Scene
 from billiards_env.table import Pocket, Table
 
@@ -56,6 +56,24 @@ KINDS = {
     "spinning_rest": "stops spinning",
 }
 """The text of each event kind, after the name of the ball."""
+
+
+def cushion_names(table: Table) -> list[str]:
+    """Returns the name of each cushion, by its number in the events of a shot."""
+    half_x, half_y = table.length / 2, table.width / 2
+    sides = {(0, -half_x): "left", (0, half_x): "right", (1, -half_y): "lower", (1, half_y): "upper"}
+    if not table.outline:
+        return [f"the {name} cushion" for name in sides.values()]
+    lines, tips = pieces(table.outline)
+    names = []
+    for line in lines:
+        ends = line[:2], line[2:]
+        side = [name for (axis, place), name in sides.items() if all(abs(end[axis] - place) <= TOUCH for end in ends)]
+        x, y = (line.x0 + line.x1) / 2, (line.y0 + line.y1) / 2
+        if ends[0] != ends[1]:
+            jaw = abs(x) > half_x or abs(y) > half_y
+            names.append(f"the {side[0]} cushion" if side else "a facing" if jaw else "a cushion")
+    return names + ["a tip"] * len(tips)
 
 
 class Look(NamedTuple):
