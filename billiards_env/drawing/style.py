@@ -192,12 +192,16 @@ def _line_behind(table: Table, pocket: Pocket) -> NDArray[np.float64] | None:
 
 
 def _fall(table: Table, pocket: Pocket, line: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Returns the hole of a pocket inside an outline: the circle of the physics up to the line behind the pocket."""
+    """Returns the hole of a pocket between its jaws: the circle of the physics up to the line behind the pocket.
+
+    Two points beyond this line avoid a seam between this polygon and the hole in the rail.
+    """
     if line is None:
         return _arc(pocket.x, pocket.y, pocket.radius)
     way = line[1] - line[0]
     circle = _arc(pocket.x, pocket.y, pocket.radius, math.atan2(way[0], -way[1]) - math.pi, 2 * math.pi, 240)
-    return np.vstack((line, circle[table.clearance(circle) > 0.0]))
+    beyond = line.mean(0) + np.outer((-0.4, 0.4), way) + 0.2 * np.array([way[1], -way[0]])
+    return np.vstack((line[0], beyond, line[1], circle[table.clearance(circle) > 0.0]))
 
 
 def _strip(line: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
@@ -217,7 +221,7 @@ def _inset(points: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
 
 def _markings(table: Table) -> list[Shape]:
     """Returns the baulk line and the D."""
-    x, y, half = table.head_x, table.width / 2, 0.0015 * _unit(table)
+    x, y, half = table.head_x, table.width / 2, 0.002 * _unit(table)
     shapes = [Shape(np.array([[x - half, -y], [x + half, -y], [x + half, y], [x - half, y]]), MARKING)]
     if table.d_radius:
         outer, inner = (_arc(x, 0.0, table.d_radius + s * half, math.pi / 2, math.pi, 120) for s in (1, -1))
