@@ -364,7 +364,7 @@ def _hit_cushion(i, wall, scene, work):
         return -1.0
     x, y, vx, vy = here[i, X], here[i, Y], here[i, VX], here[i, VY]
     if fix == PUSH_APART:
-        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, beyond, nx, ny, params, scene.outline)
+        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, params, scene.outline)
     elif fix == MOVE_BACK:
         t = min(overlap_time(x, y, vx, vy, radius, wall, beyond, speed, scene.outline), params[DT])
         here[i, X] -= t * vx

@@ -230,14 +230,17 @@ def _outline_time(path, radius, end, leaves, side, outline):
         along = y + leaves * (vy + 0.5 * leaves * ay) if side < 2 else x + leaves * (vx + 0.5 * leaves * ax)
         rails = outline.rails
         for k in range(len(rails)):
-            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] <= along <= rails[k, RAIL_TO]:
-                return leaves, int(rails[k, RAIL_LINE])
-    return _any_time(path, radius, end, outline)
+            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] < along < rails[k, RAIL_TO]:
+                number = int(rails[k, RAIL_LINE])
+                t = _segment_time(path, radius, end, outline.lines[number])  # differs from `leaves` by its rounding
+                if t < math.inf:
+                    return t, number
+    return any_wall_time(path, radius, end, outline)
 
 
 @kernel
-def _any_time(path, radius, end, outline):
-    """Implements `wall_time` for any outline and any path: tests all cushions."""
+def any_wall_time(path, radius, end, outline):
+    """Returns the same as `wall_time` for an outline. It tests all cushions."""
     first, number = math.inf, -1
     lines, tips = outline.lines, outline.tips
     for k in range(len(lines)):
@@ -375,7 +378,7 @@ def next_overlap(x, y, vx, vy, radius, turn, params, outline):
     """Returns the number of a cushion that a ball overlaps, or -1.
 
     A ball overlaps an outline if its centre is nearer than its radius to a cushion, or outside the outline. If it is
-    outside, it overlaps the nearest cushion only, so it is always sent back to the table.
+    outside, it overlaps the nearest cushion only, at whatever depth, so no ball is lost outside.
 
     Args:
         x: Position of the ball along x, m.
@@ -500,11 +503,26 @@ def overlap_time(x, y, vx, vy, radius, wall, beyond, speed, outline):
 
 
 @inlined
-def back_to_wall(x, y, radius, wall, beyond, nx, ny, params, outline):
-    """Returns the position at which a ball that is `beyond` (m) a cushion with the normal (nx, ny) touches it."""
+def back_to_wall(x, y, radius, wall, params, outline):
+    """Returns the position at which a ball that overlaps a cushion, at (x, y), touches the cushion's nearest point."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         if wall < 2:
             return sign * (params[HALF_LENGTH] - radius), y
         return x, sign * (params[HALF_WIDTH] - radius)
-    return x - beyond * nx, y - beyond * ny
+    return _back_to_piece(x, y, radius, wall, outline)
+
+
+@kernel
+def _back_to_piece(x, y, radius, wall, outline):
+    """Implements `back_to_wall` for an outline."""
+    lines, tips = outline.lines, outline.tips
+    nx, ny = _outline_normal(x, y, wall, outline)
+    if wall < len(lines):
+        line = lines[wall]
+        foot = line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])
+        foot = max(-line[HALF_LINE], min(foot, line[HALF_LINE]))
+        return line[LINE_X] + foot * line[TX] - radius * nx, line[LINE_Y] + foot * line[TY] - radius * ny
+    tip = tips[wall - len(lines)]
+    reach = tip[TIP_RADIUS] + radius
+    return tip[TIP_X] - reach * nx, tip[TIP_Y] - reach * ny
