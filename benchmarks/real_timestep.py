@@ -119,7 +119,7 @@ def jaws(count: int, rng: np.random.Generator) -> Shots:
     velocities = speed[:, None] * _unit(angle)
     positions = mouth + aside - rng.uniform(0.1, 0.4, count)[:, None] * _unit(angle)
     shots = Shots(scene, positions[:, None], velocities, _rolling(velocities, radius))
-    shots = shots.of((np.abs(positions) < half - radius).all(axis=1))
+    shots = shots.of(np.asarray((np.abs(positions) < half - radius).all(axis=1)))
     return shots.of(shots.run().cushions[:, 0] > 0)
 
 

@@ -108,7 +108,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
     outline = None
     if scene.table.outline:
-        outline = outline_arrays(scene.table.outline, params[HALF_LENGTH], params[HALF_WIDTH], pockets)
+        outline = outline_arrays(scene.table.outline, params[HALF_LENGTH], params[HALF_WIDTH], pockets.tolist())
     return SceneArrays(
         params,
         np.array(scene.balls.radius),

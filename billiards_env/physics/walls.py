@@ -21,7 +21,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.outline import Corner, Line, Tip, pieces
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle
@@ -75,7 +74,7 @@ class Outline(NamedTuple):
 
 
 def outline_arrays(
-    corners: Sequence[Corner], half_length: float, half_width: float, pockets: NDArray[np.float64]
+    corners: Sequence[Corner], half_length: float, half_width: float, pockets: Sequence[Sequence[float]] = ()
 ) -> Outline:
     """Returns the arrays of an outline.
 
@@ -83,7 +82,7 @@ def outline_arrays(
         corners: The corners of the outline.
         half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
         half_width: m.
-        pockets: (p, 3) float64, see `state.SceneArrays`.
+        pockets: (p, 3), see `state.SceneArrays`.
     """
     lines, tips = pieces(corners)
     rows = []

@@ -197,9 +197,7 @@ def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
     scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), 2, SLIDING)
     velocities *= speed / np.linalg.norm(velocities)
     spins *= 0.1 * speed
-    shot = simulate(
-        scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt)
-    )
+    shot = simulate(scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt))
     room = clearance(a_table.outline, shot.positions)[~shot.potted]
     if shot.status == "rest" and fix == "push_apart":
         assert (room > -1e-9).all()

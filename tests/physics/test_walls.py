@@ -180,7 +180,11 @@ def test_a_ball_grazes_a_tip_or_passes_it(offset, meets):
     nearest = np.array([tip.x, tip.y]) + (reach + offset) * outwards
     for force in (0.0, 0.5):  # the second path bends away from the tip
         path = (*(nearest - 0.3 * direction), *direction, *(force * outwards))
-        path = (*(nearest - 0.3 * direction + 0.045 * force * outwards), *(direction - 0.3 * force * outwards), *path[4:])
+        path = (
+            *(nearest - 0.3 * direction + 0.045 * force * outwards),
+            *(direction - 0.3 * force * outwards),
+            *path[4:],
+        )
         t, wall = wall_time(path, TABLES["L"], 0.5)
         if force and abs(offset) < 1e-13:
             continue  # the rounding of the path is larger
