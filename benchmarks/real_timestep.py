@@ -133,8 +133,8 @@ def measure(count: int) -> dict[str, Any]:
 
     Returns:
         `shots`, the number of shots of each kind, and `rows`: for each fix and timestep the median and the 95th
-        percentile of the error of the thrown ball's direction (degrees), the same of the position after a bank (mm), and
-        the share of the shots at the jaws with another result.
+        percentile of the error of the thrown ball's direction (degrees), the same of the position after a bank (mm),
+        and the share of the shots at the jaws with another result.
     """
     rng = np.random.default_rng(0)
     kinds = {"throw": throws(count, rng), "bank": banks(count, rng), "jaws": jaws(count, rng)}
