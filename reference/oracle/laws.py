@@ -222,7 +222,7 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
     if world.cushion == "restitution":
         vn = -_restitution(world, vn) * vn
     else:
-        law = {"han2005": _han, "stronge": _stronge}[world.cushion]
+        law = {"han2005": _han, "stronge": _stronge}[world.cushion]  # "mathavan2010" has no closed form
         vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 
