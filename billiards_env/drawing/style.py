@@ -127,19 +127,14 @@ def draw_table(table: Table) -> list[Shape]:
     edge of the hole between the jaws of an outline, or as the mouth of the pocket, dark cloth between the cushions, on
     a plain rectangle.
     """
-    rail, unit = rail_width(table), _unit(table)
+    rail = rail_width(table)
     holes = [_hole(table, pocket) for pocket in table.pockets]
     shapes = [_box(table, rail, RAIL_EDGE, 0.6 * rail), _box(table, 0.93 * rail, RAIL, 0.54 * rail)]
     shapes += _draw_outline(table, holes) if table.outline else _draw_rectangle(table, holes)
     if table.head_string is not None:
-        return shapes + _markings(table)
-    x, y, away = table.length / 2, table.width / 2, _depth(table) + 0.6 * (rail - _depth(table))
-    diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) for s in (-1, 1)]
-    diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
-    for cx, cy in diamonds:
-        if all(math.hypot(cx - hole[0], cy - hole[1]) > 1.5 * hole[2] for hole in holes):
-            size = 0.008 * unit
-            shapes.append(Shape(np.array([cx, cy]) + size * np.array([[-1, 0], [0, 1], [1, 0], [0, -1]]), CHALK))
+        shapes += _draw_markings(table)
+    elif table.is_rectangular:
+        shapes += _draw_diamonds(table, holes)
     return shapes
 
 
@@ -163,18 +158,22 @@ def _draw_rectangle(table: Table, holes: list[Circle]) -> list[Shape]:
 
 def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
     """Returns the cloth, the cushions and the pockets of a table with an outline."""
-    unit, cushions = _unit(table), runs(table.outline)
+    unit, cushions, cloth = _unit(table), runs(table.outline), polygon(table.outline)
     behind = [_line_behind(table, pocket) for pocket in table.pockets]
     hidden = {tuple(line.ravel()) for line in behind if line is not None}
-    alone = [run for run in cushions if len(run) == 2 and tuple(run.ravel()) not in hidden]
-    shapes = [
-        Shape(_strip(run, depth * unit), colour)
-        for depth, colour in ((0.031, CUSHION_EDGE), (0.028, CUSHION), (0.003, CUSHION_EDGE))
-        for run in alone
+    begins = np.cumsum([0, *(len(run) - 1 for run in cushions)]).tolist()
+    alone = [
+        (k, (k + 1) % len(cloth))
+        for k, run in zip(begins, cushions, strict=False)
+        if len(run) == 2 and tuple(run.ravel()) not in hidden
     ]
+    shapes = []
+    for depth, colour in ((0.031, CUSHION_EDGE), (0.028, CUSHION), (0.003, CUSHION_EDGE)):
+        outer = _inset(cloth, depth * unit)
+        shapes += [Shape(np.array([cloth[i], cloth[j], outer[j], outer[i]]), colour) for i, j in alone]
     shapes += [Shape(_arc(x, y, 1.16 * radius), POCKET_RIM) for x, y, radius in holes]
     shapes += [Shape(_arc(*hole), POCKET) for hole in holes]
-    shapes.append(Shape(polygon(table.outline), CLOTH))
+    shapes.append(Shape(cloth, CLOTH))
     for pocket, line in zip(table.pockets, behind, strict=True):
         shapes.append(Shape(_fall(table, pocket, line), POCKET))
     for run in cushions:
@@ -204,22 +203,29 @@ def _fall(table: Table, pocket: Pocket, line: NDArray[np.float64] | None) -> NDA
     return np.vstack((line[0], beyond, line[1], circle[table.clearance(circle) > 0.0]))
 
 
-def _strip(line: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
-    """Returns a rectangle of some depth on the right of a line (2, 2); it is longer by its depth at both ends."""
-    along = (line[1] - line[0]) / math.hypot(*(line[1] - line[0]))
-    start, end, across = line[0] - depth * along, line[1] + depth * along, depth * np.array([along[1], -along[0]])
-    return np.array([start, end, end + across, start + across])
-
-
 def _inset(points: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
-    """Returns a clockwise polygon (m, 2) with its sides moved inwards."""
+    """Returns a clockwise polygon (m, 2) with its sides moved inwards; those of other polygons move outwards."""
     ways = np.roll(points, -1, axis=0) - points
     after = np.column_stack((ways[:, 1], -ways[:, 0])) / np.hypot(*ways.T)[:, None]
     before = np.roll(after, 1, axis=0)
     return points + distance * (before + after) / (1.0 + (before * after).sum(1))[:, None]
 
 
-def _markings(table: Table) -> list[Shape]:
+def _draw_diamonds(table: Table, holes: list[Circle]) -> list[Shape]:
+    """Returns the diamonds on the rail that do not overlap a hole."""
+    away, size = _depth(table) + 0.6 * (rail_width(table) - _depth(table)), 0.008 * _unit(table)
+    x, y = table.length / 2, table.width / 2
+    places = [(k * x / 4, s * (y + away)) for k in range(-3, 4) for s in (-1, 1)]
+    places += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
+    diamond = size * np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
+    return [
+        Shape(np.array(place) + diamond, CHALK)
+        for place in places
+        if all(math.dist(place, hole[:2]) > 1.5 * hole[2] for hole in holes)
+    ]
+
+
+def _draw_markings(table: Table) -> list[Shape]:
     """Returns the baulk line and the D."""
     x, y, half = table.head_x, table.width / 2, 0.002 * _unit(table)
     shapes = [Shape(np.array([[x - half, -y], [x + half, -y], [x + half, y], [x - half, y]]), MARKING)]
