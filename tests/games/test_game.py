@@ -104,8 +104,9 @@ def test_a_game_on_a_table_with_jaws():
     setup = Setup("eight_ball", Scene.named("uk_pool"))
     _, log = random_game(setup, 1, 12)
     for played in log:
-        on_table = np.isin(np.arange(16), sorted(played.game.state.on_table))
-        check_positions(setup.scene, played.game.positions, in_play=on_table)
+        state = played.game.state
+        lying = np.isin(np.arange(16), sorted(state.on_table if state.in_hand == "no" else state.object_balls))
+        check_positions(setup.scene, played.game.positions, in_play=lying)
     assert log[0].shot_input.positions[0, 0] <= setup.scene.table.head_x  # the break is from the baulk area
 
 
