@@ -6,6 +6,7 @@ import math
 
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.jit import inlined, kernel
+from billiards_env.physics.mathavan import integrate_impact
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -159,17 +160,30 @@ def stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params):
     return vn, vt, un, ut, rwz, raised
 
 
+@kernel
+def mathavan2010(cloth, vn, vt, un, ut, rwz, radius, rebound, params):
+    """Returns a ball's motion after an impact by `mathavan.integrate_impact`, as `stronge` does."""
+    sin, cos, _, _, rwn, rwt = _nose(vn, vt, un, ut, rwz, radius, params)
+    mu, e = params[MU_CUSHION], cushion_restitution(vn, params)
+    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -rwt, rwn, rwz, sin, cos, mu, cloth[0], e)
+    raised = vy > -rebound
+    vn = -rebound if raised else vy
+    return vn, -vx, vn + rwx, rwy - vx, rwz, raised
+
+
 @inlined
-def _stronge_or_han2005(compliance, vn, vt, un, ut, rwz, radius, rebound, params):
-    if compliance is None:
-        return han2005(vn, vt, un, ut, rwz, radius, rebound, params)
-    return stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params)
+def _by_law(compliance, cloth, vn, vt, un, ut, rwz, radius, rebound, params):
+    if compliance is not None:
+        return stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params)
+    if cloth is not None:
+        return mathavan2010(cloth, vn, vt, un, ut, rwz, radius, rebound, params)
+    return han2005(vn, vt, un, ut, rwz, radius, rebound, params)
 
 
 @inlined
 def cushion_impact(vn, vt, un, ut, rwz, radius, rebound, scene):
     """Returns a ball's motion after an impact on the scene's cushions with friction. See `han2005`."""
-    return _stronge_or_han2005(scene.stronge, vn, vt, un, ut, rwz, radius, rebound, scene.params)
+    return _by_law(scene.stronge, scene.mathavan, vn, vt, un, ut, rwz, radius, rebound, scene.params)
 
 
 @kernel

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import mpmath
 
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, ball_friction
 from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]
@@ -30,6 +30,7 @@ class World:
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
         room: The largest (|x|, |y|) of each ball's centre, m.
         pockets: (x, y, radius) of each pocket, m.
+        ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, or None.
         tiny: The relative size below which a difference counts as rounding.
     """
 
@@ -41,7 +42,12 @@ class World:
     spin_decay: Real
     e_ball: Real
     e_cushion: Real
+    e_cushion_loss: Real
+    e_cushion_onset: Real
+    e_cushion_floor: Real
     mu_cushion: Real
+    cushion_frequency_ratio: Real
+    ball_friction: Vector | None
     cushion_height: Real
     radius: Vector
     inverse_mass: Vector
@@ -54,11 +60,14 @@ class World:
         """Returns the constants of a scene in the working precision of the caller."""
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
         names = ("g", "mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion")
+        names += ("e_cushion_loss", "e_cushion_onset", "e_cushion_floor", "cushion_frequency_ratio")
+        friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
         half = mpf(table.length) / 2, mpf(table.width) / 2
         return cls(
             motion=physics.motion,
             cushion=physics.cushion,
             **{name: mpf(getattr(physics, name)) for name in names},
+            ball_friction=friction and tuple(friction),
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
@@ -208,10 +217,17 @@ def bounce(world: World, ball: int, side: int, velocity: Vector, spin: Vector) -
     vn, vt = n[0] * velocity[0] + n[1] * velocity[1], t[0] * velocity[0] + t[1] * velocity[1]
     wn, wt, wz = n[0] * spin[0] + n[1] * spin[1], t[0] * spin[0] + t[1] * spin[1], spin[2]
     if world.cushion == "restitution":
-        vn = -world.e_cushion * vn
+        vn = -_restitution(world, vn) * vn
     else:
-        vn, vt, wn, wt, wz = _han(world, ball, vn, vt, wn, wt, wz)
+        law = {"han2005": _han, "stronge": _stronge}[world.cushion]
+        vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
+
+
+def _restitution(world: World, speed: Real) -> Real:
+    """Returns the restitution of a cushion at a normal speed."""
+    loss = world.e_cushion_loss * max(mpmath.mpf(0), speed - world.e_cushion_onset)
+    return max(world.e_cushion_floor, world.e_cushion - loss)
 
 
 def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
@@ -231,7 +247,7 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
             return 2 * sx / 7, 2 * sy / 7
         return tuple(world.mu_cushion * normal * s / slipping for s in (sx, sy))
 
-    normal = (1 + world.e_cushion) * vx * cos
+    normal = (1 + _restitution(world, vx)) * vx * cos
     if friction(normal)[0] * sin + normal * cos < vx:
         # The normal impulse of the restitution does not stop the ball: the cushion pushes until the ball stops.
         low, high = normal, vx / cos + slipping
@@ -254,32 +270,107 @@ def _han(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Re
     )
 
 
+def _stronge(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
+    """Returns the state after a compliant cushion by Stronge (2000), Impact Mechanics, chapter 5.
+
+    The mass is 1, x points into the cushion, and z up.
+    """
+    radius, mu, e = world.radius[ball], world.mu_cushion, _restitution(world, vx)
+    sin = world.cushion_height / radius - 1
+    cos = mpmath.sqrt(1 - sin * sin)
+    toward, up, side = (cos, mpmath.mpf(0), sin), (-sin, mpmath.mpf(0), cos), (0, 1, 0)  # of the point of contact
+    velocity, spin = (vx, vy, mpmath.mpf(0)), (wx, wy, wz)
+    surface = _sum(velocity, _scale(radius, _cross(spin, toward)))
+    slip = _dot(surface, up), _dot(surface, side)
+    speed, normal = norm(slip), _dot(surface, toward)
+    impulse = _scale(-(1 + e) * normal, toward)
+    if speed > 0:
+        friction = (_compliant(speed / (mu * normal), e, world) * mu * normal + speed) / mpmath.mpf("3.5") if mu else 0
+        for size, tangent in zip(slip, (up, side), strict=True):
+            impulse = _sum(impulse, _scale(-friction * size / speed, tangent))
+    spin = _sum(spin, _scale(5 / (2 * radius), _cross(toward, impulse)))
+    return (min(vx + impulse[0], mpmath.mpf(0)), vy + impulse[1], *spin)
+
+
+def _compliant(x: Real, e: Real, world: World) -> Real:
+    """Returns the tangential velocity after a compliant impact with the tangential velocity -x, in units of mu v_n.
+
+    The duration of the compression is pi / 2, and beta, the ratio of the inverse masses, is 7/2.
+    """
+    pi, omega, beta = mpmath.pi, world.cushion_frequency_ratio, mpmath.mpf("3.5")
+    eta = beta / omega**2
+    if x > (1 + e) * beta - eta / e:
+        return beta * (1 + e) - x
+
+    def psi(t: Real) -> Real:
+        return t / e + pi / 2 * (1 - 1 / e)
+
+    start, stretch, velocity = mpmath.mpf(0), mpmath.mpf(0), -x
+    if x > beta:
+        phase = mpmath.acos((x - beta) / (eta / e - e * beta))
+        start = e * (phase - pi / 2 * (1 - 1 / e))
+        stretch, velocity = eta * mpmath.sin(phase), -x + beta * (1 - e * mpmath.cos(phase))
+    elif x > eta:
+        start = mpmath.acos((x - beta) / (eta - beta))
+        stretch, velocity = eta * mpmath.sin(start), -x + beta * (1 - mpmath.cos(start))
+
+    def excess(t: Real) -> Real:
+        angle = omega * (t - start)
+        return abs(stretch * mpmath.cos(angle) - velocity / omega * mpmath.sin(angle)) - eta * mpmath.sin(psi(t))
+
+    low, high = max(pi / 2, start), (1 + e) * pi / 2
+    for _ in range(4 * mpmath.mp.dps):  # at the start of a stick the excess is zero, and then negative
+        middle = (low + high) / 2
+        low, high = (low, middle) if excess(middle) > 0 else (middle, high)
+    angle = omega * (high - start)
+    held = omega * stretch * mpmath.sin(angle) + velocity * mpmath.cos(angle)
+    return held - beta * e * (1 + mpmath.cos(psi(high)))
+
+
+def _sum(a: Vector, b: Vector) -> Vector:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def _scale(factor: Real, a: Vector) -> Vector:
+    return tuple(factor * x for x in a)
+
+
+def _dot(a: Vector, b: Vector) -> Real:
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
 def collide(
     world: World,
     positions: dict[int, Vector],
     velocities: dict[int, Vector],
+    spins: dict[int, Vector],
     contacts: Sequence[tuple[int, int]],
     noise: Real,
-) -> tuple[dict[int, Vector], list[tuple[int, int]]]:
-    """Returns the velocities after the impacts of one instant.
+) -> tuple[dict[int, Vector], dict[int, Vector], list[tuple[int, int]]]:
+    """Returns the velocities and spins after the impacts of one instant.
 
     All approaching contacts get one joint impulse, the generalised reflection of Smith, Kaufman, Vouga, Tamstorf and
-    Grinspun (2012) with restitution. This is repeated until no contact approaches.
+    Grinspun (2012) with restitution, and then their friction. This is repeated until no contact approaches.
 
     Args:
         world: The constants.
         positions: (2,) m of each ball in contact.
         velocities: (2,) m/s of each before the impacts.
+        spins: (3,) rad/s of each before the impacts.
         contacts: Pairs (i, j) of touching balls.
         noise: m/s; a slower approach does not count.
 
     Returns:
-        The velocities after the impacts, and the pairs with an impulse in their order.
+        The velocities and spins after the impacts, and the pairs with an impulse in their order.
 
     Raises:
         TooManyRoundsError: If contacts still approach after `ROUNDS` joint impulses.
     """
-    velocities = dict(velocities)
+    velocities, spins = dict(velocities), dict(spins)
     hits: list[tuple[int, int]] = []
     normals = {}
     for i, j in contacts:
@@ -294,17 +385,71 @@ def collide(
     for _ in range(ROUNDS):
         due = [pair for pair in contacts if rate(pair) < -noise]
         if not due:
-            return velocities, hits
+            return velocities, spins, hits
         rates = [rate(pair) for pair in due]
         coupling = [[_coupling(world, p, q, normals) for q in due] for p in due]
-        for (i, j), impulse in zip(due, plastic_impulses(coupling, rates, noise), strict=True):
+        impulses = plastic_impulses(coupling, rates, noise)
+        for (i, j), impulse in zip(due, impulses, strict=True):
             if impulse == 0:
                 continue
             hits.append((i, j))
             for ball, sign in ((i, -1), (j, 1)):
                 change = sign * (1 + world.e_ball) * impulse * world.inverse_mass[ball]
                 velocities[ball] = tuple(v + change * n for v, n in zip(velocities[ball], normals[i, j], strict=True))
+        if world.ball_friction is not None:
+            pressing = {pair: (1 + world.e_ball) * p for pair, p in zip(due, impulses, strict=True) if p > 0}
+            _rub(world, pressing, normals, velocities, spins)
     raise TooManyRoundsError
+
+
+def _rub(
+    world: World,
+    pressing: dict[tuple[int, int], Real],
+    normals: dict[tuple[int, int], Vector],
+    velocities: dict[int, Vector],
+    spins: dict[int, Vector],
+) -> None:
+    """Applies the friction of contacts with given normal impulses, in place.
+
+    The impulses minimise the kinetic energy. They are found one after the other, again and again: that of one contact,
+    for given others, is the one that stops its slip or the limit of Coulomb friction in the same direction.
+    """
+    zero = mpmath.mpf(0)
+    balls = {ball for pair in pressing for ball in pair}
+    v, w = {k: (*velocities[k], zero) for k in balls}, {k: spins[k] for k in balls}
+    push = dict.fromkeys(pressing, (zero,) * 3)
+    normal = {pair: (*normals[pair], zero) for pair in pressing}
+
+    def slip_at(pair: tuple[int, int]) -> Vector:
+        i, j = pair
+        turning = _sum(_scale(world.radius[i], w[i]), _scale(world.radius[j], w[j]))
+        u = _sum(_sum(v[i], _scale(-1, v[j])), _cross(turning, normal[pair]))
+        return _sum(u, _scale(-_dot(u, normal[pair]), normal[pair]))
+
+    a, b, c = world.ball_friction
+    speeds = {pair: norm(slip_at(pair)) for pair in pressing}
+    limit = {pair: (a + b * mpmath.exp(-c * speeds[pair])) * pressing[pair] for pair in pressing}
+    done = mpmath.mpf(10) ** (10 - mpmath.mp.dps) * max(speeds.values())
+    for _ in range(ROUNDS):
+        largest = zero
+        for pair in pressing:
+            mobility = mpmath.mpf("3.5") * sum(world.inverse_mass[k] for k in pair)
+            wanted = _sum(push[pair], _scale(-1 / mobility, slip_at(pair)))
+            if norm(wanted) > limit[pair]:
+                wanted = _scale(limit[pair] / norm(wanted), wanted)
+            change = _sum(wanted, _scale(-1, push[pair]))
+            push[pair] = wanted
+            largest = max(largest, norm(change) * mobility)
+            for k, sign in zip(pair, (1, -1), strict=True):
+                v[k] = _sum(v[k], _scale(sign * world.inverse_mass[k], change))
+                turn = 5 * world.inverse_mass[k] / (2 * world.radius[k])
+                w[k] = _sum(w[k], _scale(turn, _cross(normal[pair], change)))
+        if largest <= done:
+            break
+    else:
+        raise TooManyRoundsError
+    for k in balls:
+        velocities[k], spins[k] = v[k][:2], w[k]
 
 
 def _coupling(world: World, p: tuple[int, int], q: tuple[int, int], normals: dict[tuple[int, int], Vector]) -> Real:

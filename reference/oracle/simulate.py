@@ -400,11 +400,12 @@ class _Table:
         balls = sorted({ball for pair in contacts for ball in pair})
         positions = {k: self.current[k].position_at(self.now) for k in balls}
         before = {k: self.current[k].velocity_at(self.now) for k in balls}
+        spins = {k: self.current[k].spin_at(self.now) for k in balls}
         noise = max(
             *(self.current[k].noise for k in balls), self.world.tiny * max(self.surface_speed(k) for k in balls)
         )
         try:
-            after, hits = laws.collide(self.world, positions, before, contacts, noise)
+            after, spins, hits = laws.collide(self.world, positions, before, spins, contacts, noise)
         except laws.TooManyRoundsError as error:
             raise CollapseError(
                 f"endless impacts among balls {balls} at {float(self.now)} s", self.shot("collapse")
@@ -415,7 +416,6 @@ class _Table:
         # Contacts that approach more slowly than the rounding of a faster ball get no impulse. Their balls get a
         # segment with that noise, so that the contact is not found again.
         changed = {ball for pair in hits for ball in pair} | {i, j}
-        spins = {k: self.current[k].spin_at(self.now) for k in changed}
         self.replace(
             {k: laws.segment(self.world, k, self.now, positions[k], after[k], spins[k], noise) for k in sorted(changed)}
         )

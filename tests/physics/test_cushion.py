@@ -270,12 +270,15 @@ def test_a_stiff_cushion_without_slip_is_restitution():
     assert spin == pytest.approx((1.0, 2.0, 3.0))
 
 
-LAWS = ["han2005", "stronge"]
+LAWS = ["han2005", "stronge", "mathavan2010"]
 STATES = st.tuples(st.floats(0.01, 5), st.floats(-5, 5), *[st.floats(-5, 5)] * 3)
 
 
 def energy(vn, vt, un, ut, rwz):
     return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
+
+
+ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-9}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -284,7 +287,7 @@ def test_a_cushion_adds_no_energy_and_mirrors_bit_for_bit(law, state, height, mu
     scene = pool_cushion(law, height, mu_cushion=mu, e_cushion=e)
     after = cushion_impact(*state, POOL_R, 0.0, scene)
     assert after[0] <= 0.0
-    assert energy(*after[:5]) <= energy(*state) * (1 + 1e-12)
+    assert energy(*after[:5]) <= energy(*state) * (1 + 10 * ERROR[law])
     vn, vt, un, ut, rwz = state
     mirrored = cushion_impact(vn, -vt, un, -ut, -rwz, POOL_R, 0.0, scene)
     assert (after[0], -after[1], after[2], -after[3], -after[4]) == mirrored[:5]
@@ -296,7 +299,7 @@ def test_a_rebound_is_free_of_scale(law, state, power):
     scene, scale = pool_cushion(law), 2.0**power
     after = cushion_impact(*state, POOL_R, 0.0, scene)
     scaled = cushion_impact(*(scale * x for x in state), POOL_R, 0.0, scene)
-    assert scaled[:5] == pytest.approx([scale * x for x in after[:5]], rel=1e-13, abs=1e-14 * scale)
+    assert scaled[:5] == tuple(scale * x for x in after[:5])
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -318,6 +321,96 @@ def test_the_restitution_of_cushions_may_fall_with_the_speed(law):
         assert cushion_impact(*state, POOL_R, 0.0, scene) == pytest.approx(
             cushion_impact(*state, POOL_R, 0.0, plain), abs=1e-12
         )
+
+
+# Mathavan, Jackson and Parkin (2010): angle to the cushion, side spin and roll before; velocities and spins after, m/s.
+SNOOKER = [
+    (90, 0, 1, (0, -0.91112), (-0.2352, 0, 0)),
+    (90, 1, 1, (0.23303, -0.93935), (-0.2324, 0.2330, 0.4661)),
+    (60, 0, 1, (0.31324, -0.80870), (-0.2026, 0.3132, 0.4279)),
+    (60, 1, 1, (0.56186, -0.79025), (-0.2071, 0.5619, 0.8583)),
+    (60, -1, 1, (0.24751, -0.83102), (-0.2552, 0.2475, -0.4215)),
+    (40, 0, 1, (0.58283, -0.61540), (-0.1798, 0.5828, 0.4198)),
+    (40, 1, 1, (0.72149, -0.58657), (-0.1536, 0.7215, 1.1021)),
+    (40, -1, 1, (0.56532, -0.62136), (-0.2315, 0.5653, -0.5401)),
+    (20, 0, 1, (0.83100, -0.33154), (-0.1312, 0.8310, 0.2491)),
+    (20, 1, 1, (0.85124, -0.32442), (-0.0824, 0.8512, 1.2027)),
+    (20, -1, 1, (0.82827, -0.33304), (-0.1462, 0.8283, -0.7447)),
+    (90, 0, 0, (0, -0.83736), (-0.0781, 0, 0)),
+    (90, 0, 2, (0, -0.98001), (-0.9309, 0, 0)),
+    (90, 0, -1, (0, -0.86586), (0.1527, 0, 0)),
+]
+SNOOKER_R = 0.02625
+
+
+def snooker_cushion():
+    return pool_cushion("mathavan2010", 1.4, SNOOKER_R, mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
+
+
+@pytest.mark.parametrize(("angle", "side", "roll", "velocity", "spin"), SNOOKER)
+def test_snooker_cushions_by_mathavan_2010(angle, side, roll, velocity, spin):
+    """The expected values have an error of up to 5e-4, as the impact has 5000 steps of first order."""
+    before, (wx, wy, wz) = rolling(angle, side, SNOOKER_R)
+    found = rebound_of(snooker_cushion(), before, (roll * wx, roll * wy, wz))
+    assert found[0] == pytest.approx(velocity, abs=5.5e-4)
+    assert SNOOKER_R * found[1] == pytest.approx(spin, abs=5.5e-4)
+
+
+def euler_impact(angle, steps):
+    """Returns (vx, vy) of a rolling ball after an impact that is computed by many steps of first order."""
+    mu, mu_cloth, e, sin = 0.14, 0.212, 0.98, 0.4
+    cos = math.sqrt(1 - sin * sin)
+    vx, vy = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    wx, wy, wz, dp = -vy, vx, 0.0, vy / steps
+    work, end = 0.0, -math.inf
+    while vy > 0 or work > end:
+        xi, yi, xc, yc = vx + wy * sin - wz * cos, -vy * sin + wx, vx - wy, vy + wx
+        nose, cloth = math.hypot(xi, yi), math.hypot(xc, yc)
+        c, s = (xi / nose, yi / nose) if nose else (0, 0)
+        cc, sc = (xc / cloth, yc / cloth) if cloth else (0, 0)
+        press = mu_cloth * (sin + mu * s * cos)
+        middle = vy
+        vx -= dp * (mu * c + cc * press)
+        vy -= dp * (cos - mu * sin * s + sc * press)
+        wx -= 2.5 * dp * (mu * s + sc * press)
+        wy -= 2.5 * dp * (mu * c * sin - cc * press)
+        wz += 2.5 * dp * mu * c * cos
+        work += dp * cos * 0.5 * (middle + vy)
+        if vy <= 0 and end == -math.inf:
+            end = (1 - e * e) * work
+    return np.array([vx, vy])
+
+
+@pytest.mark.parametrize("angle", [35, 80])
+def test_the_impact_is_the_limit_of_many_small_steps(angle):
+    found, _ = rebound_of(snooker_cushion(), *rolling(angle, 0.0, SNOOKER_R))
+    assert euler_impact(angle, 20000) == pytest.approx(found, abs=6e-5)
+
+
+def test_a_snooker_ball_loses_most_speed_at_forty_degrees():
+    """A statement of the paper; another is that top spin of twice the natural roll returns the ball at its speed."""
+    speed = {a: math.hypot(*rebound_of(snooker_cushion(), *rolling(a, 0.0, SNOOKER_R))[0]) for a in range(10, 95, 5)}
+    assert min(speed, key=lambda a: speed[a]) in (40, 45)
+    assert rebound_of(snooker_cushion(), (0, 1), (-2 / SNOOKER_R, 0, 0))[0] == pytest.approx((0, -0.98), abs=0.001)
+
+
+# Mathavan, Jackson and Parkin (2010), figure 7a, read off: speeds before and after, m/s.
+MEASURED = [(0.263, 0.234), (0.355, 0.324), (0.418, 0.383), (0.651, 0.583), (0.704, 0.665), (0.845, 0.791)]
+MEASURED += [(1.154, 1.069), (1.299, 1.237), (1.526, 1.456), (1.755, 1.645), (1.991, 1.824), (2.276, 2.031), (2.53, 2.28)]
+MEASURED += [(2.701, 2.265), (2.893, 2.383), (2.985, 2.462), (3.106, 2.62), (3.185, 2.568), (3.405, 2.732)]
+
+
+def test_a_restitution_that_falls_with_the_speed_fits_the_measured_rebounds():
+    """With a constant restitution the law is free of scale. It then misses the fastest rebounds by 0.11."""
+    constants = {"mu_slide": 0.212, "mu_cushion": 0.14, "e_cushion": 0.995}
+    falling = {"e_cushion_loss": 0.1, "e_cushion_onset": 2.0, "e_cushion_floor": 0.6}
+    off = {}
+    for name, more in (("constant", {}), ("falling", falling)):
+        scene = pool_cushion("mathavan2010", 1.4, SNOOKER_R, **constants, **more)
+        ratios = [-rebound_of(scene, (0, v), (-v / SNOOKER_R, 0, 0))[0][1] / v - after / v for v, after in MEASURED]
+        off[name] = max(map(abs, ratios))
+    assert off["falling"] < 0.035
+    assert off["constant"] == pytest.approx(0.12, abs=0.02)
 
 
 @pytest.mark.parametrize(
