@@ -38,6 +38,7 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
+	$(BIN)/python -m benchmarks.real_timestep
 	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit

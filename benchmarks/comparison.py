@@ -1,9 +1,11 @@
 """Run time and error of billiards-env, pooltool and pymunk for the same shots.
 
-No law of motion is common to all three, so there are two comparisons. pooltool and billiards-env run shots with
-friction and spin; both use the same balls, table, friction, cushions (Han 2005) and elastic collisions. pymunk and
-billiards-env run elastic disks without friction for 10 s. A shot has one object ball, or is a break of 15 balls. The
-simulators take turns on one core. The errors are measured against the 50-digit oracle.
+No law of motion is common to all three, so there are several comparisons. pooltool and billiards-env run shots with
+friction and spin on two tables, with the same balls, tables and laws. On a carom table the balls have no friction with
+each other and the cushions are those of Han (2005). On pooltool's own table, with the jaws of pockets, the balls throw
+each other and the cushions are compliant. pymunk and billiards-env run elastic disks without friction for 10 s. A shot
+has one object ball, or is a break of 15 balls. The simulators take turns on one core. The errors are measured against
+the 50-digit oracle.
 
 pooltool needs other versions of numba and llvmlite and has a Python environment of its own, in which
 `benchmarks/pooltool_worker.py` runs. `make bench` creates it:
@@ -48,7 +50,7 @@ WORKER = HERE / "pooltool_worker.py"
 MAX_EVENTS = 2000
 """Events after which pooltool stops a shot. In some breaks the same pair of balls collides again and again."""
 
-LAWS = {"friction and spin": "pooltool_carom", "elastic disks": "ideal"}
+LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool", "elastic disks": "ideal"}
 """The scene of each comparison."""
 
 PYMUNK_STEPS = (60, 1920)
@@ -141,7 +143,9 @@ def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Ru
         def run_shot(gap: float, scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
             physics, half_x, half_y = scene.physics, scene.table.length / 2, scene.table.width / 2
             shot = {
-                "table": {
+                "table": None
+                if scene.table.outline
+                else {
                     "l": scene.table.length,
                     "w": scene.table.width,
                     "cushion_height": scene.table.cushion_height,
@@ -152,6 +156,7 @@ def pooltool(python: Path, worker: Path = WORKER) -> Iterator[tuple[str, list[Ru
                     "u_s": physics.mu_slide,
                     "u_r": physics.mu_roll,
                     "u_sp_proportionality": 2 * physics.spin_decay / (5 * physics.g),
+                    "e_b": physics.e_ball,
                     "e_c": physics.e_cushion,
                     "f_c": physics.mu_cushion,
                     "g": physics.g,
@@ -215,6 +220,7 @@ def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
     # are compared with pooltool, because pooltool always records them.
     simulators: dict[str, list[tuple[str, str, Runner]]] = {
         "friction and spin": [("billiards-env", "event-driven", billiards_env(record=True))],
+        "throw and jaws": [("billiards-env", "event-driven", billiards_env(record=True))],
         "elastic disks": [("billiards-env", "event-driven", billiards_env(record=False))],
     }
     with contextlib.ExitStack() as stack:
@@ -222,7 +228,8 @@ def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
             version, runners = stack.enter_context(pooltool(python))
             found["versions"]["pooltool"] = version
             ways = ("event-driven", *(f"event-driven, gap {1e9 * gap:g} nm" for gap in POOLTOOL_GAPS[1:]))
-            simulators["friction and spin"] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
+            for laws in ("friction and spin", "throw and jaws"):
+                simulators[laws] += [("pooltool", *way) for way in zip(ways, runners, strict=True)]
         if "pymunk" in others.available():
             found["versions"]["pymunk"] = others.versions()["pymunk"]
             simulators["elastic disks"] += [

@@ -72,7 +72,7 @@ def measure(shots: int) -> dict[str, Any]:
     """Runs `shots` breaks of each kind with each contact time and each move of the cue ball."""
     kinds = {}
     for name, rack in (("loose rack", "rack"), ("tight rack", "tight_rack")):
-        case = breaks(name, rack, shots)
+        case = breaks(name, "pool", rack, shots)
         usual = run(case)
         kinds[name] = {
             "contact_time": {str(f): difference(usual, run(case, f * CONTACT_TIME)) for f in FACTORS},

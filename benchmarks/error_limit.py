@@ -75,6 +75,13 @@ KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Float
     "15-ball break, loose": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, True)),
     "15-ball break, tight": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, False)),
     "gas of 16 disks": (Scene.named("ideal", 15), _gas),
+    "real pool, 1 object ball": (Scene.named("real_pool", 1), _shot),
+    "real pool, 5 object balls": (Scene.named("real_pool", 5), _shot),
+    "real pool, 9-ball break, loose": (
+        Scene.named("real_pool", 9),
+        lambda scene, rng: _break(scene, rng, True),
+    ),
+    "snooker, 2 object balls": (Scene.named("snooker", 2), _shot),
 }
 
 

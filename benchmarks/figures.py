@@ -1,24 +1,28 @@
-"""Pictures of recorded shots, drawn to scale: `python -m benchmarks.figures`."""
+"""Pictures of a recorded shot and of the named tables, drawn to scale: `python -m benchmarks.figures`."""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import io
 import math
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from PIL import Image  # a dependency of matplotlib
 
 from billiards_env import layouts
-from billiards_env.drawing.plot import legend_handles
-from billiards_env.drawing.style import INK
+from billiards_env.drawing.plot import draw_ball, legend_handles
+from billiards_env.drawing.style import INK, draw_table, looks, rail_width
 from billiards_env.files import write_whole
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
+from billiards_env.table import TABLES, Table
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 
@@ -43,6 +47,44 @@ def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult
     return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
 
 
+GAMES = {
+    "snooker_12ft": ("snooker", 21, "snooker"),
+    "carom_10ft": ("real_carom", 2, "carom_opening"),
+    "uk_7ft": ("uk_pool", 15, "tight_rack"),
+}
+"""The scene whose balls lie on a table, their number and their layout; pool on the others."""
+
+
+def tables() -> Figure:
+    """Returns a figure of all named tables at the same scale, the largest first."""
+    figure = Figure(figsize=(9, 7.3), dpi=120, facecolor="white")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    names = sorted(TABLES, key=lambda name: -Table.named(name).length)
+    middle, top = (0.0, 3.95), 0.0
+    for left, right in (names[:2], names[2:4], names[4:]):
+        height = Table.named(left).width / 2 + rail_width(Table.named(left))
+        for name, x in zip((left, right), middle, strict=True):
+            _draw_named_table(ax, name, np.array([x, top - height]))
+            ax.text(x, top + 0.06, name, fontsize=10, color=INK, ha="center", va="bottom")
+        top -= 2 * height + 0.36
+    ax.set_xlim(-2.1, 5.7)
+    ax.set_ylim(top + 0.2, 0.32)
+    ax.set_aspect("equal")
+    ax.axis("off")
+    return figure
+
+
+def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
+    """Draws a named table with the balls of its game, with its centre at a point (2,), m."""
+    game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
+    scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
+    for corners, colour in draw_table(scene.table):
+        ax.add_patch(Polygon(corners + centre, facecolor=colour, edgecolor="none"))
+    positions = layouts.draw(layout, scene, np.random.default_rng(0))
+    for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
+        draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure as PNG, completely or not at all.
 
@@ -57,7 +99,7 @@ def save(figure: Figure, path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.figures", description="Draw the pictures of the README."
+        prog="python -m benchmarks.figures", description="Draw the pictures of a shot and of the tables."
     )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
@@ -65,8 +107,9 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    save(picture(shot, title), args.folder / "shot.png")
-    print(f"Written to {args.folder / 'shot.png'}.")
+    for name, figure in (("shot.png", picture(shot, title)), ("tables.png", tables())):
+        save(figure, args.folder / name)
+        print(f"Written to {args.folder / name}.")
 
 
 if __name__ == "__main__":

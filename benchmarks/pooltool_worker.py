@@ -23,16 +23,21 @@ from pooltool.physics.resolve.ball_ball.frictionless_elastic import (  # pyright
 from pooltool.physics.resolve.ball_cushion.han_2005 import Han2005Linear  # pyright: ignore[reportMissingImports]
 from pooltool.physics.resolve.resolver import default_resolver  # pyright: ignore[reportMissingImports]
 
-ENGINE = PhysicsEngine(
+SMOOTH = PhysicsEngine(
     attrs.evolve(default_resolver(), ball_ball=FrictionlessElastic(), ball_linear_cushion=Han2005Linear())
 )
+"""Balls without friction between them, and the cushions of Han (2005)."""
+
+REAL = PhysicsEngine()
+"""pooltool's own laws: friction between balls, and compliant cushions."""
 
 
 def run(shot: dict[str, Any]) -> dict[str, Any]:
     """Runs a shot.
 
     Args:
-        shot: `table`, the arguments of `BilliardTableSpecs`; `ball`, the arguments of `BallParams`; `positions`,
+        shot: `table`, the arguments of `BilliardTableSpecs`, with the laws `SMOOTH`, or None for pooltool's own table
+            with jaws and pockets, with the laws `REAL`; `ball`, the arguments of `BallParams`; `positions`,
             (n, 2) m; `velocity` of the cue ball, (2,) m/s; `time` of the returned positions, s, or None for the
             end; `gap`, the distance to which pooltool moves balls at a contact, m; and `max_events`, after which the
             shot stops. The frame is that of pooltool: the origin is a corner, and y is along the length.
@@ -49,11 +54,12 @@ def run(shot: dict[str, Any]) -> dict[str, Any]:
         balls[ball.id] = ball
     balls["0"].state.rvw[1, :2] = shot["velocity"]
     balls["0"].state.s = pt.constants.sliding
-    table = pt.Table.from_table_specs(BilliardTableSpecs(**shot["table"]))
+    plain = shot["table"] is not None
+    table = pt.Table.from_table_specs(BilliardTableSpecs(**shot["table"])) if plain else pt.Table.default()
     system = pt.System(cue=pt.Cue(cue_ball_id="0"), table=table, balls=balls)
     pt.constants.MIN_DIST = shot["gap"]
     begin = perf_counter()
-    pt.simulate(system, engine=ENGINE, inplace=True, max_events=shot["max_events"])
+    pt.simulate(system, engine=SMOOTH if plain else REAL, inplace=True, max_events=shot["max_events"])
     seconds = perf_counter() - begin
     finished, time = len(system.events) <= shot["max_events"], shot["time"]
     if not finished and (time is None or time > system.t):

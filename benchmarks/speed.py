@@ -67,8 +67,10 @@ def cases(scale: float = 1.0) -> list[Case]:
         random_shots("pool, 1 object ball", Scene.named("pool", 1), count(64_000)),
         random_shots("pool, 5 object balls", Scene.named("pool", 5), count(30_000)),
         random_shots("carom, 2 object balls", Scene.named("carom", 2), count(50_000)),
-        breaks("15-ball break, loose rack", "rack", count(1000)),
-        breaks("15-ball break, tight rack", "tight_rack", count(800)),
+        breaks("15-ball break, loose rack", "pool", "rack", count(1000)),
+        breaks("15-ball break, tight rack", "pool", "tight_rack", count(800)),
+        random_shots("real pool, 1 object ball", Scene.named("real_pool", 1), count(32_000)),
+        breaks("real pool, 15-ball break, loose rack", "real_pool", "rack", count(500)),
         gas("ideal gas, 16 disks, 10 s", 16, count(800)),
     ]
 
@@ -81,10 +83,10 @@ def random_shots(name: str, scene: Scene, count: int) -> Case:
     return Case(name, scene, positions, velocities)
 
 
-def breaks(name: str, layout: str, count: int) -> Case:
+def breaks(name: str, scene_name: str, layout: str, count: int) -> Case:
     """Returns break shots at the first of 15 balls, from anywhere behind the head string."""
     rng = np.random.default_rng(0)
-    scene = Scene.named("pool", 15)
+    scene = Scene.named(scene_name, 15)
     positions = np.array([layouts.draw(layout, scene, rng) for _ in range(count)])
     aim = positions[:, 1] - positions[:, 0]
     angle = np.arctan2(aim[:, 1], aim[:, 0]) + rng.uniform(-BREAK_SPREAD, BREAK_SPREAD, count)

@@ -241,15 +241,23 @@ def enters(corners: Sequence[Corner], half_x: float, half_y: float) -> bool:
 
 def polygon(corners: Sequence[Corner]) -> Floats:
     """Returns the points (m, 2) of an outline, m, counter-clockwise; an arc has a point every three degrees."""
-    points: list[Point] = []
-    for _, piece in _path(corners):
-        points.append((piece.x0, piece.y0))
-        if isinstance(piece, Tip):
-            start, turn = _angles(piece)
-            steps = max(2, math.ceil(turn / _ARC_STEP))
-            for angle in (start - turn * k / steps for k in range(1, steps)):
-                points.append((piece.x + piece.radius * math.cos(angle), piece.y + piece.radius * math.sin(angle)))
-    return np.array(points)
+    return np.vstack([run[:-1] for run in runs(corners)])
+
+
+def runs(corners: Sequence[Corner]) -> list[Floats]:
+    """Returns the cushions between the corners that point out of the table, each as points (m, 2) of a line, m.
+
+    A cushion of a pool table is one run: a facing, a tip, a rail, a tip and a facing. So is the line behind a pocket.
+    """
+    path = _path(corners)
+    into_table = {(tip.x1, tip.y1) for tip in pieces(corners)[1]}
+    begins = [i for i, (_, piece) in enumerate(path) if isinstance(piece, Line) and piece[:2] not in into_table]
+    found = []
+    for begin, end in zip(begins, [*begins[1:], begins[0] + len(path)], strict=True):
+        run = [path[i % len(path)][1] for i in range(begin, end)]
+        points = [point for piece in run for point in _points(piece)]
+        found.append(np.array([*points, (run[-1].x1, run[-1].y1)]))
+    return found
 
 
 def _path(corners: Sequence[Corner]) -> list[tuple[int, Line | Tip]]:
@@ -265,10 +273,16 @@ def _path(corners: Sequence[Corner]) -> list[tuple[int, Line | Tip]]:
     return path
 
 
-def _angles(tip: Tip) -> tuple[float, float]:
-    """Returns the direction from the centre of a tip to its start and its turn, which is clockwise, rad."""
-    start = math.atan2(tip.y0 - tip.y, tip.x0 - tip.x)
-    return start, (start - math.atan2(tip.y1 - tip.y, tip.x1 - tip.x)) % math.tau
+def _points(piece: Line | Tip) -> list[Point]:
+    """Returns points of a piece without its end."""
+    points = [(piece.x0, piece.y0)]
+    if isinstance(piece, Tip):
+        start = math.atan2(piece.y0 - piece.y, piece.x0 - piece.x)
+        turn = (start - math.atan2(piece.y1 - piece.y, piece.x1 - piece.x)) % math.tau  # clockwise
+        steps = max(2, math.ceil(turn / _ARC_STEP))
+        for angle in (start - turn * k / steps for k in range(1, steps)):
+            points.append((piece.x + piece.radius * math.cos(angle), piece.y + piece.radius * math.sin(angle)))
+    return points
 
 
 def _within(tip: Tip, x: Floats, y: Floats) -> NDArray[np.bool_]:

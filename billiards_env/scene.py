@@ -46,8 +46,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, fields_of, numbers, real, sequence, short, whole
-from billiards_env.checks import check_fields as _check
+from billiards_env.checks import Range, check_fields, choose, fields_of, numbers, real, sequence, short, whole
 from billiards_env.outline import extents
 from billiards_env.table import INCH, POOL_RADIUS, Table, six_pockets
 
@@ -171,14 +170,16 @@ class Physics:
         choose("physics.motion", self.motion, MOTIONS)
         choose("physics.cushion", self.cushion, CUSHIONS)
         choose("physics.ball_ball", self.ball_ball, BALL_BALL)
-        _check(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
-        _check(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
-        _check(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
-        _check(self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution")
+        check_fields(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
+        check_fields(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
+        check_fields(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
+        check_fields(
+            self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution"
+        )
         if self.mu_ball is not None:
-            _check(self, "physics", mu_ball="mu_ball")
+            check_fields(self, "physics", mu_ball="mu_ball")
         if self.max_time is not None:
-            _check(self, "physics", max_time="max_time")
+            check_fields(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
             raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
         if self.motion != "sliding":

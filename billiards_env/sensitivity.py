@@ -31,17 +31,16 @@ from billiards_env.engine.log import (
     TIME,
     TIME_LO,
 )
+from billiards_env.impact_derivatives import cushion_derivative, d_unit, friction_push, restitution_slope
+from billiards_env.physics.cushion import cushion_restitution
 from billiards_env.physics.state import (
     AX,
     AY,
     CUSHION,
-    CUSHION_HEIGHT,
     E_BALL,
-    E_CUSHION,
-    HAN2005,
     MOTION,
-    MU_CUSHION,
     POTTED,
+    RESTITUTION,
     ROLL,
     ROLLING,
     SLIDE,
@@ -147,7 +146,7 @@ def sensitivity_along(
             ]
             if kind == BALL_BALL:
                 previous = now.hi
-                changed = _impact(before, after, arrays.inv_mass[concerned], params)
+                changed = _impact(before, after, concerned, arrays)
             else:
                 radius = float(arrays.radius[concerned[0]])
                 changed = [_single(before[0], after[0], kind, int(row[OTHER]), radius, arrays)]
@@ -186,11 +185,11 @@ def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
         row[[VX, VY]] += dt * acceleration
         d_acceleration = 0.0
         if ball.phase == SLIDING:
-            d_acceleration = -params[SLIDE] * _d_unit(row[[UX, UY]]) @ tangent[_U]
+            d_acceleration = -params[SLIDE] * d_unit(row[[UX, UY]]) @ tangent[_U]
             row[[UX, UY]] += 3.5 * dt * acceleration
             tangent[_U] += 3.5 * dt * d_acceleration
         elif ball.phase == ROLLING:
-            d_acceleration = -params[ROLL] * _d_unit(velocity) @ tangent[_V]
+            d_acceleration = -params[ROLL] * d_unit(velocity) @ tangent[_V]
         tangent[_R] += dt * (tangent[_V] + 0.5 * dt * d_acceleration)
         tangent[_V] += dt * d_acceleration
     spin = row[WZ]
@@ -202,16 +201,10 @@ def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
     return _Ball(row, ball.phase, tangent)
 
 
-def _d_unit(vector: Floats) -> Floats:
-    """Returns the derivative of v/|v|, (2, 2)."""
-    size = math.hypot(*vector)
-    unit = vector / size
-    return (np.eye(2) - np.outer(unit, unit)) / size
-
-
-def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: Floats) -> list[_Ball]:
-    """Returns two balls with their tangents after an impact along the line of centres."""
+def _impact(before: list[_Ball], after: list[_Ball], concerned: list[int], arrays: SceneArrays) -> list[_Ball]:
+    """Returns two balls with their tangents after an impact."""
     first, second = before
+    params, inv_mass, radius = arrays.params, arrays.inv_mass[concerned], arrays.radius[concerned]
     d = second.row[[X, Y]] - first.row[[X, Y]]
     w = second.row[[VX, VY]] - first.row[[VX, VY]]
     distance = math.hypot(*d)
@@ -223,15 +216,29 @@ def _impact(before: list[_Ball], after: list[_Ball], inv_mass: Floats, params: F
     d_d, d_w = second_at[_R] - first_at[_R], second_at[_V] - first_at[_V]
     d_n = (d_d - np.outer(n, n @ d_d)) / distance
     gain = (1.0 + params[E_BALL]) / inv_mass.sum()
-    d_impulse = gain * (np.outer(n, w @ d_n + n @ d_w) + closing * d_n)
+    d_normal = -gain * (w @ d_n + n @ d_w)
+    d_impulse = -np.outer(n, d_normal) + gain * closing * d_n  # on the first ball
+    d_roll, d_turn = np.zeros_like(d_n), np.zeros_like(d_normal)
+    if arrays.ball_friction is not None:
+        t, d_t = np.array([-n[1], n[0]]), np.stack((-d_n[1], d_n[0]))
+        roll = sum(ball.row[[UX, UY]] - ball.row[[VX, VY]] for ball in before)
+        d_rolls = first_at[_U] - first_at[_V] + second_at[_U] - second_at[_V]
+        turn = sum(r * ball.row[WZ] for r, ball in zip(radius, before, strict=True))
+        slip = np.array([turn - t @ w, n @ roll])
+        d_slip = np.stack(
+            (radius[0] * first_at[_WZ] + radius[1] * second_at[_WZ] - w @ d_t - t @ d_w, roll @ d_n + n @ d_rolls)
+        )
+        push, d_push = friction_push(
+            arrays.ball_friction, slip, d_slip, -gain * closing, d_normal, 3.5 * float(inv_mass.sum())
+        )
+        d_impulse = d_impulse + np.outer(t, d_push[0]) + push[0] * d_t
+        d_roll, d_turn = np.outer(n, d_push[1]) + push[1] * d_n, d_push[0]
     tangents = []
-    for tangent, ball, sign, inverse in (
-        (first_at, after[0], 1.0, inv_mass[0]),
-        (second_at, after[1], -1.0, inv_mass[1]),
-    ):
-        tangent[_V] += sign * inverse * d_impulse
+    for k, (tangent, ball, sign) in enumerate(((first_at, after[0], 1.0), (second_at, after[1], -1.0))):
+        tangent[_V] += sign * inv_mass[k] * d_impulse
         if params[MOTION] == SLIDING_AND_ROLLING:
-            tangent[_U] += sign * inverse * d_impulse
+            tangent[_U] += inv_mass[k] * (sign * d_impulse + 2.5 * d_roll)
+            tangent[_WZ] += 2.5 * inv_mass[k] / radius[k] * d_turn
         tangents.append(_Ball(ball.row, ball.phase, tangent - np.outer(_rate(ball, params), shift)))
     return tangents
 
@@ -257,7 +264,7 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, a
         shift = np.zeros(tangent.shape[1])
     at = tangent + np.outer(_rate(before, params), shift)
     if kind == BALL_CUSHION:
-        jump = _cushion_jump(row, normal, radius, params)
+        jump = _cushion_jump(row, normal, radius, arrays)
         # At a tip the normal turns with the point of contact.
         along = np.array((-normal[1], normal[0]))
         turn = -curvature * (along @ at[_R])
@@ -289,43 +296,22 @@ def _turned(row: Floats) -> Floats:
     return np.array((0.0, 0.0, -row[VY], row[VX], -row[UY], row[UX], 0.0))
 
 
-def _cushion_jump(row: Floats, normal: Floats, radius: float, params: Floats) -> Floats:
+def _cushion_jump(row: Floats, normal: Floats, radius: float, arrays: SceneArrays) -> Floats:
     """Returns the derivative of the state after a cushion with respect to the state before it, (7, 7)."""
-    jump = np.eye(_SIZE)
-    e = params[E_CUSHION]
-    if params[CUSHION] != HAN2005:
-        back = (1.0 + e) * np.outer(normal, normal)
+    params = arrays.params
+    if params[CUSHION] == RESTITUTION:
+        jump, speed = np.eye(_SIZE), float(normal @ row[[VX, VY]])
+        gain = 1.0 + cushion_restitution(speed, params) + speed * restitution_slope(speed, params)
+        back = gain * np.outer(normal, normal)
         jump[_V, _V] -= back
         if params[MOTION] == SLIDING_AND_ROLLING:
             jump[_U, _V] -= back
         return jump
-    # Transformation to (vn, vt, un, ut, R wz), the variables of `cushion.han2005`.
+    # Transformation to (vn, vt, un, ut, R wz), the variables of `cushion.cushion_impact`.
     to = np.zeros((5, _SIZE))
     to[0, _V] = to[2, _U] = normal
     to[1, _V] = to[3, _U] = -normal[1], normal[0]
     to[4, _WZ] = radius
-    inputs = to @ np.concatenate((np.zeros(2), row[[VX, VY, UX, UY, WZ]]))
-    vn, vt, un, ut, rwz = np.eye(5)
-    sin = params[CUSHION_HEIGHT] / radius - 1.0
-    cos = math.sqrt(1.0 - sin * sin)
-    d_slip = np.stack((vn * sin + vn - un, -vt - rwz * cos + (ut - vt) * sin))
-    slip = d_slip @ inputs
-    size = math.hypot(*slip)
-    d_pze = (1.0 + e) * cos * vn
-    pze = float(d_pze @ inputs)
-    if size * (2.0 / 7.0) <= params[MU_CUSHION] * pze:
-        d_friction = d_slip * (2.0 / 7.0)
-    else:
-        d_friction = params[MU_CUSHION] * (np.outer(slip / size, d_pze) + pze * _d_unit(slip) @ d_slip)
-    px = -d_friction[0] * sin - d_pze * cos
-    pz = d_friction[0] * cos - d_pze * sin
-    vn_after = vn + px
-    if float(vn_after @ inputs) > 0.0:
-        vn_after = np.zeros(5)
-    vt_after = vt + d_friction[1]
-    rwn = ut - vt - 2.5 * d_friction[1] * sin
-    rwt = vn - un + 2.5 * (px * sin - pz * cos)
-    spin = rwz + 2.5 * d_friction[1] * cos
-    after = np.stack((vn_after, vt_after, vn_after - rwt, vt_after + rwn, spin))
+    after = cushion_derivative(to @ np.concatenate((np.zeros(2), row[[VX, VY, UX, UY, WZ]])), radius, arrays)
     back = np.linalg.pinv(to)
     return np.eye(_SIZE) - back @ to + back @ after @ to

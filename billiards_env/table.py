@@ -273,15 +273,14 @@ def pool_table(
     """
     x, y = length / 2, width / 2
     reach = corner.mouth * math.cos(math.pi / 4)  # from the corner of the playing surface to the tips
-    narrow = cushion_depth * math.tan(math.radians(45 + corner.angle))
     angle = math.radians(side.angle)
-    # A large tip needs a deeper facing, here with a straight end of 1 mm.
+    # Large tips at the sides need deeper facings, here with a straight end of 1 mm.
     depth = max(cushion_depth, side.tip_radius * math.tan(math.pi / 4 - angle / 2) * math.cos(angle) + 1e-3)
-    back = side.mouth / 2 - depth * math.tan(angle)
+    narrow, back = depth * math.tan(math.radians(45 + corner.angle)), side.mouth / 2 - depth * math.tan(angle)
     quarter = [  # the outline in the quadrant x > 0, y > 0
         (x, y - reach, corner.tip_radius),
-        (x + cushion_depth, y - reach + narrow, 0.0),
-        (x - reach + narrow, y + cushion_depth, 0.0),
+        (x + depth, y - reach + narrow, 0.0),
+        (x - reach + narrow, y + depth, 0.0),
         (x - reach, y, corner.tip_radius),
         (side.mouth / 2, y, side.tip_radius),
         (back, y + depth, 0.0),

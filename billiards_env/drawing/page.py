@@ -12,7 +12,18 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing.recording import Recording, check_pair
-from billiards_env.drawing.style import CHALK, KINDS, POTTED, RAIL, draw_table, looks, rail_width, tray, tray_height
+from billiards_env.drawing.style import (
+    CHALK,
+    KINDS,
+    POTTED,
+    RAIL,
+    cushion_names,
+    draw_table,
+    looks,
+    rail_width,
+    tray,
+    tray_height,
+)
 from billiards_env.files import check_path, replacing
 from billiards_env.table import Table
 
@@ -65,6 +76,7 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
         ],
         "chalk": CHALK,
         "kinds": KINDS,
+        "cushions": cushion_names(scene.table),
         "runs": [_run(run) for run in runs],
     }
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))

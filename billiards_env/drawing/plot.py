@@ -85,9 +85,9 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
     for i in _in_play(recording):
         if recording.moves(i):
             _draw_path(ax, recording, i, look[i], "-")
-            _draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
+            draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
         if recording.gone[i] == np.inf:
-            _draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
+            draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
     _draw_events(ax, recording, look)
     return ax
 
@@ -106,7 +106,7 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
         ax.add_patch(FancyBboxPatch(corner, *size, boxstyle=groove, facecolor=RAIL, edgecolor="none", zorder=1))
         ax.text(-half - radius, -y - strip / 2, POTTED, color=INK, fontsize=8.5, ha="right", va="center_baseline")
         for ball, place in zip(np.flatnonzero(np.isfinite(recording.gone)).tolist(), places, strict=False):
-            _draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
+            draw_ball(ax, radius, look[ball], (place, -y - strip / 2), ghost=False)
     ax.set_xlim(-x, x)
     ax.set_ylim(-y - strip, y)
     ax.set_aspect("equal")
@@ -143,7 +143,8 @@ def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, 
     ax.add_patch(circle)
 
 
-def _draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: bool) -> None:
+def draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: bool) -> None:
+    """Draws a ball at a position (2,), m; faint if it is a `ghost`."""
     x, y = np.asarray(position).tolist()
     centre = x, y
     if ghost:
@@ -195,10 +196,10 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
         overlaps = any(abs(x - point[0]) < 2 * label_height and abs(y - point[1]) < label_height for x, y in labelled)
         if kind != "sliding_rolling" and not overlaps:
             labelled.append(point.tolist())
-            _label(ax, kind, other, point, f"{time:.2f} s")
+            _label(ax, kind, scene, point, f"{time:.2f} s")
 
 
-def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
+def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
     """Writes an event's time on the rail, in the pocket, or next to two balls, towards the centre of the table."""
     style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 6.5, "zorder": 10}
     if kind == "ball_ball":
@@ -206,7 +207,8 @@ def _label(ax: Axes, kind: str, other: int, point: Floats, text: str) -> None:
         ground, style["color"], style["xytext"] = CLOTH, CHALK, (8 * x, 8 * y)
         style |= {"ha": "left" if x > 0 else "right", "va": "bottom" if y > 0 else "top"}
     elif kind == "cushion":
-        x, y = ((-1, 0), (1, 0), (0, -1), (0, 1))[other]
+        across = np.array([scene.table.length, scene.table.width]) / 2 - abs(point)
+        x, y = (np.sign(point) * (across == across.min())).astype(int).tolist()
         ground, style["color"], style["xytext"] = RAIL, CHALK, (20 * x, 20 * y)
         style |= {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
     else:

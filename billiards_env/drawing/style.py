@@ -16,11 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.outline import TOUCH, Circle, pieces, polygon, runs
 from billiards_env.scene import Scene
 from billiards_env.table import Pocket, Table
 
 CLOTH, MOUTH, CUSHION, CUSHION_EDGE = "#1c6049", "#114031", "#2f8163", "#123d2f"
 RAIL, RAIL_EDGE, POCKET_RIM, POCKET = "#5a3a22", "#3b2413", "#28180d", "#0c0c0c"
+MARKING = "#84b8a2"
 PAPER, INK, CHALK, GREY = "#ffffff", "#1a1a1a", "#ffffff", "#6b6b6b"
 
 ARROW, ARROW_START = 0.09, 1.4
@@ -37,9 +39,13 @@ _PATHS = {
     "#009e73": "#4fd6ac",
     "#882255": "#c9a0dc",
     "#1c1c1c": "#b8bfbc",
+    "#7a4a1e": "#d9a066",
+    "#c0281c": "#ff8a80",
 }
 _CAROM = ("#d55e00", "#f0e442")
-_DARK = ("#0072b2", "#882255", "#1c1c1c", GREY)
+_SNOOKER = ("#f0e442", "#009e73", "#7a4a1e", "#0072b2", "#eba6cb", "#1c1c1c")
+_RED, _YELLOW, _BLACK = "#c0281c", "#f0e442", "#1c1c1c"
+_DARK = ("#0072b2", "#882255", "#1c1c1c", "#7a4a1e", "#c0281c", GREY)
 
 KINDS = {
     "ball_ball": "hits ball",
@@ -50,6 +56,24 @@ KINDS = {
     "spinning_rest": "stops spinning",
 }
 """The text of each event kind, after the name of the ball."""
+
+
+def cushion_names(table: Table) -> list[str]:
+    """Returns the name of each cushion, by its number in the events of a shot."""
+    half_x, half_y = table.length / 2, table.width / 2
+    sides = {(0, -half_x): "left", (0, half_x): "right", (1, -half_y): "lower", (1, half_y): "upper"}
+    if not table.outline:
+        return [f"the {name} cushion" for name in sides.values()]
+    lines, tips = pieces(table.outline)
+    names = []
+    for line in lines:
+        ends = line[:2], line[2:]
+        side = [name for (axis, place), name in sides.items() if all(abs(end[axis] - place) <= TOUCH for end in ends)]
+        x, y = (line.x0 + line.x1) / 2, (line.y0 + line.y1) / 2
+        if ends[0] != ends[1]:
+            jaw = abs(x) > half_x or abs(y) > half_y
+            names.append(f"the {side[0]} cushion" if side else "a facing" if jaw else "a cushion")
+    return names + ["a tip"] * len(tips)
 
 
 class Look(NamedTuple):
@@ -71,13 +95,19 @@ class Look(NamedTuple):
 
 
 def looks(scene: Scene) -> tuple[Look, ...]:
-    """Returns the look of each ball: white, red and yellow in carom, otherwise pool balls; fixed balls are grey."""
-    carom = not scene.table.pockets and scene.n_balls <= 3
-    colours = _CAROM if carom else _POOL
+    """Returns the look of each ball, see `Balls.colours`; fixed balls are grey."""
+    n, colours = scene.n_balls - 1, scene.balls.colours
+    carom = colours == "pool" and not scene.table.pockets and n <= 2
+    if colours == "snooker":
+        fills = [_RED] * (n - 6) + list(_SNOOKER)[-n:]
+    elif colours == "uk":
+        fills = [_RED] * 7 + [_BLACK] + [_YELLOW] * n
+    else:
+        fills = list(_CAROM if carom else _POOL) * n
     balls = [Look(CHALK, INK, "#d2dbd6", False, "")]
-    for i in range(1, scene.n_balls):
-        fill = GREY if math.isinf(scene.balls.mass[i]) else colours[(i - 1) % len(colours)]
-        striped = fill != GREY and not carom and i % 16 > 8
+    for i, fill in enumerate(fills[:n], start=1):
+        fill = GREY if math.isinf(scene.balls.mass[i]) else fill
+        striped = fill != GREY and colours == "pool" and not carom and i % 16 > 8
         ink = CHALK if fill in _DARK else INK
         balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i)))
     return tuple(balls)
@@ -93,34 +123,122 @@ class Shape(NamedTuple):
 def draw_table(table: Table) -> list[Shape]:
     """Returns the polygons of a table in the order in which they are drawn.
 
-    A pocket is a dark hole in the rail. The circle of the physics, which captures the balls, is drawn as the mouth of
-    the pocket: dark cloth between the cushions, to scale.
+    A pocket is a dark hole in the rail. The circle of the physics, which captures the balls, is drawn to scale: as the
+    edge of the hole between the jaws of an outline, or as the mouth of the pocket, dark cloth between the cushions, on
+    a plain rectangle.
     """
-    rail, unit = rail_width(table), _unit(table)
+    rail = rail_width(table)
+    holes = [_hole(table, pocket) for pocket in table.pockets]
+    shapes = [_box(table, rail, RAIL_EDGE, 0.6 * rail), _box(table, 0.93 * rail, RAIL, 0.54 * rail)]
+    shapes += _draw_outline(table, holes) if table.outline else _draw_rectangle(table, holes)
+    if table.head_string is not None:
+        shapes += _draw_markings(table)
+    elif table.is_rectangular:
+        shapes += _draw_diamonds(table, holes)
+    return shapes
+
+
+def _draw_rectangle(table: Table, holes: list[Circle]) -> list[Shape]:
+    """Returns the cloth, the cushions and the pockets of a table without an outline."""
+    unit = _unit(table)
     shapes = [
-        _box(table, rail, RAIL_EDGE, 0.6 * rail),
-        _box(table, 0.93 * rail, RAIL, 0.54 * rail),
         _box(table, 0.031 * unit, CUSHION_EDGE),
         _box(table, 0.028 * unit, CUSHION),
         _box(table, 0.0, CUSHION_EDGE),
         _box(table, -0.003 * unit, CLOTH),
     ]
-    holes = [_hole(table, pocket) for pocket in table.pockets]
     for pocket, (x, y, radius) in zip(table.pockets, holes, strict=True):
         outwards = math.atan2(y - pocket.y, x - pocket.x)
         inner = _arc(pocket.x, pocket.y, pocket.radius, outwards + math.pi / 2, math.pi)
         outer = _arc(x, y, radius, outwards - math.pi / 2, math.pi)
         shapes.append(Shape(_arc(x, y, 1.16 * radius), POCKET_RIM))
         shapes.append(Shape(np.vstack((inner, outer)), MOUTH))
+    return shapes + [Shape(_arc(*hole), POCKET) for hole in holes]
+
+
+def _draw_outline(table: Table, holes: list[Circle]) -> list[Shape]:
+    """Returns the cloth, the cushions and the pockets of a table with an outline."""
+    unit, cushions, cloth = _unit(table), runs(table.outline), polygon(table.outline)
+    behind = [_line_behind(table, pocket) for pocket in table.pockets]
+    hidden = {tuple(line.ravel()) for line in behind if line is not None}
+    begins = np.cumsum([0, *(len(run) - 1 for run in cushions)]).tolist()
+    alone = [
+        (k, (k + 1) % len(cloth))
+        for k, run in zip(begins, cushions, strict=False)
+        if len(run) == 2 and tuple(run.ravel()) not in hidden
+    ]
+    shapes = []
+    for depth, colour in ((0.031, CUSHION_EDGE), (0.028, CUSHION), (0.003, CUSHION_EDGE)):
+        outer = _inset(cloth, depth * unit)
+        shapes += [Shape(np.array([cloth[i], cloth[j], outer[j], outer[i]]), colour) for i, j in alone]
+    shapes += [Shape(_arc(x, y, 1.16 * radius), POCKET_RIM) for x, y, radius in holes]
     shapes += [Shape(_arc(*hole), POCKET) for hole in holes]
-    x, y, away = table.length / 2, table.width / 2, 0.6 * rail
-    diamonds = [(k * x / 4, s * (y + away)) for k in range(-3, 4) for s in (-1, 1)]
-    diamonds += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
-    for cx, cy in diamonds:
-        if all(math.hypot(cx - hole[0], cy - hole[1]) > 1.5 * hole[2] for hole in holes):
-            size = 0.008 * unit
-            shapes.append(Shape(np.array([cx, cy]) + size * np.array([[-1, 0], [0, 1], [1, 0], [0, -1]]), CHALK))
+    shapes.append(Shape(cloth, CLOTH))
+    for pocket, line in zip(table.pockets, behind, strict=True):
+        shapes.append(Shape(_fall(table, pocket, line), POCKET))
+    for run in cushions:
+        if len(run) > 2:
+            shapes += [Shape(run, CUSHION_EDGE), Shape(_inset(run, 0.003 * unit), CUSHION)]
     return shapes
+
+
+def _line_behind(table: Table, pocket: Pocket) -> NDArray[np.float64] | None:
+    """Returns the ends (2, 2) of the line of an outline behind a pocket, m; None if there is none."""
+    for run in runs(table.outline):
+        if len(run) == 2 and math.hypot(*(run.mean(0) - [pocket.x, pocket.y])) < pocket.radius:
+            return run
+    return None
+
+
+def _fall(table: Table, pocket: Pocket, line: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Returns the hole of a pocket between its jaws: the circle of the physics up to the line behind the pocket.
+
+    Two points beyond this line avoid a seam between this polygon and the hole in the rail.
+    """
+    if line is None:
+        return _arc(pocket.x, pocket.y, pocket.radius)
+    way = line[1] - line[0]
+    circle = _arc(pocket.x, pocket.y, pocket.radius, math.atan2(way[0], -way[1]) - math.pi, 2 * math.pi, 240)
+    beyond = line.mean(0) + np.outer((-0.4, 0.4), way) + 0.2 * np.array([way[1], -way[0]])
+    return np.vstack((line[0], beyond, line[1], circle[table.clearance(circle) > 0.0]))
+
+
+def _inset(points: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """Returns a clockwise polygon (m, 2) with its sides moved inwards; those of other polygons move outwards."""
+    ways = np.roll(points, -1, axis=0) - points
+    after = np.column_stack((ways[:, 1], -ways[:, 0])) / np.hypot(*ways.T)[:, None]
+    before = np.roll(after, 1, axis=0)
+    return points + distance * (before + after) / (1.0 + (before * after).sum(1))[:, None]
+
+
+def _draw_diamonds(table: Table, holes: list[Circle]) -> list[Shape]:
+    """Returns the diamonds on the rail that do not overlap a hole."""
+    away, size = _depth(table) + 0.6 * (rail_width(table) - _depth(table)), 0.008 * _unit(table)
+    x, y = table.length / 2, table.width / 2
+    places = [(k * x / 4, s * (y + away)) for k in range(-3, 4) for s in (-1, 1)]
+    places += [(s * (x + away), k * y / 2) for k in (-1, 0, 1) for s in (-1, 1)]
+    diamond = size * np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
+    return [
+        Shape(np.array(place) + diamond, CHALK)
+        for place in places
+        if all(math.dist(place, hole[:2]) > 1.5 * hole[2] for hole in holes)
+    ]
+
+
+def _draw_markings(table: Table) -> list[Shape]:
+    """Returns the baulk line and the D."""
+    x, y, half = table.head_x, table.width / 2, 0.002 * _unit(table)
+    shapes = [Shape(np.array([[x - half, -y], [x + half, -y], [x + half, y], [x - half, y]]), MARKING)]
+    if table.d_radius:
+        outer, inner = (_arc(x, 0.0, table.d_radius + s * half, math.pi / 2, math.pi, 120) for s in (1, -1))
+        shapes.append(Shape(np.vstack((outer, inner[::-1])), MARKING))
+    return shapes
+
+
+def _depth(table: Table) -> float:
+    """Returns the depth of the jaws behind the playing surface, m; 0 for a plain rectangle."""
+    reach = [max(abs(c.x) - table.length / 2, abs(c.y) - table.width / 2) for c in table.outline]
+    return max(reach, default=0.0)
 
 
 def rail_width(table: Table) -> float:
@@ -128,7 +246,7 @@ def rail_width(table: Table) -> float:
     half = table.length / 2, table.width / 2
     holes = [_hole(table, pocket) for pocket in table.pockets]
     reach = [abs(c) + 1.25 * radius - h for *centre, radius in holes for c, h in zip(centre, half, strict=True)]
-    return max(0.08 * _unit(table), *reach, 0.0)
+    return max(0.08 * _unit(table), _depth(table) + 0.06 * _unit(table), *reach)
 
 
 class Tray(NamedTuple):
@@ -163,6 +281,12 @@ def _unit(table: Table) -> float:
 
 def _hole(table: Table, pocket: Pocket) -> tuple[float, float, float]:
     """Returns the centre and the radius of the hole of a pocket, which lies further outside than the pocket."""
+    if table.outline:
+        line = _line_behind(table, pocket)
+        if line is None:
+            return pocket.x, pocket.y, pocket.radius
+        x, y = line.mean(0).tolist()
+        return x, y, 0.53 * math.hypot(*(line[1] - line[0]))
     r = pocket.radius
     shift = [
         math.copysign(0.45 * min(max(abs(c) + r - side / 2, 0.0), r), c)
@@ -171,8 +295,10 @@ def _hole(table: Table, pocket: Pocket) -> tuple[float, float, float]:
     return pocket.x + shift[0], pocket.y + shift[1], r - 0.36 * math.hypot(*shift)
 
 
-def _arc(x: float, y: float, radius: float, start: float = 0.0, angle: float = 2 * math.pi) -> NDArray[np.float64]:
-    angles = start + angle * (np.arange(40) + 0.5) / 40
+def _arc(
+    x: float, y: float, radius: float, start: float = 0.0, angle: float = 2 * math.pi, points: int = 40
+) -> NDArray[np.float64]:
+    angles = start + angle * (np.arange(points) + 0.5) / points
     return np.column_stack((x + radius * np.cos(angles), y + radius * np.sin(angles)))
 
 

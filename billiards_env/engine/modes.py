@@ -11,7 +11,6 @@ import numpy as np
 from billiards_env.checks import RANGES, choose, fits, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import set_rule
-from billiards_env.outline import pieces
 from billiards_env.physics.state import (
     CUSHION,
     CUSHION_HEIGHT,
@@ -109,7 +108,7 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
     outline = None
     if scene.table.outline:
-        outline = outline_arrays(*pieces(scene.table.outline), params[HALF_LENGTH], params[HALF_WIDTH], pockets)
+        outline = outline_arrays(scene.table.outline, params[HALF_LENGTH], params[HALF_WIDTH], pockets.tolist())
     return SceneArrays(
         params,
         np.array(scene.balls.radius),

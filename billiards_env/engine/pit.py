@@ -72,7 +72,15 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
-from billiards_env.physics.walls import back_to_wall, half_sizes, wall_count, wall_overlap
+from billiards_env.physics.walls import (
+    back_to_wall,
+    half_sizes,
+    next_overlap,
+    overlap_time,
+    wall_normal,
+    wall_overlap,
+    wall_turns,
+)
 from billiards_env.scene import CONTACT_GAP
 
 MAX_STEPS = 100_000_000
@@ -354,13 +362,17 @@ def _hit_cushion(i, wall, scene, work):
     speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0 or (speed == 0.0 and fix != PUSH_APART):
         return -1.0
+    x, y, vx, vy = here[i, X], here[i, Y], here[i, VX], here[i, VY]
     if fix == PUSH_APART:
-        here[i, X], here[i, Y] = back_to_wall(here[i, X], here[i, Y], radius, wall, params, scene.outline)
+        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, params, scene.outline)
     elif fix == MOVE_BACK:
-        t = min(beyond / speed, params[DT])
-        here[i, X] -= t * here[i, VX]
-        here[i, Y] -= t * here[i, VY]
+        t = min(overlap_time(x, y, vx, vy, radius, wall, beyond, speed, scene.outline), params[DT])
+        here[i, X] -= t * vx
+        here[i, Y] -= t * vy
     work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
+    if fix == MOVE_BACK:
+        nx, ny = wall_normal(work.state, i, wall, scene.outline)  # a tip's normal depends on the position
+        speed = max(0.0, nx * vx + ny * vy)
     if speed > 0.0:
         reflect(work.state, i, nx, ny, 0.0, scene)
         here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]
@@ -378,8 +390,10 @@ def _test_cushions(now, k, scene, work, shots, log):
         radius = scene.radius[i]
         if abs(work.here[i, X]) <= half_length - radius and abs(work.here[i, Y]) <= half_width - radius:
             continue
-        for wall in range(wall_count(outline)):
-            if wall_overlap(work.here[i, X], work.here[i, Y], radius, wall, params, outline)[0] <= 0.0:
+        for turn in range(wall_turns(outline)):
+            x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
+            wall = next_overlap(x, y, vx, vy, radius, turn, params, outline)
+            if wall < 0:
                 continue
             advance(state, i, now, params)
             speed = _hit_cushion(i, wall, scene, work)

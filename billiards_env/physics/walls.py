@@ -5,33 +5,43 @@ outline come first and then its tips, both in the order of `billiards_env.outlin
 decides at compile time which code is compiled.
 
 A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
-between the ends of the cushion. It touches a tip of radius r if the centres are R + r apart. An arc and the cushions at
-its ends have common tangents, so no path passes between them.
+between the ends of the cushion. It touches a tip of radius r if the centres are R + r apart and the arc is the nearest
+part of the tip's circle. An arc and the cushions at its ends have common tangents, and pieces are longer by `JOINT` at
+each end, so no path passes between them.
+
+If a ball touches several cushions at one instant, straight cushions come first, then the one whose normal is nearer to
+the x axis, then the one that it approaches faster. This order does not depend on the numbers of the cushions, so
+mirrored shots on mirrored tables have mirrored results. In the last case, a tie of both, the lower number comes first.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from billiards_env.outline import Line, Tip
+from billiards_env.outline import Corner, Line, Tip, pieces
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import AX, AY, HALF_LENGTH, HALF_WIDTH, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
 
+JOINT = 1e-10
+"""m. A piece of an outline is longer by this at each end. It is far more than the rounding of the ends. A straight
+cushion that ends at a sharp corner then extends beyond the path of a ball's centre by JOINT^2 / (2 R) < 1e-16 m."""
+
 # Columns of `Outline.lines`.
-LINE_X, LINE_Y = 0, 1  # the beginning, m
+LINE_X, LINE_Y = 0, 1  # the middle, m; a mirrored cushion has the mirrored middle
 TX, TY = 2, 3  # unit tangent
 NX, NY = 4, 5  # unit normal, from the table into the cushion
-LINE_LENGTH = 6  # m
+HALF_LINE = 6  # half the length, m; negative if it is so short that the arcs at its ends meet
 
 # Columns of `Outline.tips`.
 TIP_X, TIP_Y, TIP_RADIUS = 0, 1, 2  # m
+BEGIN_TX, BEGIN_TY, END_TX, END_TY = 3, 4, 5, 6  # unit tangents at the beginning and at the end
 
 # Columns of `Outline.rails`.
 RAIL_SIDE, RAIL_FROM, RAIL_TO, RAIL_LINE = 0, 1, 2, 3
@@ -45,12 +55,14 @@ class Outline(NamedTuple):
 
     Attributes:
         lines: (k, 7) float64, the straight cushions, see the columns above.
-        tips: (m, 3) float64, the arcs, see the columns above.
+        tips: (m, 7) float64, the arcs, see the columns above.
         box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
         rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
             +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
         mouths: (p, 2) int64, for each pocket the tips to the right and to the left of its mouth, as seen from the
             centre of the table; -1 for none.
+        ends: (2 k, 2) float64, m, the ends of the straight cushions in their order: a polygon that has chords instead
+            of arcs.
     """
 
     lines: Any
@@ -58,43 +70,49 @@ class Outline(NamedTuple):
     box: Any
     rails: Any
     mouths: Any
+    ends: Any
 
 
 def outline_arrays(
-    lines: list[Line], tips: list[Tip], half_length: float, half_width: float, pockets: NDArray[np.float64]
+    corners: Sequence[Corner], half_length: float, half_width: float, pockets: Sequence[Sequence[float]] = ()
 ) -> Outline:
     """Returns the arrays of an outline.
 
     Args:
-        lines: The straight cushions.
-        tips: The arcs.
+        corners: The corners of the outline.
         half_length: Half the length of the table, m. If a cushion reaches into the table's rectangle, the box is empty.
         half_width: m.
-        pockets: (p, 3) float64, see `state.SceneArrays`.
+        pockets: (p, 3), see `state.SceneArrays`.
     """
+    lines, tips = pieces(corners)
     rows = []
-    for x0, y0, x1, y1 in lines:
-        length = math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
-        if length > 0.0:
-            tx, ty = (x1 - x0) / length, (y1 - y0) / length
-            rows.append((x0, y0, tx, ty, ty, -tx, length))
+    for (x0, y0, x1, y1), corner, after in zip(lines, corners, (*corners[1:], corners[0]), strict=True):
+        dx, dy = after.x - corner.x, after.y - corner.y
+        whole = math.sqrt(dx * dx + dy * dy)
+        tx, ty = dx / whole, dy / whole
+        half = 0.5 * math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0))
+        rows.append((0.5 * (x0 + x1), 0.5 * (y0 + y1), tx, ty, ty, -tx, half if half > 0.5 * JOINT else -1.0))
+    before = {line[2:]: row for line, row in zip(lines, rows, strict=True)}
+    behind = {line[:2]: row for line, row in zip(lines, rows, strict=True)}
+    arcs = [(*tip[:3], *before[tip[3:5]][TX : TY + 1], *behind[tip[5:]][TX : TY + 1]) for tip in tips]
     box = (half_length, half_width)
     if any(_reaches_into(line, *box) for line in lines) or any(_tip_reaches_into(tip, *box) for tip in tips):
         box = (0.0, 0.0)
-    arcs, sides = [tip[:3] for tip in tips], [(0, -box[0]), (0, box[0]), (1, -box[1]), (1, box[1])]
     rails = []
-    for k, (x0, y0, tx, ty, _, _, length) in enumerate(rows):
-        begin, end = (x0, y0), (x0 + length * tx, y0 + length * ty)
-        for side, (axis, place) in enumerate(sides):
-            if (tx, ty)[axis] == 0.0 and begin[axis] == place:
-                along = sorted((begin[1 - axis], end[1 - axis]))
+    for k, line in enumerate(lines):
+        for side in range(4):
+            axis = side // 2
+            place = box[axis] if side % 2 else -box[axis]
+            if line[axis] == line[2 + axis] == place:
+                along = sorted((line[1 - axis], line[3 - axis]))
                 rails.append((side, *along, k))
     return Outline(
-        np.array(rows).reshape(-1, 7),
-        np.array(arcs).reshape(-1, 3),
+        np.array(rows),
+        np.array(arcs).reshape(-1, 7),
         np.array(box),
         np.array(rails).reshape(-1, 4),
         np.array([_mouth(tips, x, y) for x, y, _ in pockets], np.int64).reshape(-1, 2),
+        np.array(lines).reshape(-1, 2),
     )
 
 
@@ -113,20 +131,20 @@ def _reaches_into(line: Line, half_length: float, half_width: float) -> bool:
     """Returns whether a straight cushion has points inside a rectangle (Liang and Barsky 1984)."""
     begin, end = 0.0, 1.0
     for start, stop, half in ((line.x0, line.x1, half_length), (line.y0, line.y1, half_width)):
-        room, way = half * (1.0 - MARGIN), stop - start
+        way = stop - start
         if way == 0.0:
-            if abs(start) >= room:
+            if abs(start) >= half:
                 return False
             continue
-        near, far = sorted(((-room - start) / way, (room - start) / way))
+        near, far = sorted(((-half - start) / way, (half - start) / way))
         begin, end = max(begin, near), min(end, far)
     return begin < end
 
 
 def _tip_reaches_into(tip: Tip, half_length: float, half_width: float) -> bool:
-    """Returns whether the circle of a tip has points inside a rectangle."""
+    """Returns whether the circle of a tip has points inside a rectangle, apart from the rounding of its centre."""
     dx, dy = max(0.0, abs(tip.x) - half_length), max(0.0, abs(tip.y) - half_width)
-    return math.hypot(dx, dy) < tip.radius * (1.0 - MARGIN) - 1e-9
+    return math.hypot(dx, dy) < tip.radius - 0.1 * CONTACT_GAP
 
 
 @inlined
@@ -211,19 +229,22 @@ def _outline_time(path, radius, end, leaves, side, outline):
         along = y + leaves * (vy + 0.5 * leaves * ay) if side < 2 else x + leaves * (vx + 0.5 * leaves * ax)
         rails = outline.rails
         for k in range(len(rails)):
-            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] <= along <= rails[k, RAIL_TO]:
-                return leaves, int(rails[k, RAIL_LINE])
-    return _any_time(path, radius, end, outline)
+            if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] < along < rails[k, RAIL_TO]:
+                number = int(rails[k, RAIL_LINE])
+                t = _segment_time(path, radius, end, outline.lines[number])  # differs from `leaves` by its rounding
+                if t < math.inf:
+                    return t, number
+    return any_wall_time(path, radius, end, outline)
 
 
 @kernel
-def _any_time(path, radius, end, outline):
-    """Implements `wall_time` for any outline and any path: tests all cushions."""
+def any_wall_time(path, radius, end, outline):
+    """Returns the same as `wall_time` for an outline. It tests all cushions."""
     first, number = math.inf, -1
     lines, tips = outline.lines, outline.tips
     for k in range(len(lines)):
         t = _segment_time(path, radius, end, lines[k])
-        if t < first:
+        if t < first or (t == first and t < math.inf and _comes_first(path, t, k, number, outline)):
             first, number, end = t, k, t
     x, y, vx, vy, ax, ay = path
     bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
@@ -235,9 +256,33 @@ def _any_time(path, radius, end, outline):
         if misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
             continue
         t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, noise)
-        if t < first:
-            first, number = t, len(lines) + k
+        if t > first or t == math.inf:
+            continue
+        if not _faces(tips[k], x + t * (vx + 0.5 * t * ax), y + t * (vy + 0.5 * t * ay)):
+            continue
+        wall = len(lines) + k
+        if t < first or (number >= len(lines) and _comes_first(path, t, wall, number, outline)):
+            first, number = t, wall
     return first, number
+
+
+@kernel
+def _comes_first(path, t, wall, other, outline):
+    """Returns whether a ball that touches two cushions after t seconds bounces off `wall` before `other`."""
+    x, y, vx, vy, ax, ay = path
+    x, y, vx, vy = x + t * (vx + 0.5 * t * ax), y + t * (vy + 0.5 * t * ay), vx + t * ax, vy + t * ay
+    nx, ny = _outline_normal(x, y, wall, outline)
+    mx, my = _outline_normal(x, y, other, outline)
+    if abs(nx) != abs(mx):
+        return abs(nx) > abs(mx)
+    return nx * vx + ny * vy > mx * vx + my * vy
+
+
+@inlined
+def _faces(tip, x, y):
+    """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
+    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+    return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
 
 
 @inlined
@@ -249,19 +294,21 @@ def _segment_time(path, radius, end, line):
         return math.inf
     dx, dy = x - line[LINE_X], y - line[LINE_Y]
     gap = -(line[NX] * dx + line[NY] * dy) - radius
-    if gap > 0.0 and gap > (1.0 + MARGIN) * end * (max(v, 0.0) + 0.5 * end * max(a, 0.0)):
+    if gap > (1.0 + MARGIN) * end * (max(v, 0.0) + 0.5 * end * max(a, 0.0)) and gap > 0.0:
         return math.inf
+    if gap <= CONTACT_GAP:  # the rounding of a motion along the cushion is no approach
+        v = 0.0 if abs(v) <= NOISE * norm(vx, vy) else v
+        a = 0.0 if abs(a) <= NOISE * norm(ax, ay) else a
     foot = line[TX] * dx + line[TY] * dy
-    along, bend = line[TX] * vx + line[TY] * vy, line[TX] * ax + line[TY] * ay
-    if gap > 0.0 or (gap > -radius and 0.0 <= foot <= line[LINE_LENGTH]):
+    if gap > 0.0 or (gap > -radius and abs(foot) <= line[HALF_LINE] + JOINT):
         t = line_time(gap, v, a, end)
     else:  # beyond the straight continuation of the cushion: the ball comes back across it first
         disc = v * v + 2.0 * a * gap
         t = (math.sqrt(disc) - v) / a if v < 0.0 and a > 0.0 and disc > 0.0 else math.inf
         t = t if t <= end else math.inf
     if t < math.inf:
-        foot += t * (along + 0.5 * t * bend)
-        if not 0.0 <= foot <= line[LINE_LENGTH]:
+        along, bend = line[TX] * vx + line[TY] * vy, line[TX] * ax + line[TY] * ay
+        if abs(foot + t * (along + 0.5 * t * bend)) > line[HALF_LINE] + JOINT:
             return math.inf
     return t
 
@@ -281,7 +328,10 @@ def _outline_normal(x, y, wall, outline):
     lines, tips = outline.lines, outline.tips
     if wall < len(lines):
         return lines[wall, NX], lines[wall, NY]
-    dx, dy = tips[wall - len(lines), TIP_X] - x, tips[wall - len(lines), TIP_Y] - y
+    tip = tips[wall - len(lines)]
+    dx, dy = tip[TIP_X] - x, tip[TIP_Y] - y
+    if dx == 0.0 and dy == 0.0:  # at the centre of the arc: its middle decides
+        dx, dy = tip[BEGIN_TY] + tip[END_TY], -(tip[BEGIN_TX] + tip[END_TX])
     distance = norm(dx, dy)
     return dx / distance, dy / distance
 
@@ -317,49 +367,161 @@ def is_side(wall, side, outline):
 
 
 @inlined
-def wall_count(outline):
-    """Returns the number of cushions."""
+def wall_turns(outline):
+    """Returns the number of calls of `next_overlap` for one ball."""
+    return 4 if outline is None else 3
+
+
+@inlined
+def next_overlap(x, y, vx, vy, radius, turn, params, outline):
+    """Returns the number of a cushion that a ball overlaps, or -1.
+
+    A ball overlaps an outline if its centre is nearer than its radius to a cushion, or outside the outline. If it is
+    outside, it overlaps the nearest cushion only, at whatever depth, so no ball is lost outside.
+
+    Args:
+        x: Position of the ball along x, m.
+        y: The same along y.
+        vx: Its velocity along x, m/s.
+        vy: The same along y.
+        radius: m.
+        turn: The number of the call, from 0 to `wall_turns`. Each call with a rectangle tests one cushion. Each call
+            with an outline returns the next cushion that the ball does not leave.
+        params: (N_PARAMS,) float64.
+        outline: The `Outline`; None for a rectangle.
+    """
     if outline is None:
-        return 4
-    return len(outline.lines) + len(outline.tips)
+        return turn if wall_overlap(x, y, radius, turn, params, outline)[0] > 0.0 else -1
+    return _next_overlap(x, y, vx, vy, radius, outline)
+
+
+@kernel
+def _next_overlap(x, y, vx, vy, radius, outline):
+    """Implements `next_overlap` for an outline.
+
+    Of several cushions the one whose normal is nearest to the x axis comes first, then the deepest overlap.
+    """
+    outside = _distance_outside(x, y, outline)
+    found, widest, deepest = -1, -1.0, 0.0
+    for wall in range(len(outline.lines) + len(outline.tips)):
+        beyond, nx, ny = _piece_overlap(x, y, radius, wall, outside, outline)
+        if beyond > 0.0 and nx * vx + ny * vy >= 0.0:
+            if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
+                found, widest, deepest = wall, abs(nx), beyond
+    return found
+
+
+@kernel
+def _distance_outside(x, y, outline):
+    """Returns the distance of a point outside the outline from it, m; 0 for a point inside the polygon `ends`.
+
+    The area between an arc and its chord belongs to the polygon, but `_piece_overlap` does not need its distance.
+    """
+    ends, inside = outline.ends, False
+    x0, y0 = ends[-1, X], ends[-1, Y]
+    for k in range(len(ends)):
+        x1, y1 = ends[k, X], ends[k, Y]
+        if (y0 > y) != (y1 > y) and x < x0 + (x1 - x0) * ((y - y0) / (y1 - y0)):
+            inside = not inside
+        x0, y0 = x1, y1
+    if inside:
+        return 0.0
+    nearest = math.inf
+    for line in outline.lines:
+        if line[HALF_LINE] > 0.0:
+            nearest = min(nearest, _line_distance(x, y, line))
+    for tip in outline.tips:
+        if _faces(tip, x, y):
+            nearest = min(nearest, abs(norm(x - tip[TIP_X], y - tip[TIP_Y]) - tip[TIP_RADIUS]))
+    return nearest
+
+
+@inlined
+def _line_distance(x, y, line):
+    """Returns the distance of a point from a straight cushion with its ends, m."""
+    dx, dy = x - line[LINE_X], y - line[LINE_Y]
+    past = max(0.0, abs(line[TX] * dx + line[TY] * dy) - line[HALF_LINE])
+    return norm(past, line[NX] * dx + line[NY] * dy)
 
 
 @inlined
 def wall_overlap(x, y, radius, wall, params, outline):
     """Returns the distance by which a ball at (x, y) is beyond a cushion, m, and the normal into the cushion.
 
-    The distance is not positive if the ball is on the table's side, or not between the ends of a straight cushion.
+    The distance is not positive if the ball does not overlap the cushion.
     """
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         if wall < 2:
             return sign * x - (params[HALF_LENGTH] - radius), sign, 0.0
         return sign * y - (params[HALF_WIDTH] - radius), 0.0, sign
-    return _outline_overlap(x, y, radius, wall, outline)
+    return _piece_overlap(x, y, radius, wall, _distance_outside(x, y, outline), outline)
 
 
 @kernel
-def _outline_overlap(x, y, radius, wall, outline):
-    """Implements `wall_overlap` for an outline."""
+def _piece_overlap(x, y, radius, wall, outside, outline):
+    """Implements `wall_overlap` for an outline and a ball whose centre is `outside` (m) beyond it."""
     lines, tips = outline.lines, outline.tips
     nx, ny = _outline_normal(x, y, wall, outline)
     if wall < len(lines):
-        dx, dy = x - lines[wall, LINE_X], y - lines[wall, LINE_Y]
-        foot = lines[wall, TX] * dx + lines[wall, TY] * dy
-        beyond = nx * dx + ny * dy + radius
-        return (beyond if 0.0 <= foot <= lines[wall, LINE_LENGTH] else 0.0), nx, ny
-    tip = wall - len(lines)
-    distance = norm(tips[tip, TIP_X] - x, tips[tip, TIP_Y] - y)
-    return tips[tip, TIP_RADIUS] + radius - distance, nx, ny
+        line = lines[wall]
+        dx, dy = x - line[LINE_X], y - line[LINE_Y]
+        beyond = nx * dx + ny * dy
+        if outside > 0.0:
+            hits = line[HALF_LINE] > 0.0 and beyond > 0.0 and _line_distance(x, y, line) <= outside + CONTACT_GAP
+        else:
+            hits = -radius < beyond <= 0.0 and abs(line[TX] * dx + line[TY] * dy) <= line[HALF_LINE]
+        return (beyond + radius if hits else 0.0), nx, ny
+    tip = tips[wall - len(lines)]
+    distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
+    hits = _faces(tip, x, y) and (outside == 0.0 or abs(distance - tip[TIP_RADIUS]) <= outside + CONTACT_GAP)
+    return (tip[TIP_RADIUS] + radius - distance if hits else 0.0), nx, ny
+
+
+@inlined
+def overlap_time(x, y, vx, vy, radius, wall, beyond, speed, outline):
+    """Returns the time since a ball that is beyond a cushion touched it on its straight path, s.
+
+    Args:
+        x: Position of the ball along x, m.
+        y: The same along y.
+        vx: Its velocity along x, m/s.
+        vy: The same along y.
+        radius: m.
+        wall: The number of the cushion.
+        beyond: Distance beyond the cushion, m.
+        speed: Speed into the cushion, > 0, m/s.
+        outline: The `Outline`; None for a rectangle.
+    """
+    if outline is None or wall < len(outline.lines):
+        return beyond / speed
+    tip = outline.tips[wall - len(outline.lines)]
+    dx, dy, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius
+    dw, vv = dx * vx + dy * vy, vx * vx + vy * vy  # the distance t seconds ago was |d + v t|
+    return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (dx * dx + dy * dy)))) - dw) / vv
 
 
 @inlined
 def back_to_wall(x, y, radius, wall, params, outline):
-    """Returns the position at which a ball that is beyond a cushion, at (x, y), touches it."""
+    """Returns the position at which a ball that overlaps a cushion, at (x, y), touches the cushion's nearest point."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         if wall < 2:
             return sign * (params[HALF_LENGTH] - radius), y
         return x, sign * (params[HALF_WIDTH] - radius)
-    beyond, nx, ny = _outline_overlap(x, y, radius, wall, outline)
-    return x - beyond * nx, y - beyond * ny
+    return _back_to_piece(x, y, radius, wall, outline)
+
+
+@kernel
+def _back_to_piece(x, y, radius, wall, outline):
+    """Implements `back_to_wall` for an outline."""
+    lines, tips = outline.lines, outline.tips
+    nx, ny = _outline_normal(x, y, wall, outline)
+    if wall < len(lines):
+        line = lines[wall]
+        foot = line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])
+        foot = max(-line[HALF_LINE], min(foot, line[HALF_LINE]))
+        return line[LINE_X] + foot * line[TX] - radius * nx, line[LINE_Y] + foot * line[TY] - radius * ny
+    tip = tips[wall - len(lines)]
+    reach = tip[TIP_RADIUS] + radius
+    return tip[TIP_X] - reach * nx, tip[TIP_Y] - reach * ny

@@ -1,8 +1,8 @@
 """The next times at which balls, cushions and pockets touch and approach.
 
 Every gap is a polynomial in the time since a base time, up to a positive factor. For two balls, or a ball and a pocket,
-it is the squared distance less the squared reach (degree 4); for a cushion it is the distance (degree 2). It is
-positive if the bodies are apart. The functions that form it accept floats and mpf numbers.
+it is the squared distance less the squared reach (degree 4), as for the arc of a cushion; for a straight cushion it is
+the distance (degree 2). It is positive if the bodies are apart. The functions that form it accept floats and mpf numbers.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import mpmath
 
 from billiards_env.scene import CONTACT_GAP
 from reference.oracle.laws import Segment, Vector, World, norm
+from reference.oracle.outline import Arc, Line, dot, minus
 from reference.oracle.roots import Real, first_entry, first_possible_entry
 
 Contact: TypeAlias = "tuple[Real, bool] | None"
@@ -35,9 +36,14 @@ def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Seq
     ]
 
 
-def wall_gap(sign: int, room: Real, position: Real, velocity: Real, acceleration: Real) -> list[Real]:
-    """Returns the distance to the cushion at `sign * room` along one axis as a polynomial in t."""
-    return [room - sign * position, -sign * velocity, -sign * acceleration / 2]
+def wall_gap(
+    wall: Line | Arc, radius: Real, position: Sequence[Real], velocity: Sequence[Real], acceleration: Sequence[Real]
+) -> list[Real]:
+    """Returns the gap between a ball and the straight line or the circle of a cushion as a polynomial in t."""
+    if isinstance(wall, Arc):
+        return pair_gap(minus(position, wall.center), velocity, acceleration, radius + wall.radius)
+    n = wall.normal
+    return [-dot(n, minus(position, wall.middle)) - radius, -dot(n, velocity), -dot(n, acceleration) / 2]
 
 
 def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, high: Real) -> Contact:
@@ -96,13 +102,38 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
     return next_contact(pair_gap(offset, velocity, acceleration, reach), rounding, 2 * reach * CONTACT_GAP, high)
 
 
-def wall_contact(world: World, ball: int, a: Segment, side: int, base: Real, high: Real) -> Contact:
+def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of a ball and a cushion."""
-    axis, sign = side // 2, 1 if side % 2 else -1
-    velocity = a.velocity_at(base)
-    gap = wall_gap(sign, world.room[ball][axis], a.position_at(base)[axis], velocity[axis], a.acceleration[axis])
-    rounding = (0, a.noise + world.tiny * norm(velocity), world.tiny * norm(a.acceleration))
-    return next_contact(gap, rounding, mpmath.mpf(CONTACT_GAP), high)
+    wall, radius = world.walls[number], world.radius[ball]
+    velocity, push = a.velocity_at(base), norm(a.acceleration)
+    speed = norm(velocity)
+    noise, push_noise = a.noise + world.tiny * speed, world.tiny * push
+    rounding, touch = (0, noise, push_noise), mpmath.mpf(CONTACT_GAP)
+    if isinstance(wall, Arc):
+        reach = radius + wall.radius
+        rounding = (
+            0,
+            2 * reach * noise,
+            2 * speed * noise + reach * push_noise,
+            speed * push_noise + push * noise,
+            push * push_noise,
+        )
+        touch = 2 * reach * touch
+    after = mpmath.mpf(0)
+    while True:
+        gap = wall_gap(wall, radius, a.position_at(base + after), a.velocity_at(base + after), a.acceleration)
+        if after:
+            gap[0] = mpmath.mpf(0)
+        if not after and abs(gap[0]) <= touch and wall.holds(a.position_at(base), world.tiny):
+            found = next_contact(gap, rounding, touch, high)
+        else:  # the ball may be behind a line, or inside a circle, that the cushion is only a part of
+            time = first_entry(gap, high - after)
+            found = None if time is None else (after + time, False)
+        if found is None or wall.holds(a.position_at(base + found[0]), world.tiny):
+            return found
+        after = found[0]  # the path enters the circle beyond the arc
+        if isinstance(wall, Line):
+            return None
 
 
 def pocket_contact(world: World, ball: int, a: Segment, pocket: int, base: Real, high: Real) -> Contact:
@@ -151,11 +182,22 @@ def possible_pair_contact(a: FloatMotion, b: FloatMotion, reach: float, high: fl
     return None if found is None else found * high
 
 
-def possible_wall_contact(a: FloatMotion, side: int, room: float, high: float) -> float | None:
-    """Returns a lower bound for the time of `wall_contact`, in the same way."""
-    axis, sign = side // 2, 1 if side % 2 else -1
-    gap = wall_gap(sign, room, a.position[axis], a.velocity[axis] * high, a.acceleration[axis] * high * high)
-    found = first_possible_entry([*gap, 0.0, 0.0], MARGIN * (a.extent(high) + room) + 2 * CONTACT_GAP)
+def possible_wall_contact(a: FloatMotion, wall: Line | Arc, radius: float, high: float) -> float | None:
+    """Returns a lower bound for the time of `wall_contact`, in the same way; the cushion is given in floats."""
+    velocity = tuple(v * high for v in a.velocity)
+    acceleration = tuple(b * high * high for b in a.acceleration)
+    gap = wall_gap(wall, radius, a.position, velocity, acceleration)
+    if isinstance(wall, Arc):
+        extent, reach = a.extent(high) + sum(map(abs, wall.center)) + wall.radius, radius + wall.radius
+        found = first_possible_entry(gap, MARGIN * extent * extent + 3 * reach * CONTACT_GAP)
+        return None if found is None else found * high
+    margin = MARGIN * (a.extent(high) + sum(map(abs, wall.middle)) + radius) + 2 * CONTACT_GAP
+    feet = [dot(wall.tangent, minus(a.position, wall.middle))]  # Bernstein coefficients of the place along the cushion
+    feet.append(feet[0] + dot(wall.tangent, velocity) / 2)
+    feet.append(2 * feet[1] - feet[0] + dot(wall.tangent, acceleration) / 2)
+    if min(feet) > wall.half + margin or max(feet) < -wall.half - margin:
+        return None
+    found = first_possible_entry([*gap, 0.0, 0.0], margin)
     return None if found is None else found * high
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import mpmath
 
 from billiards_env.scene import Scene, ball_friction
+from reference.oracle.outline import Arc, Line, walls_of
 from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]
@@ -28,7 +29,8 @@ class World:
     Attributes:
         radius: (n,) m.
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
-        room: The largest (|x|, |y|) of each ball's centre, m.
+        walls: The cushions.
+        extent: Half the table's length and width with the jaws, m.
         pockets: (x, y, radius) of each pocket, m.
         ball_friction: (a, b, c) of the friction a + b exp(-c v) between balls, or None.
         tiny: The relative size below which a difference counts as rounding.
@@ -51,7 +53,8 @@ class World:
     cushion_height: Real
     radius: Vector
     inverse_mass: Vector
-    room: tuple[Vector, ...]
+    walls: tuple[Line | Arc, ...]
+    extent: Vector
     pockets: tuple[Vector, ...]
     tiny: Real
 
@@ -62,7 +65,8 @@ class World:
         names = ("g", "mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion")
         names += ("e_cushion_loss", "e_cushion_onset", "e_cushion_floor", "cushion_frequency_ratio")
         friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
-        half = mpf(table.length) / 2, mpf(table.width) / 2
+        corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
+        extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))
         return cls(
             motion=physics.motion,
             cushion=physics.cushion,
@@ -71,7 +75,8 @@ class World:
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
-            room=tuple((half[0] - mpf(r), half[1] - mpf(r)) for r in balls.radius),
+            walls=walls_of(table),
+            extent=extent,
             pockets=tuple((mpf(p.x), mpf(p.y), mpf(p.radius)) for p in table.pockets),
             tiny=mpf(10) ** -(3 * digits // 5),
         )
@@ -208,18 +213,16 @@ def next_phase(world: World, ball: int, old: Segment) -> tuple[str, Segment]:
     return ("sliding_rolling" if new.phase == "rolling" else "rolling_rest"), new
 
 
-def bounce(world: World, ball: int, side: int, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
-    """Returns velocity and spin after the cushion `side` (0 is -x, 1 +x, 2 -y, 3 +y)."""
-    # n points into the cushion, t = z x n; (vn, vt) and (wn, wt) are the components along them.
-    sign = 1 if side % 2 else -1
-    n = (sign, 0) if side < 2 else (0, sign)
+def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -> tuple[Vector, Vector]:
+    """Returns velocity and spin after a cushion with the normal n, which points into the cushion."""
+    # (vn, vt) and (wn, wt) are the components along n and t = z x n.
     t = (-n[1], n[0])
     vn, vt = n[0] * velocity[0] + n[1] * velocity[1], t[0] * velocity[0] + t[1] * velocity[1]
     wn, wt, wz = n[0] * spin[0] + n[1] * spin[1], t[0] * spin[0] + t[1] * spin[1], spin[2]
     if world.cushion == "restitution":
         vn = -_restitution(world, vn) * vn
     else:
-        law = {"han2005": _han, "stronge": _stronge}[world.cushion]
+        law = {"han2005": _han, "stronge": _stronge}[world.cushion]  # "mathavan2010" has no closed form
         vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 

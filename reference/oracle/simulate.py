@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions
 from reference.oracle import contact, laws
 from reference.oracle.laws import Segment, Vector, World
+from reference.oracle.outline import Arc, dot, in_floats, normal_at
 from reference.oracle.roots import Real
 
 Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
@@ -22,7 +23,7 @@ Rows: TypeAlias = "Sequence[Any] | NDArray[Any]"
 GUARD_DIGITS = 20
 """Working digits in addition to the requested ones."""
 
-POCKET, BALL, CUSHION_X, CUSHION_Y, PHASE, RESTING = range(6)
+POCKET, BALL, CUSHION, PHASE, RESTING = range(5)
 """The kinds of predictions, in their order at one instant."""
 
 _ROUNDS = 100_000  # the number of events at one instant that counts as a collapse
@@ -31,7 +32,7 @@ _ROUNDS = 100_000  # the number of events at one instant that counts as a collap
 class Event(NamedTuple):
     """An event of a shot.
 
-    `other` is the other ball, the cushion (0 is -x, 1 +x, 2 -y, 3 +y), the pocket, or -1. `kind` is "ball_ball",
+    `other` is the other ball, the cushion (see `reference.oracle.outline`), the pocket, or -1. `kind` is "ball_ball",
     "cushion", "pocket", "sliding_rolling" (the ball stops sliding), "rolling_rest" (friction has stopped it) or
     "spinning_rest" (friction has stopped the spin of a ball that stands still).
     """
@@ -204,7 +205,7 @@ class _Table:
         self.queue: list[_Prediction] = []
         self.order = itertools.count()
         self.radius = scene.balls.radius
-        self.room = [tuple(map(float, room)) for room in self.world.room]
+        self.walls = [in_floats(wall) for wall in self.world.walls]
         self.pockets = [(p.x, p.y, p.radius) for p in scene.table.pockets]
         for i, inverse_mass in enumerate(self.world.inverse_mass):
             if not inverse_mass and any((*velocities[i], *spins[i])):
@@ -276,9 +277,9 @@ class _Table:
                     self.push_bound(BALL, a, b, contact.possible_pair_contact(motions[i], motion, reach, high))
             if segment.moving:
                 high = self.horizon(i)
-                for side in range(4):
-                    bound = contact.possible_wall_contact(motions[i], side, self.room[i][side // 2], high)
-                    self.push_bound(CUSHION_X if side < 2 else CUSHION_Y, i, side, bound)
+                for k, wall in enumerate(self.walls):
+                    bound = contact.possible_wall_contact(motions[i], wall, self.radius[i], high)
+                    self.push_bound(CUSHION, i, k, bound)
                 for k, pocket in enumerate(self.pockets):
                     self.push_bound(POCKET, i, k, contact.possible_pocket_contact(motions[i], pocket, high))
 
@@ -287,8 +288,8 @@ class _Table:
         segment = self.current[ball]
         if segment.phase != "free":
             return mpmath.inf if segment.end is None else segment.end
-        room = self.world.room[ball]
-        return segment.start + min((2 * r + 1) / abs(v) for r, v in zip(room, segment.velocity, strict=True) if v)
+        extent = self.world.extent
+        return segment.start + min((2 * x + 1) / abs(v) for x, v in zip(extent, segment.velocity, strict=True) if v)
 
     def end(self, *balls: int) -> Real:
         """Returns the earliest end of the balls' segments and of the shot."""
@@ -326,11 +327,23 @@ class _Table:
                 self.solve(p, p.base)
         if not due:
             return None
-        first = min(due, key=lambda p: (p.kind, p.ball, p.other))
+        first = min(due, key=self.place)
         for p in due:
             if p is not first:
                 heapq.heappush(self.queue, p)
         return first
+
+    def place(self, p: _Prediction) -> tuple[Real, ...]:
+        """Returns the place of a prediction among those of the same instant.
+
+        Of several cushions straight ones come first, then those with the normal nearest to the x axis, then those that
+        the ball approaches fastest.
+        """
+        if p.kind != CUSHION:
+            return (p.kind, p.ball, p.other)
+        wall, segment = self.world.walls[p.other], self.current[p.ball]
+        n = normal_at(wall, segment.position_at(p.time))
+        return (p.kind, p.ball, isinstance(wall, Arc), -abs(n[0]), -dot(n, segment.velocity_at(p.time)), p.other)
 
     def solve(self, p: _Prediction, base: Real) -> None:
         """Replaces a bound by its contact, if there is one."""
@@ -373,7 +386,8 @@ class _Table:
             position, velocity = segment.position_at(self.now), segment.velocity_at(self.now)
             spin = segment.spin_at(self.now)
             noise = max(segment.noise, self.world.tiny * self.surface_speed(i))
-            velocity, spin = laws.bounce(self.world, i, p.other, velocity, spin)
+            normal = normal_at(self.world.walls[p.other], position)
+            velocity, spin = laws.bounce(self.world, i, normal, velocity, spin)
             self.replace({i: laws.segment(self.world, i, self.now, position, velocity, spin, noise)})
 
     def log(self, kind: str, ball: int, other: int = -1) -> None:

@@ -50,7 +50,7 @@ def test_random_shots_are_at_most_as_fast_as_an_action():
 
 @pytest.mark.parametrize("rack", ["rack", "tight_rack"])
 def test_breaks_hit_the_rack(rack):
-    case = speed.breaks("", rack, 20)
+    case = speed.breaks("", "pool", rack, 20)
     assert (simulate_batch(case.scene, case.positions, case.velocities).first_hit == 1).all()
 
 

@@ -100,3 +100,15 @@ def test_carom_tables_and_striped_balls_can_be_drawn(elsewhere):
     assert len(elsewhere.plot().lines) > 0
     stripes = simulate(Scene.named("pool", 9), [[0.1 * k, 0.0] for k in range(10)], [0.0, 1.0], record=True)
     assert [text.get_text() for text in stripes.plot().texts if text.get_text() == "9"] == ["9"]
+
+
+def test_the_times_of_hits_in_the_jaws_are_on_the_nearest_rail():
+    scene = Scene.named("pooltool_pool")
+    shot = simulate(scene, [[0.85, 0.42], [-0.5, 0.0]], [1.0, 0.75], record=True)
+    assert shot.events is not None
+    hits = shot.events[shot.events["kind"] == "cushion"]
+    assert hits["other"].max() > 3
+    labels = [text for text in shot.plot().texts if text.get_text() == f"{hits['time'][0]:.2f} s"]
+    (x, y), sides = labels[0].get_position(), abs(np.array([hits["x"][0], hits["y"][0]])) - [0.9906, 0.4953]
+    assert (x == 0.0) == (sides[0] < sides[1])
+    assert (abs(x), abs(y)) in ((20, 0), (0, 20))

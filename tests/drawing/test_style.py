@@ -7,7 +7,21 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.page import make_page
-from billiards_env.drawing.style import CLOTH, POCKET, RAIL_EDGE, draw_table, looks, rail_width, tray
+from billiards_env.drawing.style import (
+    CHALK,
+    CLOTH,
+    CUSHION,
+    CUSHION_EDGE,
+    MARKING,
+    POCKET,
+    RAIL_EDGE,
+    cushion_names,
+    draw_table,
+    looks,
+    rail_width,
+    tray,
+)
+from billiards_env.outline import Corner, polygon
 from billiards_env.scene import Balls
 from billiards_env.simulation import simulate
 from billiards_env.table import Pocket, Table, six_pockets
@@ -25,6 +39,10 @@ TABLES = {
 
 def of_colour(table, colour):
     return [shape.corners for shape in draw_table(table) if shape.colour == colour]
+
+
+JAWS = ("pool_7ft", "pool_8ft", "pool_9ft", "snooker_12ft", "uk_7ft")
+HEXAGON = ((-1.0, 0.0), (-0.5, -0.75), (0.5, -0.75), (1.0, 0.0), (0.5, 0.75), (-0.5, 0.75))
 
 
 def luminance(colour):
@@ -61,8 +79,82 @@ def test_a_table_without_pockets_has_no_holes():
     assert rail_width(Table()) == pytest.approx(0.1016)
 
 
+@pytest.mark.parametrize("name", JAWS)
+def test_an_outline_is_drawn_to_scale(name):
+    table = Table.named(name)
+    (cloth,) = of_colour(table, CLOTH)
+    assert np.array_equal(cloth, polygon(table.outline))
+    cushions = of_colour(table, CUSHION_EDGE)
+    assert len(cushions) == len(of_colour(table, CUSHION)) == 6
+    points = {tuple(point) for cushion in cushions for point in cushion}
+    assert len(points) == len(cloth)  # facings, tips and rails; a line behind a pocket has no other point
+    inset = np.vstack(of_colour(table, CUSHION))
+    assert (table.clearance(inset) < 0).all()  # the rubber is outside the cloth
+    half = np.array([table.length, table.width]) / 2 + rail_width(table)
+    assert all((np.abs(shape.corners) <= half + 1e-12).all() for shape in draw_table(table))
+
+
+@pytest.mark.parametrize("name", JAWS)
+def test_the_hole_between_jaws_has_the_radius_of_the_physics(name):
+    table = Table.named(name)
+    shapes = of_colour(table, POCKET)
+    falls = shapes[len(table.pockets) :]
+    assert len(falls) == len(table.pockets)
+    for fall, hole, pocket in zip(falls, shapes, table.pockets, strict=False):
+        edge = fall[4:]
+        assert len(edge) > 20
+        assert np.hypot(*(edge - [pocket.x, pocket.y]).T) == pytest.approx(pocket.radius)
+        assert (table.clearance(edge) > 0).all()
+        assert np.hypot(*np.diff(edge, axis=0).T).max() < 0.06 * pocket.radius  # one arc
+        assert abs(table.clearance(fall[[0, 3]])).max() < 1e-12
+        assert np.hypot(*(hole.mean(0) - [pocket.x, pocket.y])) < pocket.radius
+
+
+def test_an_outline_without_jaws_has_strips_of_rubber():
+    table = Table(2.0, 1.5, outline=tuple(Corner(x, y) for x, y in HEXAGON))
+    strips = of_colour(table, CUSHION)
+    assert len(strips) == 6
+    for strip in strips:
+        assert (table.clearance(strip) <= 1e-12).all()
+    assert [shape.colour for shape in draw_table(table)].index(CLOTH) > 2
+
+
+def test_a_baulk_line_and_a_d_replace_the_diamonds():
+    line, d = of_colour(Table.named("snooker_12ft"), MARKING)
+    assert line.mean(0) == pytest.approx([0.737 - 3.569 / 2, 0.0])
+    assert np.hypot(*(d - [line[:, 0].mean(), 0.0]).T) == pytest.approx(0.292, rel=0.01)
+    assert not of_colour(Table.named("snooker_12ft"), CHALK)
+    assert len(of_colour(Table.named("pool_9ft"), CHALK)) == len(of_colour(TABLES["pool"], CHALK))
+
+
+def test_cushions_have_the_names_of_their_numbers_in_events():
+    assert cushion_names(Table())[3] == "the upper cushion"
+    scene = Scene.named("real_pool")
+    names = cushion_names(scene.table)
+    assert len(names) == 24 + 12
+    shot = simulate(scene, [[0.3, 0.2], [-0.5, 0.0]], [0.0, 2.0], record=True)
+    assert shot.events is not None
+    hits = shot.events[shot.events["kind"] == "cushion"]
+    assert [names[k] for k in hits["other"][:2]] == ["the upper cushion", "the lower cushion"]
+    into_jaw = simulate(scene, [[1.0, 0.52], [-0.5, 0.0]], [2.0, 1.4], record=True)
+    assert into_jaw.events is not None
+    hits = into_jaw.events[into_jaw.events["kind"] == "cushion"]
+    assert [names[k] for k in hits["other"]] == ["the upper cushion", "the right cushion", "a facing"]
+
+
+def test_snooker_and_uk_balls_have_the_colours_of_their_game():
+    fills = [look.fill for look in looks(Scene.named("snooker"))]
+    assert len(set(fills[1:16])) == 1
+    assert len(set(fills[15:])) == 7
+    assert [look.fill for look in looks(Scene.named("snooker", 6))][1:] == fills[16:]
+    uk = [look.fill for look in looks(Scene.named("uk_pool"))]
+    assert len(set(uk[1:8])) == len(set(uk[9:])) == 1
+    assert len(set(uk)) == 4
+    assert not any(look.striped for look in looks(Scene.named("snooker")) + looks(Scene.named("uk_pool")))
+
+
 def test_paths_contrast_with_the_cloth():
-    for look in looks(Scene.named("pool", 15)) + looks(Scene.named("carom")):
+    for look in looks(Scene.named("pool", 15)) + looks(Scene.named("carom")) + looks(Scene.named("snooker")):
         assert (luminance(look.path) + 0.05) / (luminance(CLOTH) + 0.05) > 3
 
 
@@ -81,6 +173,7 @@ def test_the_page_has_the_same_table():
     shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], record=True)
     (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', make_page(shot.recording()))
     shapes = json.loads(text)["shapes"]
+    assert json.loads(text)["cushions"] == cushion_names(scene.table)
     for (colour, corners), shape in zip(shapes, draw_table(scene.table), strict=True):
         assert colour == shape.colour
         assert np.reshape(corners, (-1, 2)) == pytest.approx(shape.corners, abs=1e-4)

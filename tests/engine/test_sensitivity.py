@@ -1,5 +1,7 @@
 """The derivative of the final positions agrees with finite differences of the high-precision simulator."""
 
+import dataclasses
+
 import mpmath
 import numpy as np
 import pytest
@@ -14,6 +16,13 @@ from reference.oracle import run
 STEP = mpmath.mpf(10) ** -25
 OBSTACLE = Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, float("inf"))), Table(2.0, 1.0), Physics(e_ball=0.9))
 ROLLING = Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(motion="rolling", cushion="restitution"))
+FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
+
+
+def real(name, n, **physics):
+    """Returns a named scene with friction between the balls and other constants."""
+    scene = Scene.named(name, n)
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, ball_ball="frictional", **physics))
 
 
 def differences(scene, places, velocities, max_time):
@@ -60,8 +69,12 @@ def aimed(scene, seed):
         (Scene.named("ideal", 2), 4.0),
         (OBSTACLE, None),
         (ROLLING, None),
+        (real("pool", 4), None),
+        (real("carom", 2, cushion="stronge", **FALLING), None),
+        (real("carom", 2, cushion="stronge", mu_ball=0.05, mu_cushion=0.5), None),
+        (real("carom", 2, **FALLING), None),
     ],
-    ids=["pool", "carom", "pool of five", "ideal", "obstacle", "rolling"],
+    ids=["pool", "carom", "pool of five", "ideal", "obstacle", "rolling", "friction", "stronge", "grip", "falling"],
 )
 @pytest.mark.parametrize("seed", [3, 4])
 def test_the_sensitivity_is_the_derivative_of_the_final_positions(scene, max_time, seed):
@@ -76,6 +89,19 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(scene, max_tim
     np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     error = np.abs(shot.positions - np.array([[float(x) for x in place] for place in base])).max()
     assert error < 10 * UNIT_ROUNDOFF * found.condition
+
+
+def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
+    scene = real("carom", 1, cushion="mathavan2010")
+    places, velocities = np.array([[0.3, 0.1], [1.2, 0.5]]), np.array([[0.2, 2.0], [0.0, 0.0]])
+    found = simulate(scene, places, velocities, record=True).sensitivity().jacobian[0, :, 0]
+    step = 1e-5
+    for k in range(4):
+        moved = [np.concatenate((places[0], velocities[0])) for _ in range(2)]
+        moved[0][k] += step
+        moved[1][k] -= step
+        ends = [simulate(scene, [m[:2], places[1]], [m[2:], velocities[1]]).positions[0] for m in moved]
+        assert found[:, k] == pytest.approx((ends[0] - ends[1]) / (2 * step), abs=2e-5)
 
 
 def test_each_collision_multiplies_the_condition():

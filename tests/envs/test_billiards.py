@@ -126,6 +126,22 @@ def test_positions_are_observed_relative_to_half_the_table():
     assert np.array_equal(observation, np.array([*shares, 0.75], np.float32))
 
 
+@pytest.mark.parametrize("scene", ["real_pool", "uk_pool"])
+def test_a_ball_in_the_jaws_is_observed_inside_the_box(scene):
+    env = BilliardsEnv(scene=scene, n_object_balls=1)
+    table, half = env.scene.table, np.array(env.scene.half_extents)
+    pocket = table.pockets[-1]  # a side pocket at +y
+    in_jaws = [0.012, pocket.y - 1.0001 * pocket.radius]
+    assert in_jaws[1] > table.width / 2 - 0.5 * env.scene.balls.radius[1]
+    observation, _ = env.reset(options={"positions": [[-0.5, 0.1], in_jaws]})
+    assert (np.abs(observation) < 1).all()
+    assert observation.reshape(2, 2) * half == pytest.approx(np.array([[-0.5, 0.1], in_jaws]), abs=1e-6)
+    env.reset(options={"positions": [[0.0, 0.0], [0.0, 0.3]]})
+    observation, *_, info = env.step([0.0, 0.5])
+    assert info["potted"][1]
+    assert observation[2:].tolist() == [0.0, 1.0]  # the pocket
+
+
 def test_a_ball_in_a_side_pocket_is_observed_at_that_pocket():
     env = BilliardsEnv(max_shots=2)
     env.reset(options={"positions": [[0.0, 0.3], [-0.5, 0.0]]})

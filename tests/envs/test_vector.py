@@ -26,7 +26,9 @@ FITTING = [
     (s, t)
     for s in SCENES
     for t in TASKS
-    if (t != "pot" or Scene.named(s).table.pockets) and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
+    if (t != "pot" or Scene.named(s).table.pockets)
+    and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
+    and (t not in ("carom", "three_cushion") or Scene.named(s).n_balls <= 3)
 ]
 VARIANTS = [
     *({"scene": scene, "task": task} for scene, task in FITTING),
@@ -41,7 +43,8 @@ VARIANTS = [
         for s, t in FITTING
     ),
     {"task": "place", "n_object_balls": 0, "max_shots": 2},
-    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None) if layout != "snookered"),
+    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None) if layout not in ("snookered", "snooker")),
+    {"layout": "snooker", "scene": "snooker", "max_shots": 2},
     {"layout": "snookered", "scene": "blocked_pool", "max_shots": 2},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"mode": "pit", "dt": 1 / 60, "max_shots": 2, "n_object_balls": 2},

@@ -11,6 +11,17 @@ from billiards_env.layouts import MARGIN
 from billiards_env.scene import check_positions
 
 PIT = {"mode": "pit", "dt": 1 / 240}
+TRIANGLE = Scene.from_dict(
+    {
+        "balls": {"radius": [0.03, 0.03], "mass": [0.2, 0.2]},
+        "table": {
+            "length": 2.0,
+            "width": 1.0,
+            "outline": [{"x": -1, "y": -0.5}, {"x": 1, "y": -0.5}, {"x": 0, "y": 0.5}],
+            "pockets": [{"x": 0, "y": 0.5, "radius": 0.1}],
+        },
+    }
+)
 
 
 def make_setup(rules, **kwargs):
@@ -89,6 +100,16 @@ def test_openings(rules):
     )
 
 
+def test_a_game_on_a_table_with_jaws():
+    setup = Setup("eight_ball", Scene.named("uk_pool"))
+    _, log = random_game(setup, 1, 12)
+    for played in log:
+        state = played.game.state
+        lying = np.isin(np.arange(16), sorted(state.on_table if state.in_hand == "no" else state.object_balls))
+        check_positions(setup.scene, played.game.positions, in_play=lying)
+    assert log[0].shot_input.positions[0, 0] <= setup.scene.table.head_x  # the break is from the baulk area
+
+
 # Invalid arguments.
 
 
@@ -101,6 +122,7 @@ def test_openings(rules):
         ({"rules": "straight", "scene": Scene.named("ideal", 16)}, "expected 1 to 15"),
         ({"rules": "carom", "scene": Scene.named("pool", 2)}, "without pockets"),
         ({"rules": "nine_ball", "scene": Scene.named("ideal", 9)}, "with pockets"),
+        ({"rules": "straight", "scene": TRIANGLE}, "expected a playing surface that is a rectangle"),
         ({"rules": "eight_ball", "n_players": 3}, "n_players = 3: expected a whole number from 2 to 2"),
         ({"rules": "nine_ball", "n_players": 5}, "from 2 to 4"),
         ({"rules": "nine_ball", "n_players": True}, "n_players = True"),

@@ -148,7 +148,9 @@ def test_a_ball_between_two_balls_is_thrown_by_neither():
     assert plain[0, [VY, UY, WZ]].tolist() == [0.0, 0.0, 0.0]
     assert plain[1, WZ] == -plain[2, WZ] != 0.0
     assert plain[1, VY] == -plain[2, VY]
-    frictionless = collided(places, rows, [(0, 1), (0, 2)], arrays_of(mu=0.0, radius=arrays.radius, inverse=arrays.inv_mass))
+    frictionless = collided(
+        places, rows, [(0, 1), (0, 2)], arrays_of(mu=0.0, radius=arrays.radius, inverse=arrays.inv_mass)
+    )
     assert plain[0, VX] < frictionless[0][0, VX] + 0.1
 
 

@@ -1,0 +1,99 @@
+"""Tables with outlines, and the room that balls have on them, for tests."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from billiards_env.outline import Corner, clearance, pieces
+from billiards_env.table import Table
+from reference.stress.draw import outline_table as table
+from reference.stress.draw import star
+
+
+def with_corners(rectangle):
+    """Returns a rectangular table as an outline of four corners."""
+    x, y = rectangle.length / 2, rectangle.width / 2
+    corners = tuple(Corner(sx * x, sy * y) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+    return dataclasses.replace(rectangle, outline=corners)
+
+
+RECTANGLE = table([(0, 0), (2, 0), (2, 1), (0, 1)])
+SPLIT = table([(0, 0), (0.7, 0), (2, 0), (2, 0.3), (2, 1), (1.1, 1), (0.3, 1), (0, 1)])
+OCTAGON = table([(0.5, 0), (1.5, 0), (2, 0.5), (2, 1), (1.5, 1.5), (0.5, 1.5), (0, 1), (0, 0.5)])
+L_SHAPE = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, 0.05), (0.8, 2), (0, 2)])
+SHARP_L = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8), (0.8, 2), (0, 2)])
+WEDGE = table([(0, 0), (1, -0.25), (1, 0.25)])
+BENT_WALL = table(
+    [(0, 0), (2, 0), (2, 0.7), (1.4, 0.65, 0.01), (0.9, 0.7), (0.9, 0.71), (1.4, 0.68), (2, 0.72), (2, 1.4), (0, 1.4)]
+)
+# A throat of 5 cm between two tips, with a chamber behind it
+THROAT = table(
+    [
+        (0, 0),
+        (1, 0),
+        (1, 0.475, 0.02),
+        (1.2, 0.475, 0.02),
+        (1.2, 0.3),
+        (1.5, 0.3),
+        (1.5, 0.7),
+        (1.2, 0.7),
+        (1.2, 0.525, 0.02),
+        (1, 0.525, 0.02),
+        (1, 1),
+        (0, 1),
+    ]
+)
+TABLES = {
+    "rectangle": RECTANGLE,
+    "split": SPLIT,
+    "octagon": OCTAGON,
+    "L": L_SHAPE,
+    "sharp L": SHARP_L,
+    "wedge": WEDGE,
+    "bent wall": BENT_WALL,
+    "throat": THROAT,
+    "pool_7ft": Table.named("pool_7ft"),
+    "snooker_12ft": Table.named("snooker_12ft"),
+}
+
+
+def mirrored(a_table, mirror):
+    """Returns a table mirrored by the factors (x, y), each 1 or -1, and the new number of each cushion."""
+    x, y = mirror
+    outline = [Corner(x * c.x, y * c.y, c.radius) for c in a_table.outline]
+    pockets = tuple(dataclasses.replace(p, x=x * p.x, y=y * p.y) for p in a_table.pockets)
+    if x * y < 0:  # counter-clockwise again
+        outline.reverse()
+    return dataclasses.replace(a_table, outline=tuple(outline), pockets=pockets)
+
+
+def free_places(a_table, radius, rng, count):
+    """Returns random places (count, 2), m, at which one ball fits, also in the mouths of the pockets."""
+    found = np.zeros((0, 2))
+    corners = np.array([(c.x, c.y) for c in a_table.outline])
+    while len(found) < count:
+        places = rng.uniform(corners.min(0), corners.max(0), (4 * count, 2))
+        free = clearance(a_table.outline, places) >= radius
+        for p in a_table.pockets:
+            free &= np.hypot(*(places - (p.x, p.y)).T) > p.radius
+        found = np.vstack([found, places[free]])
+    return found[:count]
+
+
+def beyond(scene, shot, count=2000):
+    """Returns the largest distance by which a ball in play of a recorded shot overlaps the outline, m."""
+    corners, radius = scene.table.outline, np.array(scene.balls.radius)
+    gone = np.full(scene.n_balls, np.inf)
+    for event in shot.events[shot.events["kind"] == "pocket"]:
+        gone[event["ball"]] = event["time"]
+    times = np.unique(np.r_[0.0, shot.events["time"], np.linspace(0.0, shot.time, count)])
+    places = np.array([shot.at(float(t)) for t in times])
+    return float((radius - clearance(corners, places))[times[:, None] < gone].max())
+
+
+def joint_of(a_table, tip=0):
+    """Returns the beginning of the arc of a tip, m, and the tip."""
+    piece = pieces(a_table.outline)[1][tip]
+    return np.array([piece.x0, piece.y0]), piece
