@@ -24,6 +24,11 @@ carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
                        0.21 kg
 snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
                        0.14 kg
+snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010): mu_slide, mu_cushion and e_cushion of slow
+                       mu_cushion      balls; loss 0.1 s/m above 2.1 m/s: a fit of their figure 7a (docs/validation.md);
+                       0.14, e(v)      floor 0.6: the least of Alciatore (2004)
+                       mu_ball 0.05,   Mathavan, Jackson and Parkin (2014)
+                       spin_decay 22
 UK object ball         0.0254 m,       WEPF: 2 in across, 116 g
                        0.116 kg
 UK cue ball            0.0238125 m,    WEPF: 1 7/8 in across, 94 g
@@ -411,7 +416,19 @@ def _real_carom(n_balls: int) -> Scene:
 
 def _snooker(n_balls: int) -> Scene:
     balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
-    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), _REAL)
+    physics = Physics(
+        ball_ball="frictional",
+        mu_ball=0.05,
+        cushion="mathavan2010",
+        mu_cushion=0.14,
+        e_cushion=0.98,
+        e_cushion_loss=0.1,
+        e_cushion_onset=2.1,
+        e_cushion_floor=0.6,
+        mu_slide=0.212,
+        spin_decay=22.0,
+    )
+    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), physics)
 
 
 def _uk_pool(n_balls: int) -> Scene:

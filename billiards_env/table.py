@@ -22,6 +22,7 @@ and             angle                 WPA: cut angles of 142 and 104 degrees bet
                 8-foot length, width  2.3368 x 1.1684 m: WPA, 92 x 46 in
 "pool_7ft"      all                   pooltool 0.6.0, its table "7-foot Showood"
 "snooker_12ft"  length, width         3.569 x 1.778 m: WPBSA, Official Rules of Snooker
+                cushion_height        70 % of the ball's diameter (52.5 mm): Mathavan, Jackson and Parkin (2010)
                 head_string, D        WPBSA: baulk line 737 mm from the cushion, D of radius 292 mm
                 all others            pooltool, its snooker table (2026)
 "uk_7ft"        length, width         1.8288 x 0.9144 m: BAPTO, a "7 x 4 ft" table, 6 x 3 ft between the noses
@@ -332,7 +333,7 @@ _SNOOKER_DEPTH = 0.04763
 
 def _snooker_12ft() -> Table:
     length = 3.569
-    return pool_table(length, 1.778, 0.039, _SNOOKER_DEPTH, *_SNOOKER_JAWS, 0.737 - length / 2, 0.292)
+    return pool_table(length, 1.778, 0.7 * _SNOOKER_BALL, _SNOOKER_DEPTH, *_SNOOKER_JAWS, 0.737 - length / 2, 0.292)
 
 
 def _uk_7ft() -> Table:

@@ -65,8 +65,8 @@ def gap(one, other):
 
 
 def test_pool_7ft_has_the_geometry_of_pooltool():
-    with open(DATA / "pooltool_pool_table.json") as file:
-        data = json.load(file)
+    with open(DATA / "pooltool_real_shots.json") as file:
+        data = json.load(file)["tables"]["pool"]
     table = Table.named("pool_7ft")
     lines, tips = pieces(table.outline)
     assert abs(clearance(table.outline, data["lines"])).max() < 1e-7
@@ -137,8 +137,8 @@ def test_real_scenes_have_the_balls_of_their_game():
 
 @pytest.mark.parametrize(("name", "table"), [("pooltool_pool", "pool"), ("pooltool_real_carom", "carom")])
 def test_pooltool_scenes_have_the_balls_of_the_reference_shots(name, table):
-    with open(DATA / "pooltool_pool_table.json") as file:
-        ball = json.load(file)["balls"][table]
+    with open(DATA / "pooltool_real_shots.json") as file:
+        ball = json.load(file)["tables"][table]["ball"]
     scene = Scene.named(name)
     physics = scene.physics
     assert scene.balls == Balls.uniform(len(scene.balls), ball["radius"], ball["mass"])

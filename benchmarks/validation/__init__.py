@@ -1,0 +1,24 @@
+"""The laws of the package compared with measurements: `python -m benchmarks.validation`.
+
+It runs impacts, banks and paths into pockets under the conditions of published measurements, prints tables, writes
+`benchmarks/results/validation.json` and draws the pictures of docs/validation.md. The sources are next to the numbers in
+`collisions`, `cushions`, `pockets` and `pooltool`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchmarks.validation import collisions, cushions, pockets, pooltool
+
+PARTS = {"collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
+
+
+def measure() -> dict[str, Any]:
+    """Returns the results of all parts."""
+    return {name: part.measure() for name, part in PARTS.items()}
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    return {name: text for key, part in PARTS.items() for name, text in part.blocks(result[key]).items()}
