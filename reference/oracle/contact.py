@@ -122,6 +122,8 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     after = mpmath.mpf(0)
     while True:
         gap = wall_gap(wall, radius, a.position_at(base + after), a.velocity_at(base + after), a.acceleration)
+        if after:
+            gap[0] = mpmath.mpf(0)
         if not after and abs(gap[0]) <= touch and wall.holds(a.position_at(base), world.tiny):
             found = next_contact(gap, rounding, touch, high)
         else:  # the ball may be behind a line, or inside a circle, that the cushion is only a part of

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, layouts, simulation
+from billiards_env.scene import Balls, Physics
+from billiards_env.table import Table
 from reference.oracle import run
+from tests.helpers.outlines import TABLES, free_places
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
@@ -148,3 +151,42 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
         for t in rng.uniform(0, shot.time, 5):
             assert shot.at(t) == pytest.approx(np.array(exact.positions_at(t), float), abs=1e-11)
     assert compared >= 8
+
+
+@pytest.mark.parametrize("name", [*TABLES, "pool_8ft"])
+@pytest.mark.parametrize("n", [1, 3])
+def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, n):
+    """Half of the shots start in the mouth of a pocket, or near one."""
+    table = TABLES.get(name) or Table.named(name)
+    radius = 0.02 if name in ("snooker_12ft", "throat") else 0.028575
+    table = dataclasses.replace(table, cushion_height=1.27 * radius)
+    scene = Scene(Balls.uniform(n, radius), table, Physics(e_ball=0.95))
+    compared = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        while True:
+            places = free_places(table, radius, rng, n)
+            if seed % 2 and (is_inside(places[0], table, 0.05)):
+                continue
+            if (np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(n)).min() > 2 * radius:
+                break
+        angle = rng.uniform(0, 2 * np.pi)
+        start = rng.uniform(0.3, 4) * np.array([np.cos(angle), np.sin(angle)])
+        spins = rng.normal(size=3) * 30
+        shot = simulate(scene, places, start, spins=spins, record=True)
+        moved = simulate(scene, places + np.eye(n, 2) * NUDGE, start, spins=spins)
+        if np.abs(moved.positions - shot.positions).max() > 1e3 * NUDGE or shot.n_contact_rule:
+            continue
+        compared += 1
+        exact = run(scene, places, start, spins, digits=40)
+        assert names(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
+        assert shot.events["time"] == pytest.approx([float(e.time) for e in exact.events], abs=1e-11)
+        assert shot.positions == pytest.approx(np.array(exact.positions, float), abs=1e-11)
+        assert shot.spins == pytest.approx(np.array(exact.spins, float), abs=1e-9)
+        assert shot.potted.tolist() == exact.potted
+    assert compared >= 3
+
+
+def is_inside(place, table, margin):
+    """Returns whether a place is inside the playing surface and not within a margin of its sides."""
+    return bool((np.abs(place) < np.array([table.length, table.width]) / 2 - margin).all())
