@@ -60,7 +60,7 @@ def check(path, a_table, end, radius=R):
 # Any path on any table
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 2.0, 40.0]), st.sampled_from([0.01, 0.03]))
 def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table, seed, force, radius):
     rng = np.random.default_rng(seed)
@@ -71,7 +71,7 @@ def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table,
     check((*place, *velocity, *acceleration), a_table, 10.0 ** rng.uniform(-2, 1) if force else INF, radius)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 2.0]))
 def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
     """After the reflection the contact at time 0 is not found again, and the ball does not pass the cushion."""
@@ -244,7 +244,7 @@ def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
 # Balls that overlap an outline
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(tables, st.integers(0, 2**32))
 @example(THROAT, 0)
 def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, seed):
