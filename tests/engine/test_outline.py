@@ -1,6 +1,7 @@
 """Shots on tables with outlines: both engines, all queues, and cases that are difficult near jaws."""
 
 import dataclasses
+import itertools
 import math
 from typing import Any
 
@@ -16,8 +17,9 @@ from billiards_env.physics.state import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.table import Pocket, Table
 from reference import plain
+from reference.stress.draw import star
 from tests.helpers.engine_runs import run
-from tests.helpers.outlines import TABLES, beyond, free_places, mirrored, star, table, with_corners
+from tests.helpers.outlines import TABLES, beyond, free_places, mirrored, table, with_corners
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
@@ -109,7 +111,7 @@ def test_a_tip_is_like_a_fixed_ball(radius):
         aim = np.array([tip.x, tip.y]) - start + rng.uniform(-0.04, 0.04, 2)
         physics = Physics(motion="rolling", cushion="restitution", e_ball=0.8, e_cushion=0.8)
         shot = simulate(Scene(Balls.uniform(1, R), a_table, physics), [start], aim, record=True)
-        if [k for k in kinds(shot)][0] != ("cushion", 0, 6):
+        if kinds(shot)[0] != ("cushion", 0, 6):
             continue
         hits += 1
         # A fixed ball of the same reach
@@ -197,9 +199,7 @@ def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
     scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), 2, SLIDING)
     velocities *= speed / np.linalg.norm(velocities)
     spins *= 0.1 * speed
-    shot = simulate(
-        scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt)
-    )
+    shot = simulate(scene, places, velocities, spins=spins, mode="pit", dt=dt, fix=fix, max_time=max(20.0, 100 * dt))
     room = clearance(a_table.outline, shot.positions)[~shot.potted]
     if shot.status == "rest" and fix == "push_apart":
         assert (room > -1e-9).all()
@@ -248,7 +248,7 @@ def test_a_ball_rattles_between_the_tips_of_a_pocket_and_stays_out():
     for angle in np.linspace(0.2, 1.4, 200):
         scene, shot = in_jaws([-0.3, 0.4], 2.0 * np.array([math.cos(angle), math.sin(angle) * 0.5]), pockets=True)
         walls = [o for k, _, o in kinds(shot) if k == "cushion"]
-        tips = [a for a, b in zip(walls, walls[1:], strict=False) if a >= n and b >= n and a != b]
+        tips = [a for a, b in itertools.pairwise(walls) if a >= n and b >= n and a != b]
         rattles += bool(tips) and not shot.potted[0]
         assert shot.status == "rest"
         assert beyond(scene, shot, 200) < 1e-12
@@ -316,8 +316,8 @@ def test_a_ball_that_rolls_along_the_rail_into_a_facing(speed):
     assert first is not None or speed == 0.5
     if first is not None:
         assert first["other"] < n
-        nx, ny = np.array([first["x"], first["y"]])
-        assert nx > 0.9 and ny == pytest.approx(y, abs=1e-12)
+        assert first["x"] > 0.9
+        assert first["y"] == pytest.approx(y, abs=1e-12)
 
 
 def test_two_balls_in_the_mouth_of_one_pocket():

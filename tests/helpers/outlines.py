@@ -9,7 +9,6 @@ import numpy as np
 from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.table import Table
 from reference.stress.draw import outline_table as table
-from reference.stress.draw import star
 
 
 def with_corners(rectangle):
@@ -30,7 +29,20 @@ BENT_WALL = table(
 )
 # A throat of 5 cm between two tips, with a chamber behind it
 THROAT = table(
-    [(0, 0), (1, 0), (1, 0.475, 0.02), (1.2, 0.475, 0.02), (1.2, 0.3), (1.5, 0.3), (1.5, 0.7), (1.2, 0.7), (1.2, 0.525, 0.02), (1, 0.525, 0.02), (1, 1), (0, 1)]
+    [
+        (0, 0),
+        (1, 0),
+        (1, 0.475, 0.02),
+        (1.2, 0.475, 0.02),
+        (1.2, 0.3),
+        (1.5, 0.3),
+        (1.5, 0.7),
+        (1.2, 0.7),
+        (1.2, 0.525, 0.02),
+        (1, 0.525, 0.02),
+        (1, 1),
+        (0, 1),
+    ]
 )
 TABLES = {
     "rectangle": RECTANGLE,
