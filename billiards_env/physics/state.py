@@ -104,9 +104,9 @@ class SceneArrays(NamedTuple):
     radius: Floats
     inv_mass: Floats
     pockets: Floats
-    ball_friction: Floats | None = None
-    stronge: Floats | None = None
-    mathavan: Floats | None = None
+    ball_friction: Any = None
+    stronge: Any = None
+    mathavan: Any = None
 
 
 @allocating
