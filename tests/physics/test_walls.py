@@ -21,7 +21,7 @@ tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0
 
 
 def arrays(a_table):
-    return outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, np.zeros((0, 3)))
+    return outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, ())
 
 
 def wall_time(path, a_table, end=INF, radius=R):
