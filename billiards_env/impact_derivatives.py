@@ -143,7 +143,7 @@ def _compliant(x: float, e: float, omega: float) -> tuple[float, float, float]:
 
 
 def _by_differences(state: Floats, radius: float, arrays: SceneArrays) -> Floats:
-    """Returns the derivative by differences of fourth order; its relative error is about 1e-7."""
+    """Returns the derivative by differences of fourth order; its relative error is about 1e-4."""
     step = 1e-2 * float(state[0])
     if step == 0.0:
         return np.eye(5)

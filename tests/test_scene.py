@@ -270,7 +270,8 @@ def test_cushion_friction_may_be_zero_but_not_negative():
         ),
         (
             {"cushion": "han"},
-            "physics.cushion = 'han': expected one of 'restitution', 'han2005', 'stronge', 'mathavan2010' (did you mean 'han2005'",
+            "physics.cushion = 'han': expected one of 'restitution', 'han2005', 'stronge', 'mathavan2010' "
+            "(did you mean 'han2005'",
         ),
         ({"motion": "ideal", "cushion": "restitution"}, "physics.max_time = None: expected a number of seconds"),
         (

@@ -40,7 +40,11 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
         for time, kind, ball, other, *_ in result.events.tolist()
         if kind in KINDS
     ]
-    same = [(kind, sorted(balls)) for _, kind, balls in found] == [(k, sorted(b)) for _, k, b in shot["events"]]
+    # Some events of pooltool's file lack a ball.
+    same = len(found) == len(shot["events"]) and all(
+        mine[1] == theirs[1] and set(theirs[2]) <= set(mine[2])
+        for mine, theirs in zip(found, shot["events"], strict=True)
+    )
     final = shot["final"]
     rests = [k for k in range(n) if final[k] is not None]
     off = [np.hypot(*(result.positions[k] - final[k])) for k in rests]

@@ -6,10 +6,11 @@ direction, and Coulomb's law has a closed form (Alciatore 2019, TP A.14): the im
 if that is less, the impulse that stops the slip. The vertical velocity is set to zero afterwards.
 
 Several impacts at one instant first get the normal impulses of `clusters`. Then the impulses of friction are those that
-minimise the kinetic energy after the impact, each at most mu times the normal impulse of its contact: the principle of
-maximum dissipation (Moreau 1973) with fixed normal impulses, as in the staggered projections of Kaufman, Sueda, James and
-Pai (2008). Zero friction is one of the choices, so the energy never rises. The problem is convex, and its velocities are
-unique. For one contact the result is the closed form. Balls that approach after it meet again at the same instant.
+minimise the kinetic energy after the impact, each at most mu times the normal impulse of its contact. This is the
+principle of maximum dissipation (Moreau 1973) with fixed normal impulses, as in the staggered projections of Kaufman,
+Sueda, James and Pai (2008). Zero friction is one of the choices, so the energy never rises. The problem is convex, and
+its velocities are unique. For one contact the result is the closed form. Balls that approach after it meet again at the
+same instant.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
 import math
+import re
 
 import numpy as np
 import pytest
@@ -278,7 +279,7 @@ def energy(vn, vt, un, ut, rwz):
     return vn**2 + vt**2 + 0.4 * ((vn - un) ** 2 + (ut - vt) ** 2 + rwz**2)
 
 
-ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-9}
+ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -440,6 +441,5 @@ def test_a_restitution_that_falls_with_the_speed_fits_the_measured_rebounds():
     ],
 )
 def test_constants_of_impacts_outside_their_range_are_refused(physics, message):
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)):
         Physics(**physics)
-    assert message in str(caught.value)

@@ -303,7 +303,7 @@ def impacts(draw):
 
 @given(impacts())
 def test_the_impact_is_that_of_spheres_in_three_dimensions(case):
-    velocities, spins, angle, scene = case
+    velocities, spins, _, scene = case
     found, expected = impact(*case), three_dimensional(*case)
     assert found[0] == pytest.approx(expected[0], abs=1e-11)
     assert found[1] == pytest.approx(expected[1], abs=1e-9)
