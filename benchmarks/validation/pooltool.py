@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}
 KINDS = ("ball_ball", "cushion", "pocket")
 
 
+@functools.cache
 def reference() -> list[dict[str, Any]]:
     """Returns the shots of pooltool."""
     return json.loads(SHOTS.read_text(encoding="utf-8"))["shots"]
