@@ -19,7 +19,7 @@ from billiards_env.table import POOL_LENGTH, POOL_RADIUS, POOL_WIDTH, Table
 
 Floats = NDArray[np.float64]
 
-# Measurements and reference outputs ------------------------------------------------------------------------------------
+# Measurements and reference outputs
 
 PAPER_RADIUS, PAPER_HEIGHT = 0.02625, 1.4
 """m, and the height of the cushion over the radius: Mathavan, Jackson and Parkin (2010)."""
@@ -66,8 +66,8 @@ ROLLING_REBOUNDS = (
     (30, 0, (0.71222, -0.37734)),
     (15, 0, (0.87713, -0.18912)),
 )
-"""Velocities of rolling pool balls after an impact at 1 m/s by the laws of Han and of Stronge, which agree here, computed
-independently of this package: angle, side and velocity."""
+"""Velocities of rolling pool balls after an impact at 1 m/s by the laws of Han and of Stronge, which agree here.
+They are computed independently of this package: angle, side and velocity."""
 
 STUN_REBOUNDS = (
     ((0.2, 1.0), (0, 0, 0), (0.14286, -0.72736), (0.12513, -0.73431)),
@@ -76,15 +76,14 @@ STUN_REBOUNDS = (
     ((1.0, 1.0), (0, 0, 30), (0.94942, -0.72736), (0.93502, -0.73373)),
     ((0.6, 0.8), (-8.399, 6.299, 0), (0.41417, -0.60109), (0.36867, -0.61018)),
 )
-"""Impacts of pool balls that do not roll, computed independently of this package: velocity and angular velocity (rad/s),
-and the velocities after it by the laws of Han and of Stronge."""
+"""Impacts of pool balls that do not roll, computed independently of this package: velocity and spin (rad/s), and the velocities after it by the laws of Han and of Stronge."""
 
 BANKS = ((2.2, 1.0), (3.3, 1.5), (4.4, 2.0))
-"""The system "twice plus tenths" for banks at stun speed, TP B.27: the diamond from which a ball comes and the diamond at
-which it meets the opposite cushion, both counted from the pocket to which it returns."""
+"""The system "twice plus tenths" for banks at stun speed, TP B.27: the diamond from which a ball comes and the diamond
+at which it meets the opposite cushion, both counted from the pocket to which it returns."""
 DIAMOND = POOL_LENGTH / 8
 
-# Impacts ---------------------------------------------------------------------------------------------------------------
+# Impacts
 
 
 def rebound(
@@ -114,7 +113,7 @@ def rebound(
 def incoming(
     angle: ArrayLike, side: ArrayLike, roll: ArrayLike, speed: ArrayLike = 1.0, radius: float = POOL_RADIUS
 ) -> tuple[Floats, Floats]:
-    """Returns velocities (m, 2) and spins (m, 3) of balls that move at an angle to the cushion; the arguments broadcast."""
+    """Returns velocities (m, 2) and spins (m, 3) of balls that move at an angle to the cushion."""
     angle, side, roll, speed = (np.ravel(a) for a in np.broadcast_arrays(np.radians(angle), side, roll, speed))
     vx, vy = speed * np.where(angle == np.pi / 2, 0.0, np.cos(angle)), speed * np.sin(angle)
     return np.stack([vx, vy], -1), np.stack([-roll * vy, roll * vx, side * speed], -1) / radius
@@ -154,7 +153,7 @@ def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Fl
     return np.array(found)
 
 
-# Results ---------------------------------------------------------------------------------------------------------------
+# Results
 
 ANGLES = tuple(range(10, 91, 5))
 BANK_SPEED = 3.0  # m/s
@@ -194,7 +193,10 @@ def reference_differences() -> dict[str, tuple[int, float]]:
     for k, law in enumerate(("han2005", "stronge")):
         rolling, _ = rebound(Physics(cushion=law), *incoming(angle, side, 1.0))
         stun, _ = rebound(Physics(cushion=law), [row[0] for row in STUN_REBOUNDS], [row[1] for row in STUN_REBOUNDS])
-        off = abs(rolling - [row[2] for row in ROLLING_REBOUNDS]).max(), abs(stun - [row[2 + k] for row in STUN_REBOUNDS]).max()
+        off = (
+            abs(rolling - [row[2] for row in ROLLING_REBOUNDS]).max(),
+            abs(stun - [row[2 + k] for row in STUN_REBOUNDS]).max(),
+        )
         found[law] = (len(angle) + len(STUN_REBOUNDS), float(max(off)))
     return found
 
@@ -207,7 +209,7 @@ def bank_laws() -> dict[str, Physics]:
 
 def measure() -> dict[str, Any]:
     """Runs all impacts and banks."""
-    speeds, angles = bounce(PAPER, 60.0, np.array(SPEEDS))
+    _, angles = bounce(PAPER, 60.0, np.array(SPEEDS))
     losses = bounce(PAPER, np.arange(10.0, 91.0))[0]
     top = rebound(PAPER, *incoming([90.0], 0.0, 2.0, 1.0, PAPER_RADIUS), PAPER_RADIUS, PAPER_HEIGHT)[0][0]
     side = rebound(PAPER, *incoming([88.0], [1.0], 1.0, 1.0, PAPER_RADIUS), PAPER_RADIUS, PAPER_HEIGHT)[0][0]
@@ -234,10 +236,19 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     statements = [
         ["a rolling ball at 90° keeps 0.91 of a low speed", f"{result['low_speed']:.3f}"],
-        ["the rebound angle of a rolling ball does not depend on the speed", f"changes by {result['angle_spread']:.0e}° from 0.5 to 3.5 m/s"],
+        [
+            "the rebound angle of a rolling ball does not depend on the speed",
+            f"changes by {result['angle_spread']:.0e}° from 0.5 to 3.5 m/s",
+        ],
         ["the relative loss of speed is largest near 40°", f"at {result['slowest_angle']}°"],
-        ["a ball with twice the spin of rolling returns from 90° with about its speed", f"{result['top_spin']:.3f} of it"],
-        ["with side spin near 90°, the ball goes to the side of the spin", f"{result['side_spin']:+.2f} m/s along the cushion at 1 m/s"],
+        [
+            "a ball with twice the spin of rolling returns from 90° with about its speed",
+            f"{result['top_spin']:.3f} of it",
+        ],
+        [
+            "with side spin near 90°, the ball goes to the side of the spin",
+            f"{result['side_spin']:+.2f} m/s along the cushion at 1 m/s",
+        ],
     ]
     banks = [
         [name, *(f"{off:+.2f}" for off in found)]

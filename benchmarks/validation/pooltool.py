@@ -28,9 +28,8 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
     """Runs a shot of pooltool and compares its contacts, its potted balls and its final positions.
 
     Returns:
-        A dict: the scene, the number of balls, the number of contacts, whether their kinds and balls are the same in the
-        same order, whether the same balls are potted, and the largest differences of the final positions, m, and of the
-        times of contact, s.
+        A dict: the scene, the number of balls, the number of contacts, whether they are the same in the same order,
+        whether the same balls are potted, and the largest differences of the final positions, m, and of the times, s.
     """
     n = len(shot["positions"])
     scene_name = SCENES[shot["table"]]

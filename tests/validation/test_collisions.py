@@ -77,7 +77,9 @@ def test_gearing_needs_the_published_sidespin(cut, percent):
 
 
 def test_measured_throw_is_within_a_degree():
-    assert all(abs(c.throw(c.FRICTIONAL, c.SPEEDS[s], [cut], roll=r)[0] - value) < 0.6 for cut, value, s, r in c.THROW_POINTS)
+    assert all(
+        abs(c.throw(c.FRICTIONAL, c.SPEEDS[s], [cut], roll=r)[0] - value) < 0.6 for cut, value, s, r in c.THROW_POINTS
+    )
 
 
 def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions():
