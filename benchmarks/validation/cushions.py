@@ -76,7 +76,8 @@ STUN_REBOUNDS = (
     ((1.0, 1.0), (0, 0, 30), (0.94942, -0.72736), (0.93502, -0.73373)),
     ((0.6, 0.8), (-8.399, 6.299, 0), (0.41417, -0.60109), (0.36867, -0.61018)),
 )
-"""Impacts of pool balls that do not roll, computed independently of this package: velocity and spin (rad/s), and the velocities after it by the laws of Han and of Stronge."""
+"""Impacts of pool balls that do not roll, computed independently of this package: velocity, spin (rad/s), and the
+velocities after it by the laws of Han and of Stronge."""
 
 BANKS = ((2.2, 1.0), (3.3, 1.5), (4.4, 2.0))
 """The system "twice plus tenths" for banks at stun speed, TP B.27: the diamond from which a ball comes and the diamond
@@ -161,10 +162,10 @@ SPEEDS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)
 
 
 def fit_line(physics: Physics) -> float:
-    """Returns the slope of the line through 0 that fits the speeds after perpendicular impacts at 0.28 to 3.5 m/s."""
+    """Returns the slope of the line that fits the speeds after perpendicular impacts at 0.28 to 3.5 m/s."""
     speeds = np.linspace(0.28, 3.5, 50)
     after, _ = bounce(physics, 90.0, speeds)
-    return float(after @ speeds / (speeds @ speeds))
+    return float(np.polyfit(speeds, after, 1)[0])
 
 
 def models() -> dict[str, Physics]:
