@@ -43,6 +43,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.pressed
+	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.contact_rule
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.vector

@@ -28,6 +28,7 @@ from benchmarks import (
     speed,
     start_up,
     stress,
+    validation,
     vector,
 )
 from billiards_env.files import write_whole
@@ -58,6 +59,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
     "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
     "training_speed": ("studies.training_speed", training_speed.blocks),
+    "validation": ("benchmarks.validation", validation.blocks),
     "vector": ("benchmarks.vector", vector.blocks),
 }
 

@@ -24,9 +24,10 @@ carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
                        0.21 kg
 snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
                        0.14 kg
-snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010): mu_slide, mu_cushion and e_cushion of slow
-                       mu_cushion      balls; loss 0.1 s/m above 2.1 m/s: a fit of their figure 7a (docs/validation.md);
-                       0.14, e(v)      floor 0.6: the least of Alciatore (2004)
+snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010)
+                       mu_cushion 0.14
+                       e(v)            0.995, falling by 0.1 s/m above 2 m/s: a fit of their figure 7a, see
+                                       docs/validation.md; not below 0.6, the least of Alciatore (2004)
                        mu_ball 0.05,   Mathavan, Jackson and Parkin (2014)
                        spin_decay 22
 UK object ball         0.0254 m,       WEPF: 2 in across, 116 g
@@ -421,9 +422,9 @@ def _snooker(n_balls: int) -> Scene:
         mu_ball=0.05,
         cushion="mathavan2010",
         mu_cushion=0.14,
-        e_cushion=0.98,
+        e_cushion=0.995,
         e_cushion_loss=0.1,
-        e_cushion_onset=2.1,
+        e_cushion_onset=2.0,
         e_cushion_floor=0.6,
         mu_slide=0.212,
         spin_decay=22.0,

@@ -27,10 +27,9 @@ SPEEDS = {"slow": 0.447, "medium": 1.341, "fast": 3.129}
 FRICTIONAL = Physics(ball_ball="frictional")
 ELASTIC = Physics(ball_ball="frictional", e_ball=1.0)
 
-# Measurements ----------------------------------------------------------------------------------------------------------
+# Measurements
 
 THROW_POINTS = (
-    # cut, throw, speed, roll, label: Alciatore, articles "Throw" I to XII, medium and "any" speed
     (10.0, 1.5, "slow", 0.0),
     (10.0, 1.5, "medium", 0.0),
     (30.0, 4.1, "medium", 0.0),
@@ -87,7 +86,7 @@ DOMENECH_THROW = (
 DOMENECH_SCATTER = ((8.0, 73.8), (15.4, 71.4), (20.9, 63.8), (26.2, 62.9), (30.0, 60.3), (35.6, 56.4), (43.6, 45.5))
 """The same: cut angle and change of the cue ball's direction in the impact."""
 
-# Impacts ---------------------------------------------------------------------------------------------------------------
+# Impacts
 
 
 class After(NamedTuple):
@@ -136,8 +135,8 @@ def rolling(after: After) -> Floats:
 def throw_formula(speed: float, cut: ArrayLike, side: ArrayLike = 0.0, roll: ArrayLike = 0.0) -> Floats:
     """Returns the throw of TP A.14 for elastic balls, degrees."""
     sine, cosine = np.sin(np.radians(cut)), np.cos(np.radians(cut))
-    across = speed * (sine - side)
-    slip = np.hypot(across, speed * roll * cosine)
+    across = speed * (sine - np.asarray(side, float))
+    slip = np.hypot(across, speed * np.asarray(roll, float) * cosine)
     mu = 9.951e-3 + 0.108 * np.exp(-1.088 * slip)
     with np.errstate(invalid="ignore", divide="ignore"):
         tangent = np.minimum(mu * speed * cosine / slip, 1 / 7) * across / (speed * cosine)
@@ -216,7 +215,7 @@ def domenech(friction: float | None, e_ball: float) -> tuple[Physics, dict[str, 
     return physics, dict(zip(("throw", "scatter"), rms, strict=True))
 
 
-# Results ---------------------------------------------------------------------------------------------------------------
+# Results
 
 CUTS = tuple(range(5, 90, 5))
 DOMENECH_MODELS = ((None, 0.95), (DOMENECH_FRICTION, 0.95), (DOMENECH_FRICTION, 0.97))
@@ -328,8 +327,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     return {
         "throw": table(["cut, °", *result["throw"]], rows),
-        "throw formula": f"The largest difference from the formula of TP A.14, over 28,080 impacts with cuts of 0 to 89 "
-        f"degrees and any side and roll, is {result['formula_difference']:.0e} degrees.",
+        "throw formula": f"The largest difference from the formula of TP A.14, over 28,080 impacts with cuts of 0 to 89"
+        f" degrees and any side and roll, is {result['formula_difference']:.0e} degrees.",
         "throw points": table(["throw, °", "measured", "model", "difference"], points),
         "gearing": table(["ball-hit fraction", "cut, °", "published, %", "model, %"], gears),
         "frozen": table(["stroke", "measured, °", "model, °", "difference, °"], frozen_rows),
@@ -347,7 +346,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             snooker,
         ),
         "domenech": table(["friction between balls", "e_ball", "throw, rms", "cue ball, rms"], models),
-        "paths": f"Without friction between elastic balls, the engine and the formula of Wallace and Schroeder differ by "
-        f"{result['formula_of_paths']:.0e} degrees at most. With stun and a restitution of 0.95, the cue ball of a half-ball "
-        f"hit leaves at {result['stun']:.2f} degrees from the line of centres.",
+        "paths": f"Without friction between elastic balls, the engine and the formula of Wallace and Schroeder differ"
+        f" by {result['formula_of_paths']:.0e} degrees at most. With stun and a restitution of 0.95, the cue ball of a"
+        f" half-ball hit leaves at {result['stun']:.2f} degrees from the line of centres.",
     }

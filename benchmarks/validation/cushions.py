@@ -19,7 +19,7 @@ from billiards_env.table import POOL_LENGTH, POOL_RADIUS, POOL_WIDTH, Table
 
 Floats = NDArray[np.float64]
 
-# Measurements and reference outputs ------------------------------------------------------------------------------------
+# Measurements and reference outputs
 
 PAPER_RADIUS, PAPER_HEIGHT = 0.02625, 1.4
 """m, and the height of the cushion over the radius: Mathavan, Jackson and Parkin (2010)."""
@@ -66,8 +66,8 @@ ROLLING_REBOUNDS = (
     (30, 0, (0.71222, -0.37734)),
     (15, 0, (0.87713, -0.18912)),
 )
-"""Velocities of rolling pool balls after an impact at 1 m/s by the laws of Han and of Stronge, which agree here, computed
-independently of this package: angle, side and velocity."""
+"""Velocities of rolling pool balls after an impact at 1 m/s by the laws of Han and of Stronge, which agree here.
+They are computed independently of this package: angle, side and velocity."""
 
 STUN_REBOUNDS = (
     ((0.2, 1.0), (0, 0, 0), (0.14286, -0.72736), (0.12513, -0.73431)),
@@ -76,15 +76,15 @@ STUN_REBOUNDS = (
     ((1.0, 1.0), (0, 0, 30), (0.94942, -0.72736), (0.93502, -0.73373)),
     ((0.6, 0.8), (-8.399, 6.299, 0), (0.41417, -0.60109), (0.36867, -0.61018)),
 )
-"""Impacts of pool balls that do not roll, computed independently of this package: velocity and angular velocity (rad/s),
-and the velocities after it by the laws of Han and of Stronge."""
+"""Impacts of pool balls that do not roll, computed independently of this package: velocity, spin (rad/s), and the
+velocities after it by the laws of Han and of Stronge."""
 
 BANKS = ((2.2, 1.0), (3.3, 1.5), (4.4, 2.0))
-"""The system "twice plus tenths" for banks at stun speed, TP B.27: the diamond from which a ball comes and the diamond at
-which it meets the opposite cushion, both counted from the pocket to which it returns."""
+"""The system "twice plus tenths" for banks at stun speed, TP B.27: the diamond from which a ball comes and the diamond
+at which it meets the opposite cushion, both counted from the pocket to which it returns."""
 DIAMOND = POOL_LENGTH / 8
 
-# Impacts ---------------------------------------------------------------------------------------------------------------
+# Impacts
 
 
 def rebound(
@@ -114,7 +114,7 @@ def rebound(
 def incoming(
     angle: ArrayLike, side: ArrayLike, roll: ArrayLike, speed: ArrayLike = 1.0, radius: float = POOL_RADIUS
 ) -> tuple[Floats, Floats]:
-    """Returns velocities (m, 2) and spins (m, 3) of balls that move at an angle to the cushion; the arguments broadcast."""
+    """Returns velocities (m, 2) and spins (m, 3) of balls that move at an angle to the cushion."""
     angle, side, roll, speed = (np.ravel(a) for a in np.broadcast_arrays(np.radians(angle), side, roll, speed))
     vx, vy = speed * np.where(angle == np.pi / 2, 0.0, np.cos(angle)), speed * np.sin(angle)
     return np.stack([vx, vy], -1), np.stack([-roll * vy, roll * vx, side * speed], -1) / radius
@@ -154,7 +154,7 @@ def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Fl
     return np.array(found)
 
 
-# Results ---------------------------------------------------------------------------------------------------------------
+# Results
 
 ANGLES = tuple(range(10, 91, 5))
 BANK_SPEED = 3.0  # m/s
@@ -162,10 +162,10 @@ SPEEDS = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5)
 
 
 def fit_line(physics: Physics) -> float:
-    """Returns the slope of the line through 0 that fits the speeds after perpendicular impacts at 0.28 to 3.5 m/s."""
+    """Returns the slope of the line that fits the speeds after perpendicular impacts at 0.28 to 3.5 m/s."""
     speeds = np.linspace(0.28, 3.5, 50)
     after, _ = bounce(physics, 90.0, speeds)
-    return float(after @ speeds / (speeds @ speeds))
+    return float(np.polyfit(speeds, after, 1)[0])
 
 
 def models() -> dict[str, Physics]:
@@ -210,7 +210,7 @@ def bank_laws() -> dict[str, Physics]:
 
 def measure() -> dict[str, Any]:
     """Runs all impacts and banks."""
-    speeds, angles = bounce(PAPER, 60.0, np.array(SPEEDS))
+    _, angles = bounce(PAPER, 60.0, np.array(SPEEDS))
     losses = bounce(PAPER, np.arange(10.0, 91.0))[0]
     top = rebound(PAPER, *incoming([90.0], 0.0, 2.0, 1.0, PAPER_RADIUS), PAPER_RADIUS, PAPER_HEIGHT)[0][0]
     side = rebound(PAPER, *incoming([88.0], [1.0], 1.0, 1.0, PAPER_RADIUS), PAPER_RADIUS, PAPER_HEIGHT)[0][0]

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Arc, Circle, Patch, Polygon
 from matplotlib.ticker import MultipleLocator
 
 from benchmarks.validation import collisions, cushions, pockets
@@ -30,7 +30,6 @@ def panels(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, 
     """Returns a figure of a size in inches and its axes, in the order of reading."""
     matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
     figure = Figure(figsize=size, dpi=120, facecolor="white", layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)  # pyright: ignore[reportOptionalMemberAccess]
     return figure, list(np.ravel(figure.subplots(rows, columns)))
 
 
@@ -69,7 +68,7 @@ def throw() -> Figure:
         label(roll, x, y, name, COLOURS[name])
     for (x, y), name in zip(((0.8, 5.15), (0.86, 2.85), (0.86, 1.3)), SPEED_TEXT, strict=True):
         label(straight, x, y, name, COLOURS[name])
-    for (x, y), name in zip(((-0.75, 5.2), (-0.75, 2.6), (-0.75, 0.35)), SPEED_TEXT, strict=True):
+    for (x, y), name in zip(((-0.75, 5.2), (-0.75, 2.6), (-0.3, 0.45)), SPEED_TEXT, strict=True):
         label(half, x, y, name, COLOURS[name])
     for cut, value, speed, kind in collisions.THROW_POINTS:
         (roll if kind else stun).plot(cut, value, "o", **{**MEASURED, "color": COLOURS[speed] if cut > 10 else INK})
@@ -162,7 +161,7 @@ def rebounds(result: dict[str, Any]) -> Figure:
     label(speeds, 2.35, 3.05, "mathavan2010\n$e$ = 0.98", ORANGE, ha="right")
     label(speeds, 2.62, 1.15, "mathavan2010\n$e(v)$, snooker", BLUE, ha="center")
     speeds.annotate("", (2.9, 2.42), (2.75, 1.5), arrowprops={"arrowstyle": "-", "color": BLUE})
-    label(speeds, 3.0, 0.45, "stronge, $e$ = 0.85", GREEN, ha="center")
+    label(speeds, 2.72, 0.45, "stronge, $e$ = 0.85", GREEN, ha="center")
     speeds.annotate("", (1.6, 1.28), (2.1, 0.6), arrowprops={"arrowstyle": "-", "color": GREEN})
     dress(speeds, "Rolling into the cushion at 90°", "speed before (m/s)", "speed after (m/s)", (0, 3.6), (0, 3.6))
     speeds.plot([], [], "o", **{**MEASURED, "markersize": 4.5}, label="measured (2010)")
@@ -173,8 +172,8 @@ def rebounds(result: dict[str, Any]) -> Figure:
     kept.plot(angles, cushions.bounce(Physics(cushion="stronge"), angles)[0], color=GREEN, linewidth=1.8)
     lowest = int(mathavan.argmin())
     kept.plot(angles[lowest], mathavan[lowest], "o", color=ORANGE, markersize=5)
-    label(kept, 42, 0.875, "mathavan2010", ORANGE, ha="center")
-    label(kept, 40, 0.81, f"least at {angles[lowest]:.0f}°; measured: near 40°", INK, ha="center")
+    label(kept, 62, 0.93, "mathavan2010", ORANGE, ha="center")
+    label(kept, 88, 0.79, f"least at {angles[lowest]:.0f}°;\npaper: near 40°", INK, ha="right")
     label(kept, 40, 0.66, "stronge", GREEN)
     dress(
         kept,
@@ -185,7 +184,6 @@ def rebounds(result: dict[str, Any]) -> Figure:
         (0.6, 1.0),
     )
     kept.xaxis.set_major_locator(MultipleLocator(30))
-    names = {"restitution": "restitution", "han2005": "han2005", "stronge": "stronge"}
     rows = list(result["banks"])
     for row, name in enumerate(rows):
         for (start, _), off, shade in zip(cushions.BANKS, result["banks"][name], (0.35, 0.65, 1.0), strict=True):
@@ -202,7 +200,7 @@ def rebounds(result: dict[str, Any]) -> Figure:
         (0.6 - len(rows), 0.8),
     )
     banks.text(0.04, 0.62, "pocket", fontsize=8, color=INK)
-    banks.set_yticks([-row for row in range(len(rows))], [names.get(name, name.replace(", ", "\n")) for name in rows])
+    banks.set_yticks([-row for row in range(len(rows))], [name.replace(", ", "\n") for name in rows])
     return figure
 
 
@@ -226,13 +224,16 @@ def _pocket(axes: Axes, board: Table, pocket: str, angle: float, offset: float) 
     ahead = np.array([np.cos(heading), np.sin(heading)])
     left = np.array([-ahead[1], ahead[0]])
     start, end = offset * left - 8.5 * ahead, offset * left - 0.2 * ahead
-    axes.annotate(
-        "", end, start, arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
-    )
+    arrow = {"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tuple(end.tolist()), tuple(start.tolist()), arrowprops=arrow)
     axes.add_patch(Circle(tuple(start + 2.4 * ahead), POOL_RADIUS / INCH, facecolor="white", edgecolor=INK, zorder=4))
     axes.plot([0, offset * left[0]], [0, offset * left[1]], color=RED, linewidth=1.8, zorder=5)
-    axes.text(*(offset * left / 2 + (0.25, 0.55)), "offset", fontsize=8.5, color=RED, ha="left")
-    axes.text(0.25, -6.6, "angle", fontsize=8.5, color=INK, ha="left")
+    x, y = offset * left / 2
+    axes.text(x + 0.25, y + 0.55, "offset", fontsize=8.5, color=RED, ha="left")
+    tail = start + 0.2 * ahead
+    axes.plot([tail[0]] * 2, [tail[1], tail[1] + 7.5], color=QUIET, linewidth=0.9, linestyle=(0, (5, 2, 1, 2)))
+    axes.add_patch(Arc(tuple(tail.tolist()), 11, 11, theta1=90 + angle, theta2=90, color=INK, linewidth=1.0, zorder=5))
+    axes.text(tail[0] - 0.2, tail[1] + 6.2, "angle", fontsize=8.5, color=INK, ha="right")
     axes.set(xlim=(-6.5, 6.5), ylim=(-8.5, 5.0), aspect="equal")
     axes.set_axis_off()
 

@@ -1,6 +1,6 @@
 """Which paths of a single ball end in a pocket, at which angle and offset.
 
-The angle of a path is measured from the axis of the pocket: the perpendicular of a side pocket, the diagonal of a corner.
+The angle of a path is measured from the axis of the pocket, which is perpendicular to a side or diagonal in a corner.
 The offset is the distance of the path from the middle of the mouth. Offsets and openings are in inches and angles in
 degrees, as in the papers.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}
 KINDS = ("ball_ball", "cushion", "pocket")
 
 
+@functools.cache
 def reference() -> list[dict[str, Any]]:
     """Returns the shots of pooltool."""
     return json.loads(SHOTS.read_text(encoding="utf-8"))["shots"]
@@ -26,9 +28,8 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
     """Runs a shot of pooltool and compares its contacts, its potted balls and its final positions.
 
     Returns:
-        A dict: the scene, the number of balls, the number of contacts, whether their kinds and balls are the same in the
-        same order, whether the same balls are potted, and the largest differences of the final positions, m, and of the
-        times of contact, s.
+        A dict: the scene, the number of balls, the number of contacts, whether they are the same in the same order,
+        whether the same balls are potted, and the largest differences of the final positions, m, and of the times, s.
     """
     n = len(shot["positions"])
     scene_name = SCENES[shot["table"]]
@@ -40,7 +41,11 @@ def compare(shot: dict[str, Any]) -> dict[str, Any]:
         for time, kind, ball, other, *_ in result.events.tolist()
         if kind in KINDS
     ]
-    same = [(kind, sorted(balls)) for _, kind, balls in found] == [(k, sorted(b)) for _, k, b in shot["events"]]
+    # Some events of pooltool's file lack a ball.
+    same = len(found) == len(shot["events"]) and all(
+        mine[1] == theirs[1] and set(theirs[2]) <= set(mine[2])
+        for mine, theirs in zip(found, shot["events"], strict=True)
+    )
     final = shot["final"]
     rests = [k for k in range(n) if final[k] is not None]
     off = [np.hypot(*(result.positions[k] - final[k])) for k in rests]
