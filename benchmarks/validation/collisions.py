@@ -233,7 +233,9 @@ def throw_table() -> dict[str, list[float]]:
 
 def formula_difference() -> float:
     """Returns the largest difference of the throw from `throw_formula`, degrees, over a grid of cuts and spins."""
-    cut, side, roll = (a.ravel() for a in np.meshgrid(np.linspace(0, 89, 90), np.linspace(-1.2, 1.3, 26), [-1, 0, 0.5, 1]))
+    cut, side, roll = (
+        a.ravel() for a in np.meshgrid(np.linspace(0, 89, 90), np.linspace(-1.2, 1.3, 26), [-1, 0, 0.5, 1])
+    )
     return max(
         float(abs(throw(ELASTIC, speed, cut, side, roll) - throw_formula(speed, cut, side, roll)).max())
         for speed in SPEEDS.values()
@@ -276,10 +278,17 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     columns = [result["throw"][name] for name in result["throw"]]
     rows = [
-        [f"{cut}", *(f"{column[k]:.2f}" for column in columns)] for k, cut in enumerate(CUTS) if cut % 10 == 0 or cut in (5, 45)
+        [f"{cut}", *(f"{column[k]:.2f}" for column in columns)]
+        for k, cut in enumerate(CUTS)
+        if cut % 10 == 0 or cut in (5, 45)
     ]
     points = [
-        [f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}", _degrees(value), _degrees(found), _signed(found - value)]
+        [
+            f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}",
+            _degrees(value),
+            _degrees(found),
+            _signed(found - value),
+        ]
         for (cut, value, speed, roll), found in zip(THROW_POINTS, result["throw_points"], strict=True)
     ]
     points += [
@@ -325,7 +334,16 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "gearing": table(["ball-hit fraction", "cut, °", "published, %", "model, %"], gears),
         "frozen": table(["stroke", "measured, °", "model, °", "difference, °"], frozen_rows),
         "snooker": table(
-            ["after both balls roll", "speed, m/s", "cut, °", "measured", "model", "difference", "relative", "paper's model"],
+            [
+                "after both balls roll",
+                "speed, m/s",
+                "cut, °",
+                "measured",
+                "model",
+                "difference",
+                "relative",
+                "paper's model",
+            ],
             snooker,
         ),
         "domenech": table(["friction between balls", "e_ball", "throw, rms", "cue ball, rms"], models),

@@ -194,7 +194,10 @@ def reference_differences() -> dict[str, tuple[int, float]]:
     for k, law in enumerate(("han2005", "stronge")):
         rolling, _ = rebound(Physics(cushion=law), *incoming(angle, side, 1.0))
         stun, _ = rebound(Physics(cushion=law), [row[0] for row in STUN_REBOUNDS], [row[1] for row in STUN_REBOUNDS])
-        off = abs(rolling - [row[2] for row in ROLLING_REBOUNDS]).max(), abs(stun - [row[2 + k] for row in STUN_REBOUNDS]).max()
+        off = (
+            abs(rolling - [row[2] for row in ROLLING_REBOUNDS]).max(),
+            abs(stun - [row[2 + k] for row in STUN_REBOUNDS]).max(),
+        )
         found[law] = (len(angle) + len(STUN_REBOUNDS), float(max(off)))
     return found
 
@@ -234,10 +237,19 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     statements = [
         ["a rolling ball at 90° keeps 0.91 of a low speed", f"{result['low_speed']:.3f}"],
-        ["the rebound angle of a rolling ball does not depend on the speed", f"changes by {result['angle_spread']:.0e}° from 0.5 to 3.5 m/s"],
+        [
+            "the rebound angle of a rolling ball does not depend on the speed",
+            f"changes by {result['angle_spread']:.0e}° from 0.5 to 3.5 m/s",
+        ],
         ["the relative loss of speed is largest near 40°", f"at {result['slowest_angle']}°"],
-        ["a ball with twice the spin of rolling returns from 90° with about its speed", f"{result['top_spin']:.3f} of it"],
-        ["with side spin near 90°, the ball goes to the side of the spin", f"{result['side_spin']:+.2f} m/s along the cushion at 1 m/s"],
+        [
+            "a ball with twice the spin of rolling returns from 90° with about its speed",
+            f"{result['top_spin']:.3f} of it",
+        ],
+        [
+            "with side spin near 90°, the ball goes to the side of the spin",
+            f"{result['side_spin']:+.2f} m/s along the cushion at 1 m/s",
+        ],
     ]
     banks = [
         [name, *(f"{off:+.2f}" for off in found)]

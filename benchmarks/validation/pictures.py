@@ -74,15 +74,45 @@ def throw() -> Figure:
         label(half, x, y, name, COLOURS[name])
     for cut, value, speed, kind in collisions.THROW_POINTS:
         (roll if kind else stun).plot(cut, value, "o", **{**MEASURED, "color": COLOURS[speed] if cut > 10 else INK})
-    stun.annotate("measured, every speed", (10, 1.5), (15, 0.55), fontsize=8.5, color=INK, arrowprops={"arrowstyle": "-"})
-    stun.annotate("measured, medium", (30, 4.1), (1.5, 5.1), fontsize=8.5, color=GREEN, arrowprops={"arrowstyle": "-", "color": GREEN})
-    roll.annotate("measured, medium", (30, 0.9), (3, 2.4), fontsize=8.5, color=GREEN, arrowprops={"arrowstyle": "-", "color": GREEN})
+    stun.annotate(
+        "measured, every speed", (10, 1.5), (15, 0.55), fontsize=8.5, color=INK, arrowprops={"arrowstyle": "-"}
+    )
+    stun.annotate(
+        "measured, medium",
+        (30, 4.1),
+        (1.5, 5.1),
+        fontsize=8.5,
+        color=GREEN,
+        arrowprops={"arrowstyle": "-", "color": GREEN},
+    )
+    roll.annotate(
+        "measured, medium",
+        (30, 0.9),
+        (3, 2.4),
+        fontsize=8.5,
+        color=GREEN,
+        arrowprops={"arrowstyle": "-", "color": GREEN},
+    )
     half.plot(0.5, 0.0, "o", **MEASURED)
-    half.annotate("gearing: no throw at 40 %\nof the largest spin (TP A.26)", (0.5, 0.0), (-1.15, -3.4), fontsize=8.5, color=INK, arrowprops={"arrowstyle": "-"})
+    half.annotate(
+        "gearing: no throw at 40 %\nof the largest spin (TP A.26)",
+        (0.5, 0.0),
+        (-1.15, -3.4),
+        fontsize=8.5,
+        color=INK,
+        arrowprops={"arrowstyle": "-"},
+    )
     dress(stun, "Stun: the cue ball slides without spin", "cut angle (°)", "throw (°)", (0, 90), (0, 6))
     dress(roll, "The cue ball rolls", "cut angle (°)", "throw (°)", (0, 90), (0, 6))
     dress(straight, "Straight shot with side", "sidespin $R\\omega/v$", "throw (°)", (0, 1.25), (0, 6))
-    dress(half, "Half-ball hit, stun, with side", "inside   ←   sidespin $R\\omega/v$   →   outside", "throw (°)", (-1.25, 1.25), (-6, 6))
+    dress(
+        half,
+        "Half-ball hit, stun, with side",
+        "inside   ←   sidespin $R\\omega/v$   →   outside",
+        "throw (°)",
+        (-1.25, 1.25),
+        (-6, 6),
+    )
     half.axhline(0.0, color=QUIET, linewidth=0.8)
     for axes in (stun, roll):
         axes.xaxis.set_major_locator(MultipleLocator(15))
@@ -147,7 +177,14 @@ def rebounds(result: dict[str, Any]) -> Figure:
     label(kept, 42, 0.875, "mathavan2010", ORANGE, ha="center")
     label(kept, 40, 0.81, f"least at {angles[lowest]:.0f}°; measured: near 40°", INK, ha="center")
     label(kept, 40, 0.66, "stronge", GREEN)
-    dress(kept, "Rolling at an angle, $v$ = 1 m/s", "angle to the cushion (°)", "share of the speed kept", (0, 90), (0.6, 1.0))
+    dress(
+        kept,
+        "Rolling at an angle, $v$ = 1 m/s",
+        "angle to the cushion (°)",
+        "share of the speed kept",
+        (0, 90),
+        (0.6, 1.0),
+    )
     kept.xaxis.set_major_locator(MultipleLocator(30))
     names = {"restitution": "restitution", "han2005": "han2005", "stronge": "stronge"}
     rows = list(result["banks"])
@@ -157,7 +194,14 @@ def rebounds(result: dict[str, Any]) -> Figure:
             if row == 0:
                 banks.text(off, 0.28, f"{start}", fontsize=8, ha="center", color=INK)
     banks.axvline(0.0, color=INK, linewidth=1.0)
-    dress(banks, "Banks, “twice plus tenths”", "long   ←   miss (diamonds)   →   short", "", (-1.1, 1.1), (0.6 - len(rows), 0.8))
+    dress(
+        banks,
+        "Banks, “twice plus tenths”",
+        "long   ←   miss (diamonds)   →   short",
+        "",
+        (-1.1, 1.1),
+        (0.6 - len(rows), 0.8),
+    )
     banks.text(0.04, 0.62, "pocket", fontsize=8, color=INK)
     banks.set_yticks([-row for row in range(len(rows))], [names.get(name, name.replace(", ", "\n")) for name in rows])
     return figure
@@ -175,13 +219,17 @@ def _pocket(axes: Axes, board: Table, pocket: str, angle: float, offset: float) 
     axes.add_patch(Polygon([(-60, -60), (60, -60), (60, 60), (-60, 60)], facecolor="#c9ab8c", edgecolor="none"))
     axes.add_patch(Polygon(place(polygon(board.outline)), facecolor="#dfe9e2", edgecolor=INK, linewidth=0.9))
     for hole in board.pockets:
-        axes.add_patch(Circle(tuple(place((hole.x, hole.y))), hole.radius / INCH, facecolor="#3a3a3a", edgecolor="none"))
+        axes.add_patch(
+            Circle(tuple(place((hole.x, hole.y))), hole.radius / INCH, facecolor="#3a3a3a", edgecolor="none")
+        )
     axes.plot([0, 0], [-60, 0], color=QUIET, linewidth=0.9, linestyle=(0, (5, 2, 1, 2)))
     heading = np.radians(90.0 + angle)
     ahead = np.array([np.cos(heading), np.sin(heading)])
     left = np.array([-ahead[1], ahead[0]])
     start, end = offset * left - 8.5 * ahead, offset * left - 0.2 * ahead
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0})
+    axes.annotate(
+        "", end, start, arrowprops={"arrowstyle": "-|>", "color": BLUE, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    )
     axes.add_patch(Circle(tuple(start + 2.4 * ahead), POOL_RADIUS / INCH, facecolor="white", edgecolor=INK, zorder=4))
     axes.plot([0, offset * left[0]], [0, offset * left[1]], color=RED, linewidth=1.8, zorder=5)
     axes.text(*(offset * left / 2 + (0.25, 0.55)), "offset", fontsize=8.5, color=RED, ha="left")
