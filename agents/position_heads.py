@@ -115,9 +115,9 @@ class HitAims(nn.Module):
     """Several hits on each ball of the task.
 
     The sine of the cut angle is the distance from the centre of the ball to the line along which the cue ball starts,
-    over the distance of the centres at contact. It is between -1 and 1. This interval is divided into equal parts, one for each hit. A
-    hit starts in the middle of its part, and training can move it by at most the width of a part. Standard deviations
-    of the direction are those of this sine.
+    over the distance of the centres at contact. It is between -1 and 1. This interval is divided into equal parts, one
+    for each hit. A hit starts in the middle of its part, and training can move it by at most the width of a part.
+    Standard deviations of the direction are those of this sine.
 
     Args:
         env: The environment.

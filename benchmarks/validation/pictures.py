@@ -10,14 +10,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.ticker import MultipleLocator
 
 from benchmarks.validation import collisions, cushions, pockets
 from billiards_env.drawing.style import INK
 from billiards_env.outline import polygon
-from billiards_env.scene import Physics, Scene
+from billiards_env.scene import Physics
 from billiards_env.table import INCH, POOL_RADIUS, Table
 
 # Okabe and Ito (2008): distinct with every kind of colour vision

@@ -175,7 +175,7 @@ def predict_pair(i, j, now, state, scene, singles, limit):
 def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
     """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
 
-    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`; `reach` may also be
+    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`; `reach` may be
     larger, such as the sum of the radii of spheres.
     """
     dd = dx * dx + dy * dy

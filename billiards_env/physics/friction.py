@@ -1,9 +1,10 @@
 """The friction of two balls in an impact, which throws the balls and transfers spin.
 
-Friction acts against the slip of the two surfaces. The slip has a part "across", along t = z x h with the horizontal unit
-vector h from ball 1 to ball 2, and a part "up", along b = n x t. For equal balls the normal n is h and b is z. Normal and tangential impulses of spheres are independent, so the slip keeps its
-direction, and Coulomb's law has a closed form (Alciatore 2019, TP A.14): the impulse is mu times the normal impulse or,
-if that is less, the impulse that stops the slip. The vertical velocity is set to zero afterwards.
+Friction acts against the slip of the two surfaces. The slip has a part "across", along t = z x h with the horizontal
+unit vector h from ball 1 to ball 2, and a part "up", along b = n x t. For disks and balls of equal radius the normal n
+is h, and b is z. Normal and tangential impulses are independent, so the slip keeps its direction, and Coulomb's law has
+a closed form (Alciatore 2019, TP A.14): the impulse is mu times the normal impulse or, if that is less, the impulse
+that stops the slip. The vertical velocity is set to zero afterwards.
 
 Several impacts at one instant first get the normal impulses of `clusters`. Then the impulses of friction are those that
 minimise the kinetic energy after the impact, each at most mu times the normal impulse of its contact. This is the
