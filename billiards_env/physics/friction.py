@@ -245,6 +245,25 @@ def _sum_friction(count, contacts, push, spheres, rubbing):
             sums[k, _ROLL_Y] += roll_y
 
 
+@inlined
+def _slip_of(tilt, across, along, up, turn, lean, roll):
+    """Returns the slip across and up.
+
+    Args:
+        tilt: The result of `tilt_of`.
+        across: Relative velocity along t, m/s.
+        along: The same along h, m/s.
+        up: The same along z, m/s.
+        turn: Sum of the impulses per mass that turn the balls about z, m/s.
+        lean: The same of those that roll them along t, m/s.
+        roll: The same of those that roll them along h, m/s.
+    """
+    if tilt is None:
+        return across + 2.5 * turn, up + 2.5 * roll
+    cosine, sine = tilt
+    return across + 2.5 * (cosine * turn - sine * lean), (cosine * up - sine * along) + 2.5 * roll
+
+
 @kernel
 def _change_of_slip(c, contacts, sums, inv_mass, spheres):
     """Returns the change of contact c's slip across and up by the sums of impulses, m/s."""
@@ -255,15 +274,9 @@ def _change_of_slip(c, contacts, sums, inv_mass, spheres):
     turn = mi * sums[i, _TURN] + mj * sums[j, _TURN]
     roll_x = mi * sums[i, _ROLL_X] + mj * sums[j, _ROLL_X]
     roll_y = mi * sums[i, _ROLL_Y] + mj * sums[j, _ROLL_Y]
-    tilt = tilt_of(spheres, i, j)
-    if tilt is None:
-        return across + 2.5 * turn, up + 2.5 * (nx * roll_x + ny * roll_y)
-    cosine, sine = tilt
     along = nx * (mi * sums[i, _PX] - mj * sums[j, _PX]) + ny * (mi * sums[i, _PY] - mj * sums[j, _PY])
-    lean = nx * roll_y - ny * roll_x
-    return (
-        across + 2.5 * (cosine * turn - sine * lean),
-        (cosine * up - sine * along) + 2.5 * (nx * roll_x + ny * roll_y),
+    return _slip_of(
+        tilt_of(spheres, i, j), across, along, up, turn, nx * roll_y - ny * roll_x, nx * roll_x + ny * roll_y
     )
 
 

@@ -443,6 +443,7 @@ def _rub(
         u = _sum(_sum(v[i], _scale(-1, v[j])), _cross(turning, normal[pair]))
         return _sum(u, _scale(-_dot(u, normal[pair]), normal[pair]))
 
+    assert world.ball_friction is not None
     a, b, c = world.ball_friction
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
     limit = {}

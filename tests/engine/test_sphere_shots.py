@@ -64,7 +64,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(scene):
 def test_the_named_scene_has_spheres():
     assert UK.balls.shape == "sphere"
     assert Scene.from_dict(UK.to_dict()) == UK
-    with pytest.raises(ValueError, match="balls.shape = 'cube': expected one of 'disk', 'sphere'"):
+    with pytest.raises(ValueError, match=r"balls\.shape = 'cube': expected one of 'disk', 'sphere'"):
         dataclasses.replace(UK.balls, shape="cube")
 
 
@@ -105,7 +105,7 @@ def test_spheres_may_be_nearer_than_the_sum_of_their_radii():
     simulate(UK, places, [1.0, 0.0])
     places[1, 0] = APART - 1e-9
     for function in (lambda: check_positions(UK, places), lambda: simulate(UK, places, [1.0, 0.0])):
-        with pytest.raises(ValueError, match="balls 0 and 1 are .* m apart: expected at least .* at which they touch"):
+        with pytest.raises(ValueError, match=r"balls 0 and 1 are .* m apart: expected at least .* at which they touch"):
             function()
 
 
@@ -186,5 +186,3 @@ def test_the_geometric_player_pots_with_a_smaller_cue_ball():
     for direction, speed in zip(pots.direction, pots.speed, strict=True):
         shot = simulate(scene, places, speed * direction)
         assert shot.potted[1]
-
-

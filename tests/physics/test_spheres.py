@@ -19,7 +19,8 @@ RADII = st.floats(0.02, 0.08)
 
 
 def spheres(radius, mass=(0.1, 0.15), shape="sphere", **physics):
-    return Scene(Balls(radius, mass, shape=shape), physics=Physics(ball_ball="frictional", cushion="restitution", **physics))
+    laws = Physics(ball_ball="frictional", cushion="restitution", **physics)
+    return Scene(Balls(radius, mass, shape=shape), physics=laws)
 
 
 def normal_between(scene, angle):
