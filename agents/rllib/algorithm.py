@@ -251,7 +251,7 @@ class ArrayPPO(PPO):
     def read_policy(self, policy: ActorCriticPolicy) -> None:
         """Sets the weights of a policy to those of the learners."""
         policy.load_state_dict(
-            {name.removeprefix("policy."): torch.as_tensor(array) for name, array in self.weights().items()}
+            {name.removeprefix("policy."): torch.tensor(array) for name, array in self.weights().items()}
         )
 
 
