@@ -306,9 +306,7 @@ class LearningCurve:
             result = play_together(envs, deterministic(policy), seeds)
             envs.close()
             trained = sum(successes) / max(len(successes), 1)
-            self.points.append(
-                Point(steps, round(seconds, 2), trained, result["success_rate"], result["mean_score"])
-            )
+            self.points.append(Point(steps, round(seconds, 2), trained, result["success_rate"], result["mean_score"]))
             text = io.StringIO()
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
             write_whole(self.run_dir / "training.csv", text.getvalue().encode())

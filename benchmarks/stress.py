@@ -12,7 +12,7 @@ import io
 import os
 import sys
 import time
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json, write_whole
+from cluster import RayExecutor
 from reference.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
@@ -45,7 +46,7 @@ WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")
 
 
-def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str, Any]]:
+def random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
     """Runs all kinds of shots and returns the worst values of each kind."""
     tasks = []
     for name, (thousands, chunk) in SHOTS.items():
@@ -69,7 +70,7 @@ def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str,
     return total
 
 
-def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
+def long_runs(pool: Executor, scale: float) -> dict[str, Any]:
     """Measures drift, time reversal, the blocks of pi and chaos."""
     drifts = [pool.submit(measure.drift, n, round(1e6 * scale)) for n in (100, 16, 2)]
     reversals = [pool.submit(measure.reversal, seed) for seed in range(round(1000 * scale) or 10)]
@@ -97,7 +98,7 @@ def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
     }
 
 
-def growth(pool: ProcessPoolExecutor, shots: int) -> dict[str, list[dict[str, Any]]]:
+def growth(pool: Executor, shots: int) -> dict[str, list[dict[str, Any]]]:
     """Measures the growth of the error from collision to collision in a gas and in breaks, against 50 digits."""
     futures: dict[str, list[Future[dict[str, Any]]]] = {}
     gas = measure.gas(16)
@@ -239,10 +240,11 @@ def main(arguments: list[str] | None = None) -> None:
         "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
     )
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
+    parser.add_argument("--address", help='address of a Ray cluster that plays, e.g. "auto" (default: this machine)')
     args = parser.parse_args(arguments)
     families.run("pool, 1 object ball", 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()
-    with ProcessPoolExecutor(args.workers) as pool:
+    with ProcessPoolExecutor(args.workers) if args.address is None else RayExecutor(args.address) as pool:
         shots = random_shots(pool, args.scale)
         runs = long_runs(pool, args.scale)
         curves = growth(pool, 30 if args.scale == 1 else 3)

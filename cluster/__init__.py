@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
+import reprlib
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from pathlib import Path
@@ -22,6 +23,9 @@ RETRIES = 3
 """The number of times that a failed task is repeated."""
 
 _STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
+
+_SHORT = reprlib.Repr()  # of arguments in messages
+_SHORT.maxstring = _SHORT.maxother = 100
 
 T = TypeVar("T")
 
@@ -46,7 +50,11 @@ def connect(address: str | None, cpus: int | None = None) -> None:
     logging.getLogger("ray").setLevel(logging.ERROR)
     # The workers of other nodes find the packages of the clone.
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    shared: dict[str, Any] = {"runtime_env": {"env_vars": {"PYTHONPATH": paths}}, "log_to_driver": False, "logging_level": "ERROR"}
+    shared: dict[str, Any] = {
+        "runtime_env": {"env_vars": {"PYTHONPATH": paths}},
+        "log_to_driver": False,
+        "logging_level": "ERROR",
+    }
     if address is not None:
         ray.init(address=address, **shared)
     else:
@@ -71,7 +79,7 @@ class RayExecutor(Executor):
         """
         import ray  # pyright: ignore[reportMissingImports]
 
-        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(str, args))})"
+        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
         task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
         done, named = task.remote(*args, **kwargs).future(), Future[T]()
 

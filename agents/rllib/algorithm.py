@@ -13,7 +13,7 @@ import ray
 import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
 from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
-from ray.rllib.core import COMPONENT_RL_MODULE, DEFAULT_MODULE_ID
+from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.columns import Columns
 from ray.rllib.core.rl_module.apis import ValueFunctionAPI
 from ray.rllib.core.rl_module.rl_module import RLModuleSpec
@@ -111,7 +111,9 @@ class ArrayRunner(EnvRunner, Checkpointable):
         torch.set_num_threads(1)
         self.make_module()
         self.rollouts: Rollouts | None = None
-        if self.worker_index or not self.config.num_env_runners:  # the process of the command plays only without runners
+        if (
+            self.worker_index or not self.config.num_env_runners
+        ):  # the process of the command plays only without runners
             self.make_env()
 
     def make_module(self) -> None:
@@ -189,7 +191,11 @@ class ArrayPPO(PPO):
 
     def training_step(self) -> None:
         """Plays a batch, updates the policy with it, and counts its steps."""
-        recipe, steps, seed = Config.from_dict(self.config.rl_module_spec.model_config["recipe"]), self.steps, self.seed_next
+        recipe, steps, seed = (
+            Config.from_dict(self.config.rl_module_spec.model_config["recipe"]),
+            self.steps,
+            self.seed_next,
+        )
         self.seed_next = False
 
         def prepare(learner: Any) -> None:

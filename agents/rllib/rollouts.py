@@ -14,8 +14,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
 from agents.config import Config
-from agents.ppo import make_vector, training_seed
 from agents.pot_head import PotFeatures
+from agents.ppo import make_vector, training_seed
 
 Array = NDArray[Any]
 

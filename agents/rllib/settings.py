@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import random
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -35,7 +37,9 @@ class Settings:
         if config.n_envs % max(self.runners, 1):
             raise ValueError(f"runners = {self.runners}: expected a divisor of n_envs = {config.n_envs}")
         if config.ppo.batch_size % max(self.learners, 1):
-            raise ValueError(f"learners = {self.learners}: expected a divisor of ppo.batch_size = {config.ppo.batch_size}")
+            raise ValueError(
+                f"learners = {self.learners}: expected a divisor of ppo.batch_size = {config.ppo.batch_size}"
+            )
         if config.ppo.target_kl is not None:
             raise ValueError(f"ppo.target_kl = {config.ppo.target_kl}: expected None, RLlib has no such limit")
 
@@ -68,8 +72,10 @@ class Sweep:
         for name, least in (("trials", 1), ("first_stop", 1), ("reduction", 2), ("seed", 0)):
             at_least(name, getattr(self, name), least)
         for key, values in self.ranges.items():
-            numbers = [number(value) for value in values] if isinstance(values, list) else []
-            if len(numbers) != 2 or not all(isinstance(v, (int, float)) for v in numbers) or not 0 < numbers[0] < numbers[1]:
+            numbers = (
+                [v for v in map(number, values) if isinstance(v, (int, float))] if isinstance(values, list) else []
+            )
+            if len(numbers) != 2 or not 0 < numbers[0] < numbers[1]:
                 raise ValueError(f"ranges.{key} = {values!r}: expected two increasing numbers > 0")
         for key, values in self.choices.items():
             if not isinstance(values, list) or not values:
@@ -78,6 +84,18 @@ class Sweep:
                 raise ValueError(f"choices.{key} = {values!r}: expected a setting without a range")
         if not (self.ranges or self.choices):
             raise ValueError("ranges = {}: expected at least one range or one list of choices")
+
+    def draw(self) -> list[dict[str, Any]]:
+        """Returns the settings of each trial, by their paths."""
+        generator = random.Random(self.seed)
+        ranges = {key: [math.log(number(value)) for value in ends] for key, ends in self.ranges.items()}
+        return [
+            {
+                **{key: math.exp(generator.uniform(*ends)) for key, ends in ranges.items()},
+                **{key: generator.choice(values) for key, values in self.choices.items()},
+            }
+            for _ in range(self.trials)
+        ]
 
 
 def load_recipe(settings: Settings | Sweep, path: Path) -> Config:

@@ -76,7 +76,18 @@ def test_changed_settings_are_checked():
     std = {"first": [0.4, 0.2], "last": [0.1, 0.1]}
     assert changed(config, {"policy.std": std}).policy.std is not None
     assert changed(config, {"ppo.batch_size": 128, "n_envs": 8}).ppo.batch_size == 128
-    with pytest.raises(ValueError, match="setting = 'pqo.gamma': expected a path"):
+    with pytest.raises(ValueError, match=r"setting = 'pqo.gamma': expected a path"):
         changed(config, {"pqo.gamma": 1})
     with pytest.raises(ValueError, match="key of ppo = 'gama'"):
         changed(config, {"ppo.gama": 1})
+
+
+def test_equal_seeds_draw_equal_trials():
+    ranges, choices = {"ppo.learning_rate": ["1e-4", 1e-2]}, {"ppo.batch_size": [64, 128]}
+    sweeps = [Sweep(recipe="a", trials=50, first_stop=1, ranges=ranges, choices=choices, seed=s) for s in (0, 0, 1)]
+    first, again, other = (sweep.draw() for sweep in sweeps)
+    assert first == again != other
+    assert {trial["ppo.batch_size"] for trial in first} == {64, 128}
+    rates = [trial["ppo.learning_rate"] for trial in first]
+    assert 1e-4 < min(rates) < 1e-3 < max(rates) < 1e-2
+    assert len([rate for rate in rates if rate < 1e-3]) == pytest.approx(25, abs=12)

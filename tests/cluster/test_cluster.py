@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -13,9 +14,10 @@ import pytest
 import torch
 import yaml
 
-from agents.config import Config
+from agents.config import Config, Imitation, load
 from agents.evaluate import evaluate
 from agents.rllib.settings import Settings
+from agents.runs import train_all
 from agents.train import learning_curve, open_run
 from cluster import RETRIES, ROOT, RayExecutor
 
@@ -194,3 +196,18 @@ def test_a_task_that_always_fails_is_named(cluster, tmp_path):
         failed = pool.submit(fails_at_first, tmp_path, 100).exception()
     assert f"fails_at_first({tmp_path}, 100) failed {RETRIES + 1} times" in str(failed)
     assert len(list(tmp_path.iterdir())) == RETRIES + 1
+
+
+def test_the_runs_of_a_study_are_tasks(cluster, tmp_path):
+    good = Config.from_dict({**TINY, "timesteps": 512, "policy": {"hidden": [8]}})
+    runs = {tmp_path / f"seed{seed}": dataclasses.replace(good, seed=seed) for seed in (0, 1)}
+    bad = tmp_path / "bad"
+    with pytest.raises(RuntimeError, match=f"trained_files\\('{bad}'.* failed {RETRIES + 1} times"):
+        train_all({**runs, bad: dataclasses.replace(good, imitation=Imitation(layouts=8))}, 1, cluster.address)
+    assert not (bad / "policy.pt").exists()
+    for folder, config in runs.items():
+        assert load(folder / "config.yaml") == config
+        assert evaluate(folder)["policy"]["success_rate"] == learning_curve(folder)[-1].success
+    written = (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns
+    train_all(runs, 1, cluster.address)
+    assert (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns == written
