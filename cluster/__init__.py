@@ -10,8 +10,9 @@ import importlib.util
 import logging
 import os
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -59,6 +60,29 @@ def connect(address: str | None, cpus: int | None = None) -> None:
         ray.init(address=address, **shared)
     else:
         ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=_STORE, **shared)
+
+
+@contextmanager
+def two_nodes() -> Iterator[Any]:
+    """Starts a cluster of two nodes with one core each on this machine and connects this process to it.
+
+    Yields:
+        The cluster, see `ray.cluster_utils.Cluster`. Its attribute `address` is the address.
+    """
+    import ray  # pyright: ignore[reportMissingImports]
+    from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
+
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    node = {"num_cpus": 1, "object_store_memory": _STORE}
+    cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
+    try:
+        cluster.add_node(**node)
+        cluster.wait_for_nodes()
+        connect(cluster.address)
+        yield cluster
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
 
 
 class RayExecutor(Executor):

@@ -205,20 +205,24 @@ class ArrayPPO(PPO):
 
         self.learner_group.foreach_learner(prepare)
         arrays = self._sample(steps, seed)
+        self.update(arrays, steps)
+        self.metrics.log_value(_STEPS, len(arrays["advantages"]), reduce="lifetime_sum")
+
+    def update(self, arrays: dict[str, Any], steps: int) -> None:
+        """Updates the policy with a batch, which begins after `steps` steps of the training."""
         gained = arrays["advantages"]
-        arrays["advantages"] = (gained - gained.mean()) / (gained.std() + 1e-8)
+        normalized = {"advantages": (gained - gained.mean()) / (gained.std() + 1e-8)}
         # PPO of RLlib also needs the old distributions, for a penalty that is not used here.
-        batch = SampleBatch(arrays | {Columns.ACTION_DIST_INPUTS: np.zeros((len(gained), 0), np.float32)})
-        steps += len(gained)
+        unused = {Columns.ACTION_DIST_INPUTS: np.zeros((len(gained), 0), np.float32)}
+        batch = SampleBatch({**arrays, **normalized, **unused})
         results = self.learner_group.update(
             batch=MultiAgentBatch({DEFAULT_MODULE_ID: batch}, env_steps=len(gained)),
-            timesteps={NUM_ENV_STEPS_SAMPLED_LIFETIME: steps},
+            timesteps={NUM_ENV_STEPS_SAMPLED_LIFETIME: steps + len(gained)},
             num_epochs=self.config.num_epochs,
             minibatch_size=self.config.minibatch_size,
             shuffle_batch_per_epoch=True,
         )
         self.metrics.aggregate(results, key=LEARNER_RESULTS)
-        self.metrics.log_value(_STEPS, len(gained), reduce="lifetime_sum")
 
     def _sample(self, steps: int, seed: bool) -> dict[str, Any]:
         """Returns a batch from all runners. Runners that work replace the part of one that does not."""

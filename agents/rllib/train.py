@@ -1,8 +1,8 @@
 """Trains PPO with RLlib. The folder of a run is that of `agents.train`, but its checkpoints are those of RLlib.
 
-The same command resumes an interrupted run from its newest checkpoint. It ends with the same weights as an uninterrupted
-run, because the seed and the number of steps determine all random numbers after a checkpoint. Only the failure of a
-runner changes the weights.
+The same command resumes an interrupted run from its newest checkpoint. It ends with the same weights as an
+uninterrupted run, because the seed and the number of steps determine all random numbers after a checkpoint. Only the
+failure of a runner changes the weights.
 """
 
 from __future__ import annotations

@@ -194,7 +194,8 @@ def test_failed_tasks_are_repeated(cluster, tmp_path):
 def test_a_task_that_always_fails_is_named(cluster, tmp_path):
     with RayExecutor(cluster.address) as pool:
         failed = pool.submit(fails_at_first, tmp_path, 100).exception()
-    assert f"fails_at_first({tmp_path}, 100) failed {RETRIES + 1} times" in str(failed)
+    assert "fails_at_first(" in str(failed)
+    assert f"failed {RETRIES + 1} times" in str(failed)
     assert len(list(tmp_path.iterdir())) == RETRIES + 1
 
 
