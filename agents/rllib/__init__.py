@@ -9,3 +9,7 @@ Modules:
 
 Only the last three import Ray.
 """
+
+from agents import require
+
+require("rllib", ("ray",))

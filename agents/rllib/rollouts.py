@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from stable_baselines3.common.utils import set_random_seed
 from agents.config import Config
 from agents.pot_head import PotFeatures
 from agents.ppo import make_vector, training_seed
+
+# In a folder of this machine, because the clone may be on a disk that several machines share.
+_LOCK = Path(tempfile.gettempdir()) / f"billiards-env-{zlib.crc32(__file__.encode()):08x}.lock"
 
 Array = NDArray[Any]
 
@@ -39,8 +43,9 @@ class Rollouts:
     def __init__(self, config: Config, policy: ActorCriticPolicy, n_envs: int, first: int) -> None:
         self.config, self.policy, self.first, self.seeded = config, policy, first, False
         self.envs = make_vector(config, n_envs, threads=1)
-        with FileLock(Path(tempfile.gettempdir()) / "billiards-env-compile.lock"):
-            # The first process of a machine compiles the engine. The others load the machine code.
+        with FileLock(
+            _LOCK
+        ):  # the first process of a machine compiles the engine, and the others load the machine code
             self.seed(0)
             self.play(1)
         self.seeded = False

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -134,6 +136,27 @@ def test_one_process_learns_as_much_as_two_nodes(cluster, finished, tmp_path):
     assert max(low, together[0]) <= min(high, together[1])
 
 
+COMPILE = """
+from agents.config import Config
+from agents.ppo import make_policy
+from agents.rllib.rollouts import Rollouts
+
+config = Config.from_dict({"timesteps": 1, "policy": {"head": "pots"}})
+Rollouts(config, make_policy(config), 4, 0)
+"""
+
+
+def test_the_first_process_of_a_machine_compiles_for_the_others(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    several = [
+        subprocess.Popen([sys.executable, "-c", COMPILE], env=environment, stderr=subprocess.PIPE, cwd=tmp_path)
+        for _ in range(2)
+    ]
+    notices = [process.communicate()[1].decode() for process in several]
+    assert [process.returncode for process in several] == [0, 0]
+    assert sorted("compiling" in notice for notice in notices) == [False, True]
+
+
 def test_remote_learners_share_the_minibatches(cluster, tmp_path):
     folder = trained(tmp_path / "run", Settings(recipe="tiny.yaml", runners=0, learners=1), timesteps=1024)
     assert learning_curve(folder)[-1].steps == 1024
@@ -147,14 +170,11 @@ def test_fixed_standard_deviations_follow_their_schedule(cluster, tmp_path):
 
 
 def test_rllib_plays_the_environment_with_its_own_runner(cluster):
-    from ray.rllib.algorithms.ppo import PPOConfig  # pyright: ignore[reportMissingImports]
-
-    config = (
-        PPOConfig()
-        .environment("billiards_env:Billiards-v0", env_config={"autoreset_mode": "NextStep"})
-        .env_runners(num_env_runners=1, num_envs_per_env_runner=8, gym_env_vectorize_mode="vector_entry_point")
-        .training(train_batch_size_per_learner=64, minibatch_size=32, num_epochs=1)
-    )
+    page = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(re.findall(r"^```python[^\n]*\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[0], names)
+    config = names["config"].env_runners(num_env_runners=1, num_envs_per_env_runner=8)
+    config.training(train_batch_size_per_learner=64, minibatch_size=32, num_epochs=1)
     algorithm = config.build_algo()
     result = algorithm.train()["env_runners"]
     algorithm.stop()
