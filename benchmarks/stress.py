@@ -2,7 +2,8 @@
 
 `python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It prints its tables, writes them to
 `benchmarks/results/stress.json`, and draws the growth of errors in `docs/images/predictability.png`. It ends with an
-error if any shot breaks a rule.
+error if any shot breaks a rule. With `--address` a Ray cluster plays, and the results of finished parts are kept in
+`runs/stress` until the end, so the same command continues.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import shutil
 import sys
 import time
+import zlib
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -21,7 +24,7 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json, write_whole
-from cluster import RayExecutor
+from cluster import ROOT, RayExecutor
 from reference.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
@@ -233,6 +236,12 @@ def _long_runs(data: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _version() -> str:
+    """Returns a name that changes with the code that the shots run."""
+    files = sorted(path for package in ("billiards_env", "reference") for path in (ROOT / package).rglob("*.py"))
+    return f"{zlib.crc32(b''.join(path.read_bytes() for path in files)):08x}"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs all measurements, prints and writes the results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description="Run and check millions of shots.")
@@ -244,10 +253,12 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     families.run("pool, 1 object ball", 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()
-    with ProcessPoolExecutor(args.workers) if args.address is None else RayExecutor(args.address) as pool:
+    kept = ROOT / "runs" / "stress" / _version()
+    with ProcessPoolExecutor(args.workers) if args.address is None else RayExecutor(args.address, kept) as pool:
         shots = random_shots(pool, args.scale)
         runs = long_runs(pool, args.scale)
         curves = growth(pool, 30 if args.scale == 1 else 3)
+    shutil.rmtree(kept, ignore_errors=True)
     data = {
         "command": "python -m benchmarks.stress",
         "machine": machine(),

@@ -6,7 +6,9 @@ Every node needs the same clone of the repository at the same path, and the same
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
+import json
 import logging
 import os
 import reprlib
@@ -17,6 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from billiards_env.checks import missing
+from billiards_env.files import write_json
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -90,10 +93,13 @@ class RayExecutor(Executor):
 
     Args:
         address: See `connect`.
+        kept: A folder of results. A call with a result in it is not repeated. The results must be JSON values. None to
+            keep no results.
     """
 
-    def __init__(self, address: str | None) -> None:
+    def __init__(self, address: str | None, kept: Path | None = None) -> None:
         connect(address)
+        self.kept = kept
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Returns the future result of a call.
@@ -104,16 +110,26 @@ class RayExecutor(Executor):
         import ray  # pyright: ignore[reportMissingImports]
 
         name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
+        named, path = Future[T](), None
+        if self.kept is not None:
+            key = repr((fn.__module__, fn.__qualname__, args, kwargs)).encode()
+            path = self.kept / f"{hashlib.sha256(key).hexdigest()[:16]}.json"
+            if path.exists():
+                named.set_result(json.loads(path.read_text(encoding="utf-8")))
+                return named
         task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
-        done, named = task.remote(*args, **kwargs).future(), Future[T]()
 
         def finish(future: Future[T]) -> None:
-            if (error := future.exception()) is None:
-                named.set_result(future.result())
-            else:
+            try:
+                result = future.result()
+                if path is not None:
+                    write_json(path, result)
+            except Exception as error:
                 failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
                 failure.__cause__ = error
                 named.set_exception(failure)
+            else:
+                named.set_result(result)
 
-        done.add_done_callback(finish)
+        task.remote(*args, **kwargs).future().add_done_callback(finish)
         return named
