@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from billiards_env.checks import missing
-from billiards_env.files import write_json
+from billiards_env.files import write_whole
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -123,7 +123,7 @@ class RayExecutor(Executor):
             try:
                 result = future.result()
                 if path is not None:
-                    write_json(path, result)
+                    write_whole(path, json.dumps(result).encode())
             except Exception as error:
                 failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
                 failure.__cause__ = error

@@ -29,7 +29,7 @@ from torch import Tensor
 
 from agents.config import ENV_ID, Config
 from agents.ppo import make_env, make_policy, set_std, training_seed
-from agents.rllib.rollouts import Rollouts
+from agents.rllib.rollouts import Rollouts, compile_engine
 from agents.rllib.settings import Settings
 
 PATIENCE = 600.0
@@ -109,6 +109,7 @@ class ArrayRunner(EnvRunner, Checkpointable):
     def __init__(self, *, config: Any, **kwargs: Any) -> None:
         super().__init__(config=config, **kwargs)
         torch.set_num_threads(1)
+        compile_engine(Config.from_dict(self.config.rl_module_spec.model_config["recipe"]))
         self.make_module()
         self.rollouts: Rollouts | None = None
         if (

@@ -16,7 +16,7 @@ from stable_baselines3.common.utils import set_random_seed
 
 from agents.config import Config
 from agents.pot_head import PotFeatures
-from agents.ppo import make_vector, training_seed
+from agents.ppo import make_policy, make_vector, training_seed
 
 # In a folder of this machine, because the clone may be on a disk that several machines share.
 _LOCK = Path(tempfile.gettempdir()) / f"billiards-env-{zlib.crc32(__file__.encode()):08x}.lock"
@@ -46,6 +46,7 @@ class Rollouts:
         with FileLock(
             _LOCK
         ):  # the first process of a machine compiles the engine, and the others load the machine code
+            self.envs = make_vector(config, n_envs, threads=1)
             self.seed(0)
             self.play(1)
         self.seeded = False
@@ -100,6 +101,17 @@ class Rollouts:
         observations = torch.from_numpy(self.observations)
         extractor = self.policy.features_extractor
         return extractor(observations) if isinstance(extractor, PotFeatures) else observations
+
+
+def compile_engine(config: Config) -> None:
+    """Compiles everything that `Rollouts` needs.
+
+    The first process of a machine compiles. The others wait for it and load the machine code.
+    """
+    with FileLock(_LOCK):
+        rollouts = Rollouts(config, make_policy(config), 1, 0)
+        rollouts.seed(0)
+        rollouts.play(1)
 
 
 def advantages(rewards: Array, values: Array, ends: Array, gamma: float, gae_lambda: float) -> Array:
