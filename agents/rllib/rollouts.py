@@ -43,13 +43,6 @@ class Rollouts:
     def __init__(self, config: Config, policy: ActorCriticPolicy, n_envs: int, first: int) -> None:
         self.config, self.policy, self.first, self.seeded = config, policy, first, False
         self.envs = make_vector(config, n_envs, threads=1)
-        with FileLock(
-            _LOCK
-        ):  # the first process of a machine compiles the engine, and the others load the machine code
-            self.envs = make_vector(config, n_envs, threads=1)
-            self.seed(0)
-            self.play(1)
-        self.seeded = False
 
     def seed(self, steps: int) -> None:
         """Seeds the random generators of this process and of the environments, and begins new episodes.
