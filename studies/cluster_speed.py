@@ -12,7 +12,7 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -109,38 +109,44 @@ def two_runners(config: Config, repeats: int) -> dict[str, Any]:
 
     Returns:
         Medians and quartiles of `one` and `two`, steps/s with the transfer of the arrays to this process;
-        `efficiency`, half their ratio in each repeat; and `learner`, the steps/s of the updates.
+        `efficiency`, half their ratio in each repeat; `processor`, the same ratio with the time of the processor of all
+        processes instead of the clock; and `learner`, the steps/s of the updates. `weights_bytes` is the size of the
+        weights.
     """
     from agents.rllib.algorithm import algorithm_config
 
     algorithm = algorithm_config(config, Settings(recipe="", runners=2)).build_algo()
+    group, weights = algorithm.env_runner_group, algorithm.weights()
     steps = config.n_envs * config.ppo.n_steps // 2  # of one runner
-    found: dict[str, list[float]] = {"one": [], "two": [], "efficiency": [], "learner": []}
-    weights = algorithm.weights()
 
-    def rate(runners: list[int]) -> float:
-        begin = perf_counter()
-        parts = algorithm.env_runner_group.foreach_env_runner(
+    def processor_time() -> float:
+        return process_time() + sum(group.foreach_env_runner(lambda _: process_time(), local_env_runner=False))
+
+    def play(runners: list[int]) -> tuple[float, float]:
+        """Returns the steps per second, by the clock and by the time of the processor."""
+        used, begin = processor_time(), perf_counter()
+        parts = group.foreach_env_runner(
             "sample",
             kwargs={"weights": weights, "steps": 0, "seed": False},
             local_env_runner=False,
             remote_worker_ids=runners,
         )
+        whole = perf_counter() - begin
         assert len(parts) == len(runners)
-        return len(runners) * steps / (perf_counter() - begin)
+        return len(runners) * steps / whole, len(runners) * steps / (processor_time() - used)
 
+    found = []
     for repeat in range(repeats + 1):
-        one, two = rate([1 + repeat % 2]), rate([1, 2])
+        one, two = play([1 + repeat % 2]), play([1, 2])
         arrays = algorithm._sample(0, False)
         begin = perf_counter()
         algorithm.update(arrays, 0)
         learner = len(arrays["actions"]) / (perf_counter() - begin)
-        if repeat:  # not the first one
-            for name, value in zip(found, (one, two, two / one / 2, learner), strict=True):
-                found[name].append(value)
+        ratios = {"efficiency": two[0] / one[0] / 2, "processor": two[1] / one[1]}
+        found.append({"one": one[0], "two": two[0], **ratios, "learner": learner})
     algorithm.stop()
     size = sum(np.asarray(array).nbytes for array in weights.values())
-    return {name: summary(values) for name, values in found.items()} | {"weights_bytes": size}
+    return {name: summary([run[name] for run in found[1:]]) for name in found[0]} | {"weights_bytes": size}
 
 
 def learning(config: Config, folder: Path) -> list[dict[str, Any]]:
@@ -203,6 +209,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
             f"{r['one']['median']:,.0f}",
             f"{r['two']['median']:,.0f}",
             f"{r['efficiency']['median']:.0%}",
+            f"{r['processor']['median']:.0%}",
             f"{r['learner']['median']:,.0f}",
         )
         for name, r in result["nodes"].items()
@@ -213,7 +220,10 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "machine": machine_line(result["machine"]),
         "runner": table(("policy", "steps/s", *(f"{part}, us" for part in parts), "bytes per step"), runner),
         "own_runner": f"RLlib's own runner makes {result['own_runner']['median']:,.0f} steps/s on one core.",
-        "nodes": table(("policy", "one runner, steps/s", "two runners", "efficiency", "learner, steps/s"), nodes),
+        "nodes": table(
+            ("policy", "one runner, steps/s", "two runners", "efficiency", "of the processor", "learner, steps/s"),
+            nodes,
+        ),
         "learning": f"With two runners the recipe `pot` reaches {as_percent(success)} (mean of {len(runs)} seeds, 95 % "
         f"interval) in {np.mean([run['seconds'] for run in runs]):.0f} s. With Stable-Baselines3 it reaches "
         f"{as_percent(over_seeds(result['stable_baselines3']))}.",
