@@ -87,15 +87,9 @@ def one_runner(config: Config, repeats: int) -> dict[str, Any]:
 
 def own_runner(repeats: int) -> dict[str, Any]:
     """Measures RLlib's own runner with its own small network, in this process. Returns steps/s."""
-    from ray.rllib.algorithms.ppo import PPOConfig  # pyright: ignore[reportMissingImports]
-    from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner  # pyright: ignore[reportMissingImports]
+    from agents.rllib.algorithm import own_runner as make_runner
 
-    config = (
-        PPOConfig()
-        .environment("billiards_env:Billiards-v0", env_config={"autoreset_mode": "NextStep", "threads": 1})
-        .env_runners(num_envs_per_env_runner=_OWN, gym_env_vectorize_mode="vector_entry_point")
-    )
-    runner, rates = SingleAgentEnvRunner(config=config, worker_index=1), []
+    runner, rates = make_runner(_OWN), []
     for _ in range(repeats + 1):
         begin = perf_counter()
         episodes = runner.sample(num_timesteps=8 * _OWN)
