@@ -40,6 +40,14 @@ SHOTS = {
     "15-ball break, tight rack": (30, 250),
     "ideal gas of 16 disks": (60, 1_000),
     "wild": (100, 50),
+    "real pool, cue ball alone": (500, 10_000),
+    "real pool, 1 object ball": (500, 10_000),
+    "real pool, 5 object balls": (200, 5_000),
+    "7-foot pool, 1 object ball": (500, 10_000),
+    "snooker, 5 object balls": (200, 5_000),
+    "UK pool, 5 object balls": (200, 5_000),
+    "jaws without holes, 2 object balls": (300, 5_000),
+    "wild outlines": (50, 50),
 }
 WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")

@@ -151,7 +151,8 @@ def _by_differences(state: Floats, radius: float, arrays: SceneArrays) -> Floats
     def after(k: int, steps: int) -> Floats:
         moved = state.copy()
         moved[k] += steps * step
-        return np.array(cushion_impact(*moved, radius, 0.0, arrays)[:5])
+        vn, vt, un, ut, rwz = moved
+        return np.array(cushion_impact(vn, vt, un, ut, rwz, radius, 0.0, arrays)[:5])
 
     columns = [(8.0 * (after(k, 1) - after(k, -1)) - (after(k, 2) - after(k, -2))) / (12.0 * step) for k in range(5)]
     return np.stack(columns, axis=1)

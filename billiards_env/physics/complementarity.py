@@ -191,8 +191,8 @@ def solve_smallest(n, problem, target):
     """Replaces the solution x of `solve_complementarity` by the smallest one, weighted by the diagonal.
 
     If a is regular, x is the only solution and does not change. Otherwise x is the limit of the proximal point
-    iteration from zero (Rockafellar 1976), each step of which has one solution. So x does not depend on the order of the
-    unknowns, as it may after `solve_complementarity`.
+    iteration from zero (Rockafellar 1976), each step of which has one solution. So x does not depend on the order of
+    the unknowns, as it may after `solve_complementarity`.
 
     Args:
         n: Number of unknowns, at most `MOST`.

@@ -30,7 +30,7 @@ _MAX_ITERATIONS = 64  # a limit for safety
 
 @inlined
 def release_phase(t, e):
-    """Returns the phase of the normal spring at a time t of the restitution; it is pi / 2 at its start, pi at its end."""
+    """Returns the phase of the normal spring at a time t of the restitution, from pi / 2 to pi."""
     return _HALF_PI + (t - _HALF_PI) / e
 
 

@@ -106,9 +106,9 @@ class SceneArrays(NamedTuple):
     inv_mass: Floats
     pockets: Floats
     outline: Any = None
-    ball_friction: Floats | None = None
-    stronge: Floats | None = None
-    mathavan: Floats | None = None
+    ball_friction: Any = None
+    stronge: Any = None
+    mathavan: Any = None
 
 
 @allocating

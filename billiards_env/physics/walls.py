@@ -11,7 +11,8 @@ each end, so no path passes between them.
 
 If a ball touches several cushions at one instant, straight cushions come first, then the one whose normal is nearer to
 the x axis, then the one that it approaches faster. This order does not depend on the numbers of the cushions, so
-mirrored shots on mirrored tables have mirrored results. In the last case, a tie of both, the lower number comes first.
+mirrored shots on mirrored tables have mirrored results. If neither decides, because the ball moves along the bisector
+of two mirrored cushions, the lower number comes first.
 """
 
 from __future__ import annotations
@@ -405,9 +406,10 @@ def _next_overlap(x, y, vx, vy, radius, outline):
     found, widest, deepest = -1, -1.0, 0.0
     for wall in range(len(outline.lines) + len(outline.tips)):
         beyond, nx, ny = _piece_overlap(x, y, radius, wall, outside, outline)
-        if beyond > 0.0 and nx * vx + ny * vy >= 0.0:
-            if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
-                found, widest, deepest = wall, abs(nx), beyond
+        if beyond <= 0.0 or nx * vx + ny * vy < 0.0:
+            continue
+        if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
+            found, widest, deepest = wall, abs(nx), beyond
     return found
 
 

@@ -2,7 +2,8 @@
 
 Every gap is a polynomial in the time since a base time, up to a positive factor. For two balls, or a ball and a pocket,
 it is the squared distance less the squared reach (degree 4), as for the arc of a cushion; for a straight cushion it is
-the distance (degree 2). It is positive if the bodies are apart. The functions that form it accept floats and mpf numbers.
+the distance (degree 2). It is positive if the bodies are apart. The functions that form it accept floats and mpf
+numbers.
 """
 
 from __future__ import annotations
@@ -36,9 +37,7 @@ def pair_gap(offset: Sequence[Real], velocity: Sequence[Real], acceleration: Seq
     ]
 
 
-def wall_gap(
-    wall: Line | Arc, radius: Real, position: Sequence[Real], velocity: Sequence[Real], acceleration: Sequence[Real]
-) -> list[Real]:
+def wall_gap(wall: Line | Arc, radius: Real, position: Vector, velocity: Vector, acceleration: Vector) -> list[Real]:
     """Returns the gap between a ball and the straight line or the circle of a cushion as a polynomial in t."""
     if isinstance(wall, Arc):
         return pair_gap(minus(position, wall.center), velocity, acceleration, radius + wall.radius)

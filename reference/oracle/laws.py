@@ -399,14 +399,15 @@ def collide(
             for ball, sign in ((i, -1), (j, 1)):
                 change = sign * (1 + world.e_ball) * impulse * world.inverse_mass[ball]
                 velocities[ball] = tuple(v + change * n for v, n in zip(velocities[ball], normals[i, j], strict=True))
-        if world.ball_friction is not None:
+        if world.ball_friction:
             pressing = {pair: (1 + world.e_ball) * p for pair, p in zip(due, impulses, strict=True) if p > 0}
-            _rub(world, pressing, normals, velocities, spins)
+            _rub(world, world.ball_friction, pressing, normals, velocities, spins)
     raise TooManyRoundsError
 
 
 def _rub(
     world: World,
+    friction: Vector,
     pressing: dict[tuple[int, int], Real],
     normals: dict[tuple[int, int], Vector],
     velocities: dict[int, Vector],
@@ -429,7 +430,7 @@ def _rub(
         u = _sum(_sum(v[i], _scale(-1, v[j])), _cross(turning, normal[pair]))
         return _sum(u, _scale(-_dot(u, normal[pair]), normal[pair]))
 
-    a, b, c = world.ball_friction
+    a, b, c = friction
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
     limit = {pair: (a + b * mpmath.exp(-c * speeds[pair])) * pressing[pair] for pair in pressing}
     done = mpmath.mpf(10) ** (10 - mpmath.mp.dps) * max(speeds.values())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import mpmath
 
@@ -104,8 +105,9 @@ def _pieces(corners: Sequence[tuple[Vector, Real]]) -> tuple[Line | Arc, ...]:
 
 def in_floats(wall: Line | Arc) -> Line | Arc:
     """Returns a cushion with floats instead of mpf numbers."""
-    values = (getattr(wall, field.name) for field in dataclasses.fields(wall))
-    return type(wall)(*(tuple(map(float, v)) if isinstance(v, tuple) else float(v) for v in values))
+    values: list[Any] = [getattr(wall, field.name) for field in dataclasses.fields(wall)]
+    floats: list[Any] = [tuple(map(float, v)) if isinstance(v, tuple) else float(v) for v in values]
+    return type(wall)(*floats)
 
 
 def normal_at(wall: Line | Arc, position: Vector) -> Vector:

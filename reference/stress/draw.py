@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics.jit import entry_point
 from billiards_env.outline import Corner
+from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Balls, Physics, Scene

@@ -60,16 +60,16 @@ def _wild(rng: np.random.Generator, m: int) -> Shots | None:
 def _wild_outline(rng: np.random.Generator, m: int) -> Shots | None:
     """Returns wild shots on a table with a random outline, or with the jaws of real pockets, some without holes."""
     scene = draw.wild_scene(rng)
-    scene = dataclasses.replace(scene, balls=Balls(tuple(min(r, 0.035) for r in scene.balls.radius), scene.balls.mass))
+    radius = tuple(min(r, 0.035) for r in scene.balls.radius)
     if rng.random() < 0.5:
         table = draw.star(int(rng.integers(2**32)))
     else:
         table = Table.named(str(rng.choice(["pool_7ft", "pool_9ft", "snooker_12ft", "uk_7ft"])))
         if rng.random() < 0.5:
             table = dataclasses.replace(table, pockets=())
-    height = float(rng.uniform(0.05, 1.95) * min(scene.balls.radius))
+    table = dataclasses.replace(table, cushion_height=float(rng.uniform(0.05, 1.95) * min(radius)))
     try:
-        scene = dataclasses.replace(scene, table=dataclasses.replace(table, cushion_height=height))
+        scene = dataclasses.replace(scene, balls=Balls(radius, scene.balls.mass), table=table)
     except ValueError:  # no room for a ball
         return None
     shots = draw.wild_shots(scene, rng, m)

@@ -120,7 +120,7 @@ def test_renumbering_a_dense_scene_changes_no_bits(seed, n, e, motion):
     velocities = rng.normal(size=(n, 2)) * (rng.random((n, 1)) < 0.4)
     spins = rng.normal(0, 60, (n, 3)) if motion == "sliding" else None
     order = rng.permutation(n)
-    renamed = dataclasses.replace(scene, balls=Balls(*(tuple(row[i] for i in order) for row in (radius, mass))))
+    renamed = dataclasses.replace(scene, balls=Balls(tuple(radius[i] for i in order), tuple(mass[i] for i in order)))
     shot = simulate(scene, places, velocities, spins=spins)
     again = simulate(renamed, places[order], velocities[order], spins=None if spins is None else spins[order])
     assert np.array_equal(again.positions, shot.positions[order])

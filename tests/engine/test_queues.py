@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):
     pitch = 2 * max(radii) if frozen else max(radii) * np.sqrt(np.pi / share)
     side = int(np.ceil(np.sqrt(n)))
     positions = pitch * (np.stack(np.divmod(np.arange(n), side), axis=1) - (side - 1) / 2)
-    elastic = {"e_ball": 1.0, "e_cushion": 1.0, "max_time": 1.0} if motion == "ideal" else {}
+    elastic: dict[str, Any] = {"e_ball": 1.0, "e_cushion": 1.0, "max_time": 1.0} if motion == "ideal" else {}
     scene = Scene(
         Balls(tuple(radius.tolist()), (0.2,) * n),
         Table(pitch * side, pitch * side),

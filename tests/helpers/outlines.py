@@ -9,7 +9,6 @@ import numpy as np
 from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.table import Table
 from reference.stress.draw import outline_table as table
-from reference.stress.draw import star
 
 
 def with_corners(rectangle):

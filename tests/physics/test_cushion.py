@@ -1,5 +1,6 @@
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -7,13 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
+from billiards_env.physics import cushion as laws
 from billiards_env.physics.compliance import friction_impulse
-from billiards_env.physics.cushion import cushion_impact, cushion_restitution, han2005
+from billiards_env.physics.cushion import cushion_restitution, han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.table import Table
 
 R = 0.03
+cushion_impact: Any = laws.cushion_impact  # untyped, because a state is passed as a sequence
 
 
 def bounce(vn, vt, spin, params, rebound=0.0):

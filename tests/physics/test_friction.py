@@ -93,15 +93,25 @@ def energy(velocities, spins, scene):
 
 @pytest.mark.parametrize(
     ("speed", "mu"),
-    [(0, 0.11795), (0.1, 0.10682), (0.25, 0.09223), (0.5, 0.07264), (0.75, 0.05771), (1, 0.04634), (1.5, 0.03107)]
-    + [(2, 0.02221), (3, 0.01408), (5, 0.01042)],
+    [
+        (0, 0.11795),
+        (0.1, 0.10682),
+        (0.25, 0.09223),
+        (0.5, 0.07264),
+        (0.75, 0.05771),
+        (1, 0.04634),
+        (1.5, 0.03107),
+        (2, 0.02221),
+        (3, 0.01408),
+        (5, 0.01042),
+    ],
 )
 def test_the_friction_of_balls_falls_with_the_sliding_speed(speed, mu):
     assert friction_coefficient(MU, speed) == pytest.approx(mu, abs=6e-6)
 
 
 def test_the_friction_of_balls_may_be_constant_and_has_a_multiplier():
-    assert scene_arrays(pool(mu_ball=0.06)).ball_friction.tolist() == [0.06, 0.0, 0.0]
+    assert tuple(scene_arrays(pool(mu_ball=0.06)).ball_friction) == (0.06, 0.0, 0.0)
     for factor in (1.5, 2.5):
         found = scene_arrays(pool(mu_ball_factor=factor)).ball_friction
         assert friction_coefficient(found, 1.0) == pytest.approx(factor * friction_coefficient(MU, 1.0))

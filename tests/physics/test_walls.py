@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.physics import walls
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
-from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, star, table
+from reference.stress.draw import star
+from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table
 
 INF = math.inf
 R = 0.03
@@ -20,7 +21,7 @@ tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0
 
 
 def arrays(a_table):
-    return outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, np.zeros((0, 3)))
+    return outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, ())
 
 
 def wall_time(path, a_table, end=INF, radius=R):
@@ -50,7 +51,8 @@ def check(path, a_table, end, radius=R):
     assert 0.0 <= t <= end
     assert abs(gap(path, t, a_table, radius)) < 1e-12
     outline = arrays(a_table)
-    nx, ny = walls._outline_normal(*position(path, t), wall, outline)
+    x, y = position(path, t)
+    nx, ny = walls._outline_normal(x, y, wall, outline)
     vx, vy = path[2] + t * path[4], path[3] + t * path[5]
     assert nx * vx + ny * vy > -1e-12
     assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-15)
@@ -60,7 +62,7 @@ def check(path, a_table, end, radius=R):
 # Any path on any table
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 0.1, 2.0, 40.0]), st.sampled_from([0.01, 0.03]))
 def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table, seed, force, radius):
     rng = np.random.default_rng(seed)
@@ -71,7 +73,7 @@ def test_a_ball_stays_inside_until_it_touches_the_cushion_that_is_found(a_table,
     check((*place, *velocity, *acceleration), a_table, 10.0 ** rng.uniform(-2, 1) if force else INF, radius)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(tables, st.integers(0, 2**32), st.sampled_from([0.0, 2.0]))
 def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
     """After the reflection the contact at time 0 is not found again, and the ball does not pass the cushion."""
@@ -108,7 +110,7 @@ def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
 def test_a_table_with_a_corner_half_a_micrometre_inside_its_rectangle_has_no_short_cut():
     a_table = table([(0, 0), (1, 5e-7), (2, 0), (2, 1), (0, 1)])
     assert arrays(a_table).box.tolist() == [0.0, 0.0]
-    t, wall = wall_time((0.0, 0.0, 0.0, -1.0, 0.0, 0.0), a_table)
+    t, _ = wall_time((0.0, 0.0, 0.0, -1.0, 0.0, 0.0), a_table)
     assert t == pytest.approx(0.5 - 5e-7 - R, abs=1e-15)
 
 
@@ -197,7 +199,7 @@ def test_a_ball_that_moves_along_a_sloping_cushion_does_not_touch_it(angle, spee
     x, y = line[0] - R * nx - 0.5 * tx, line[1] - R * ny - 0.5 * ty
     for roll in (0.0, 0.0981):
         path = (x, y, speed * tx, speed * ty, -roll * tx, -roll * ty)
-        t, wall = wall_time(path, a_table, INF if roll == 0.0 else min(speed / roll, 1.4 / speed))
+        _, wall = wall_time(path, a_table, INF if roll == 0.0 else min(speed / roll, 1.4 / speed))
         assert wall != 0
         assert wall == (1 if roll == 0.0 else -1)
 
@@ -241,14 +243,13 @@ def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
     a_table = TABLES["sharp L"]  # its inner corner is at (-0.2, -0.2), and the lower arm is on the right
     path = (-0.5, 0.2, 0.9, -1.5, 0.0, 2.6)
     check(path, a_table, 2.0)
-    t, wall = wall_time(path, a_table, 2.0)
-    assert wall < 4
+    assert wall_time(path, a_table, 2.0)[1] < 4
 
 
 # Balls that overlap an outline
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(tables, st.integers(0, 2**32))
 @example(THROAT, 0)
 def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, seed):
