@@ -5,9 +5,15 @@ VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2
 BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
 POOLTOOL := .venv-pooltool/.installed
+RLLIB := .venv-rllib/.installed
 ARGS ?= --players human,search:20
+# make results ADDRESS=auto: a Ray cluster does the work of results, study and stress.
+ADDRESS ?=
+SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
+WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
+WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test docs stress lint bench results study figures format clean
+.PHONY: help train play test docs stress lint bench results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -25,9 +31,9 @@ test: lint  ## lint, type check, then run the fast tests and the doctests
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (15 minutes)
-	$(BIN)/pytest -n 2 -q -m slow tests/stress
-	$(BIN)/python -m benchmarks.stress
+stress: $(WORKS)  ## ten million random shots and very long runs, every event checked (15 minutes)
+	$(WORK)/pytest -n 2 -q -m slow tests/stress
+	$(WORK)/python -m benchmarks.stress $(SPREAD)
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/ruff format --check .
@@ -53,17 +59,22 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
-results: $(INSTALLED)  ## train every recipe with several seeds (an hour; recipes with results are not trained again)
-	$(BIN)/python -m studies.recipes
-	$(BIN)/python -m studies.choices
-	$(BIN)/python -m studies.recipes configs/prior_knowledge.yaml
-	$(BIN)/python -m benchmarks.readme
+results: $(WORKS)  ## train every recipe with several seeds (an hour; recipes with results are not trained again)
+	$(WORK)/python -m studies.recipes $(SPREAD)
+	$(WORK)/python -m studies.choices
+	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
+	$(WORK)/python -m benchmarks.readme
 
-study: $(INSTALLED)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
-	$(BIN)/python -m studies.timestep configs/study/pot.yaml
-	$(BIN)/python -m studies.timestep configs/study/mixture.yaml
-	$(BIN)/python -m studies.timestep configs/study/blocked.yaml
-	$(BIN)/python -m benchmarks.readme
+study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
+	$(WORK)/python -m studies.timestep configs/study/pot.yaml $(SPREAD)
+	$(WORK)/python -m studies.timestep configs/study/mixture.yaml $(SPREAD)
+	$(WORK)/python -m studies.timestep configs/study/blocked.yaml $(SPREAD)
+	$(WORK)/python -m benchmarks.readme
+
+rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little
+	.venv-rllib/bin/pytest -q -m cluster tests/cluster
+	.venv-rllib/bin/python -m agents.rllib configs/rllib/pot.yaml --timesteps 200_000 --run-dir runs/rllib/first --fresh
+	.venv-rllib/bin/python -m agents.evaluate runs/rllib/first
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures
@@ -75,7 +86,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-pooltool build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-pooltool .venv-rllib build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -93,6 +104,13 @@ PROGRESS := while read -r verb name rest; do case "$$verb $$rest" in \
 	Processing*) name="$${name\#\#*/}"; printf '%s ' "$${name%%-*}" ;; \
 	Downloading*MB\)) printf '%s ' "$$rest" ;; \
 	Installing*packages:*) printf '\nInstalling these packages\n' ;; esac; done
+
+# RLlib needs another version of gymnasium than constraints.txt has.
+$(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
+	$(PYTHON) -m venv --clear .venv-rllib
+	grep -v '^gymnasium==' constraints.txt | cat - constraints-rllib.txt > .venv-rllib/constraints.txt
+	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,dev,rllib]'
+	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.
 $(POOLTOOL): benchmarks/pooltool.txt

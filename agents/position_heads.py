@@ -115,9 +115,9 @@ class HitAims(nn.Module):
     """Several hits on each ball of the task.
 
     The sine of the cut angle is the distance from the centre of the ball to the line along which the cue ball starts,
-    over the sum of the radii. It is between -1 and 1. This interval is divided into equal parts, one for each hit. A
-    hit starts in the middle of its part, and training can move it by at most the width of a part. Standard deviations
-    of the direction are those of this sine.
+    over the distance of the centres at contact. It is between -1 and 1. This interval is divided into equal parts, one
+    for each hit. A hit starts in the middle of its part, and training can move it by at most the width of a part.
+    Standard deviations of the direction are those of this sine.
 
     Args:
         env: The environment.
@@ -140,10 +140,9 @@ class HitAims(nn.Module):
                 f"policy.head = 'hits' in the task {env.task!r}: expected at least one object ball or another head"
             )
         self.count, self.width = each * len(self.balls), 2.0 / each
-        radius = np.asarray(env.scene.balls.radius)
         for name, value in (
             ("scale", np.array(env.scene.half_extents)),
-            ("reach", (radius[0] + radius[self.balls])[:, None]),
+            ("reach", env.scene.balls.contact_distances(0)[self.balls, None]),
             ("sines", self.width * (np.arange(each) + 0.5) - 1.0),
         ):
             self.register_buffer(name, torch.as_tensor(value, dtype=torch.float32), persistent=False)

@@ -64,9 +64,15 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
     return env
 
 
-def make_vector(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
-    """Returns a vector of `num_envs` environments as in `make_env`, with same-step autoreset."""
-    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", **config.env)
+def make_vector(config: Config, num_envs: int, threads: int | None = None) -> VectorEnv[Any, Any, Any]:
+    """Returns a vector of `num_envs` environments as in `make_env`, with same-step autoreset.
+
+    Args:
+        config: The configuration.
+        num_envs: The number of environments.
+        threads: The number of threads that play; None for one per core.
+    """
+    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", threads=threads, **config.env)
     if config.noise is not None:
         envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
     return envs

@@ -26,7 +26,7 @@ import shutil
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -63,7 +63,7 @@ from billiards_env.files import write_json, write_whole
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _LOCK = ".lock"
-_BAR = "{percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} shots [{remaining} left{postfix}]"
+BAR = "{percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} shots [{remaining} left{postfix}]"
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
 
@@ -85,7 +85,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = 
     saved = run_dir / "config.yaml"
     policy = make_policy(config)  # raises an error before a file is written
     if config.start_from is not None and (fresh or not saved.exists()):
-        _start_from(policy, config.start_from)
+        start_from(policy, config.start_from)
     if run_dir.is_file():
         raise ValueError(f"run_dir = {str(run_dir)!r}: expected a new folder or that of a run; it is a file")
     if run_dir.exists() and not saved.exists() and any(path.name != _LOCK for path in run_dir.iterdir()):
@@ -203,7 +203,7 @@ def _train(config: Config, run_dir: Path) -> None:
             disable=not total,
             initial=model.num_timesteps,
             unit_scale=True,
-            bar_format=_BAR,
+            bar_format=BAR,
             ncols=shutil.get_terminal_size().columns,  # 80 if the terminal has no width; tqdm then shows no bar
         ) as bar:
             callback = _Callback(config, run_dir, bar)
@@ -221,13 +221,13 @@ def _train(config: Config, run_dir: Path) -> None:
 def _prepare(model: PPO, config: Config, run_dir: Path) -> None:
     """Sets the weights before PPO: those of another run, then supervised learning, if the configuration has them."""
     if config.start_from is not None:
-        _start_from(model.policy, config.start_from)
+        start_from(model.policy, config.start_from)
     if config.imitation is not None:
         imitate(model.policy, config)
         _save(model, run_dir / "checkpoints" / f"{0:09d}.zip")
 
 
-def _start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
+def start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
     """Sets the weights of a policy to those of a finished run.
 
     Raises:
@@ -274,6 +274,54 @@ def learning_curve(run_dir: Path) -> list[Point]:
         ]
 
 
+class LearningCurve:
+    """Measures the policy of a training and writes `training.csv`.
+
+    Args:
+        config: The configuration of the run.
+        run_dir: The folder of the run.
+        steps: The number of steps of the training so far. Later points in the file are dropped.
+
+    Attributes:
+        points: The points of the curve.
+    """
+
+    def __init__(self, config: Config, run_dir: Path, steps: int) -> None:
+        self.config, self.run_dir = config, run_dir
+        self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
+        self._clock = time.perf_counter()
+
+    def measure(self, policy: ActorCriticPolicy, steps: int, successes: Collection[bool]) -> None:
+        """Adds a point, unless the last one has the same number of steps.
+
+        Args:
+            policy: The policy.
+            steps: The number of steps of the training so far.
+            successes: The success of the last episodes of the training.
+        """
+        seconds = time.perf_counter() - self._clock + (self.points[-1].seconds if self.points else 0.0)
+        if not self.points or self.points[-1].steps < steps:
+            envs = make_vector(self.config, self.config.evaluation_episodes)
+            seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
+            result = play_together(envs, deterministic(policy), seeds)
+            envs.close()
+            trained = sum(successes) / max(len(successes), 1)
+            self.points.append(Point(steps, round(seconds, 2), trained, result["success_rate"], result["mean_score"]))
+            text = io.StringIO()
+            csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
+            write_whole(self.run_dir / "training.csv", text.getvalue().encode())
+        self._clock = time.perf_counter()
+
+    def rates(self, successes: Collection[bool]) -> dict[str, str]:
+        """Returns two rates of success for the progress bar: of the last episodes, and of the last point."""
+        shown = {}
+        if successes:
+            shown["exploring"] = f"{sum(successes) / len(successes):.0%}"
+        if self.points:
+            shown["deterministic"] = f"{self.points[-1].success:.0%}"
+        return shown
+
+
 def newest_checkpoint(run_dir: Path) -> Path | None:
     """Returns the checkpoint of a run with the most steps; None if the run has no checkpoint."""
     return max((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), default=None)
@@ -297,32 +345,17 @@ class _Callback(BaseCallback):
         self.config, self.run_dir, self.bar = config, run_dir, bar
         self.successes: deque[bool] = deque(maxlen=1000)
         self.next_checkpoint = 0
-        self.curve: list[Point] = []
-        self.clock = 0.0
+        self.curve = LearningCurve(config, run_dir, 0)
 
     def begin(self, timesteps: int) -> None:
         """Loads the learning curve up to `timesteps` steps."""
-        self.curve = [point for point in learning_curve(self.run_dir) if point.steps <= timesteps]
+        self.curve = LearningCurve(self.config, self.run_dir, timesteps)
         self._show()
-        self.clock = time.perf_counter()
 
     def measure(self) -> None:
         """Adds a point to the learning curve, without a change to the random generators of the training."""
-        seconds = time.perf_counter() - self.clock + (self.curve[-1].seconds if self.curve else 0.0)
-        if not self.curve or self.curve[-1].steps < self.num_timesteps:
-            envs = make_vector(self.config, self.config.evaluation_episodes)
-            seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
-            result = play_together(envs, deterministic(cast(ActorCriticPolicy, self.model.policy)), seeds)
-            envs.close()
-            trained = sum(self.successes) / max(len(self.successes), 1)
-            self.curve.append(
-                Point(self.num_timesteps, round(seconds, 2), trained, result["success_rate"], result["mean_score"])
-            )
-            text = io.StringIO()
-            csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.curve])
-            write_whole(self.run_dir / "training.csv", text.getvalue().encode())
-            self._show()
-        self.clock = time.perf_counter()
+        self.curve.measure(cast(ActorCriticPolicy, self.model.policy), self.num_timesteps, self.successes)
+        self._show()
 
     def _on_rollout_start(self) -> None:
         set_std(cast(ActorCriticPolicy, self.model.policy), self.config, self.num_timesteps)
@@ -361,12 +394,7 @@ class _Callback(BaseCallback):
 
     def _show(self) -> None:
         """Shows two rates of success in the progress bar: in training, and at the last point of the learning curve."""
-        shown = {}
-        if self.successes:
-            shown["exploring"] = f"{sum(self.successes) / len(self.successes):.0%}"
-        if self.curve:
-            shown["deterministic"] = f"{self.curve[-1].success:.0%}"
-        self.bar.set_postfix(shown, refresh=False)
+        self.bar.set_postfix(self.curve.rates(self.successes), refresh=False)
 
 
 def _save(model: BaseAlgorithm, path: Path) -> None:
@@ -419,10 +447,10 @@ def main(arguments: list[str] | None = None) -> None:
         done = int(checkpoint.stem) if checkpoint else 0
         print(f"\ninterrupted; the same command resumes after {done:,} of {config.timesteps:,} steps", file=sys.stderr)
         sys.exit(130)
-    _print(run_dir, config)
+    print_result(run_dir, config)
 
 
-def _print(run_dir: Path, config: Config) -> None:
+def print_result(run_dir: Path, config: Config) -> None:
     """Prints the last point of the learning curve and a command for the next step."""
     if curve := learning_curve(run_dir):
         point = curve[-1]

@@ -45,7 +45,7 @@ def _shot(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
     if rng.random() < 0.5:
         ball = rng.integers(1, scene.n_balls)
         to = places[ball] - places[0]
-        reach = scene.balls.radius[0] + scene.balls.radius[ball]
+        reach = scene.balls.contact_distances(0)[ball]
         angle = np.arctan2(to[1], to[0]) + rng.uniform(-1.0, 1.0) * np.arcsin(reach / np.hypot(*to))
     return places, rng.uniform(0.3, 5.0) * np.array([np.cos(angle), np.sin(angle)])
 

@@ -2,7 +2,8 @@
 
 `python -m benchmarks.stress` takes 10 to 25 minutes on two cores. It prints its tables, writes them to
 `benchmarks/results/stress.json`, and draws the growth of errors in `docs/images/predictability.png`. It ends with an
-error if any shot breaks a rule.
+error if any shot breaks a rule. With `--address` a Ray cluster plays, and the results of finished parts are kept in
+`runs/stress` until the end, so the same command continues.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import shutil
 import sys
 import time
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+import zlib
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,7 @@ from tqdm import tqdm
 
 from benchmarks import RESULTS, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json, write_whole
+from cluster import ROOT, RayExecutor
 from reference.stress import families, measure
 
 IMAGE = Path(__file__).resolve().parent.parent / "docs" / "images" / "predictability.png"
@@ -53,7 +57,7 @@ WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")
 
 
-def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str, Any]]:
+def random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
     """Runs all kinds of shots and returns the worst values of each kind."""
     tasks = []
     for name, (thousands, chunk) in SHOTS.items():
@@ -77,7 +81,7 @@ def random_shots(pool: ProcessPoolExecutor, scale: float) -> dict[str, dict[str,
     return total
 
 
-def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
+def long_runs(pool: Executor, scale: float) -> dict[str, Any]:
     """Measures drift, time reversal, the blocks of pi and chaos."""
     drifts = [pool.submit(measure.drift, n, round(1e6 * scale)) for n in (100, 16, 2)]
     reversals = [pool.submit(measure.reversal, seed) for seed in range(round(1000 * scale) or 10)]
@@ -105,7 +109,7 @@ def long_runs(pool: ProcessPoolExecutor, scale: float) -> dict[str, Any]:
     }
 
 
-def growth(pool: ProcessPoolExecutor, shots: int) -> dict[str, list[dict[str, Any]]]:
+def growth(pool: Executor, shots: int) -> dict[str, list[dict[str, Any]]]:
     """Measures the growth of the error from collision to collision in a gas and in breaks, against 50 digits."""
     futures: dict[str, list[Future[dict[str, Any]]]] = {}
     gas = measure.gas(16)
@@ -240,6 +244,12 @@ def _long_runs(data: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _version() -> str:
+    """Returns a name that changes with the code that the shots run."""
+    files = sorted(path for package in ("billiards_env", "reference") for path in (ROOT / package).rglob("*.py"))
+    return f"{zlib.crc32(b''.join(path.read_bytes() for path in files)):08x}"
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs all measurements, prints and writes the results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description="Run and check millions of shots.")
@@ -247,13 +257,16 @@ def main(arguments: list[str] | None = None) -> None:
         "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
     )
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
+    parser.add_argument("--address", help='address of a Ray cluster that plays, e.g. "auto" (default: this machine)')
     args = parser.parse_args(arguments)
     families.run("pool, 1 object ball", 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()
-    with ProcessPoolExecutor(args.workers) as pool:
+    kept = ROOT / "runs" / "stress" / _version()
+    with ProcessPoolExecutor(args.workers) if args.address is None else RayExecutor(args.address, kept) as pool:
         shots = random_shots(pool, args.scale)
         runs = long_runs(pool, args.scale)
         curves = growth(pool, 30 if args.scale == 1 else 3)
+    shutil.rmtree(kept, ignore_errors=True)
     data = {
         "command": "python -m benchmarks.stress",
         "machine": machine(),

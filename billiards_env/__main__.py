@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "agents.train": "train PPO with a configuration, for example configs/ppo/pot.yaml",
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
+    "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
     "studies.players": "measure players that need no learning",
     "studies.recipes": "train all recipes with several seeds",
     "studies.timestep": "train one recipe with several timesteps and compare the policies",

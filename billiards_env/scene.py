@@ -55,6 +55,7 @@ MOTIONS = ("ideal", "rolling", "sliding")
 CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010")
 BALL_BALL = ("frictionless", "frictional")
 COLOURS = ("pool", "snooker", "uk")
+SHAPES = ("disk", "sphere")
 
 MARLOW = 9.951e-3, 0.108, 1.088
 """The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
@@ -81,14 +82,19 @@ class Balls:
         colours: The colours in pictures: "pool" (numbered balls; on a table without pockets up to three balls are
             white, red and yellow), "snooker" (the last six object balls are yellow, green, brown, blue, pink and black,
             the others red) or "uk" (seven red balls, the black ball, seven yellow balls).
+        shape: "disk" (balls touch when their centres are R1 + R2 apart) or "sphere" (their centres are at different
+            heights: they touch at a horizontal distance of 2 sqrt(R1 R2), and the normal is inclined). Balls of equal
+            radius are the same in both.
     """
 
     radius: tuple[float, ...]
     mass: tuple[float, ...]
     colours: str = "pool"
+    shape: str = "disk"
 
     def __post_init__(self) -> None:
         choose("balls.colours", self.colours, COLOURS)
+        choose("balls.shape", self.shape, SHAPES)
         for name, within in (("radius", "length"), ("mass", "mass")):
             values = getattr(self, name)
             if not isinstance(values, tuple):
@@ -117,6 +123,16 @@ class Balls:
 
     def __len__(self) -> int:
         return len(self.radius)
+
+    def contact_distances(self, i: int) -> NDArray[np.float64]:
+        """Returns the horizontal distance of the centres of ball i and each ball that touches it, (n,) m.
+
+        Example:
+            >>> Balls((0.01, 0.04), (0.1, 0.1), shape="sphere").contact_distances(0).tolist()
+            [0.02, 0.04]
+        """
+        radius = np.array(self.radius)
+        return radius[i] + radius if self.shape == "disk" else 2.0 * np.sqrt(radius[i] * radius)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -435,7 +451,7 @@ def _snooker(n_balls: int) -> Scene:
 def _uk_pool(n_balls: int) -> Scene:
     radius = (_UK_CUE_RADIUS, *(_UK_RADIUS,) * (n_balls - 1))
     mass = (_UK_CUE_MASS, *(_UK_MASS,) * (n_balls - 1))
-    return Scene(Balls(radius, mass, "uk"), Table.named("uk_7ft"), _REAL)
+    return Scene(Balls(radius, mass, "uk", "sphere"), Table.named("uk_7ft"), _REAL)
 
 
 def _pooltool_real_carom(n_balls: int) -> Scene:
@@ -532,7 +548,7 @@ def check_positions(
     for i in range(n):
         offset = array[..., i + 1 :, :] - array[..., i : i + 1, :]
         distance = np.hypot(offset[..., 0], offset[..., 1])
-        contact_distance = radius[i] + radius[i + 1 :]
+        contact_distance = scene.balls.contact_distances(i)[i + 1 :]
         both_in_play = playing[..., i : i + 1] & playing[..., i + 1 :]
         bad = np.argwhere((distance < contact_distance - CONTACT_GAP) & both_in_play)
         if len(bad):
@@ -541,6 +557,6 @@ def check_positions(
             shot = f"shot {at[0]}, " if array.ndim == 3 else ""
             raise ValueError(
                 f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: "
-                f"expected at least {contact_distance[at[-1]]} m, the sum of their radii"
+                f"expected at least {contact_distance[at[-1]]} m, the distance at which they touch"
             )
     return array

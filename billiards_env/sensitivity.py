@@ -33,6 +33,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.impact_derivatives import cushion_derivative, d_unit, friction_push, restitution_slope
 from billiards_env.physics.cushion import cushion_restitution
+from billiards_env.physics.friction import tilt_of
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -221,18 +222,26 @@ def _impact(before: list[_Ball], after: list[_Ball], concerned: list[int], array
     d_roll, d_turn = np.zeros_like(d_n), np.zeros_like(d_normal)
     if arrays.ball_friction is not None:
         t, d_t = np.array([-n[1], n[0]]), np.stack((-d_n[1], d_n[0]))
+        cosine, sine = tilt_of(arrays.spheres, *concerned) or (1.0, 0.0)
         roll = sum(ball.row[[UX, UY]] - ball.row[[VX, VY]] for ball in before)
         d_rolls = first_at[_U] - first_at[_V] + second_at[_U] - second_at[_V]
         turn = sum(r * ball.row[WZ] for r, ball in zip(radius, before, strict=True))
-        slip = np.array([turn - t @ w, n @ roll])
+        d_turning = radius[0] * first_at[_WZ] + radius[1] * second_at[_WZ]
+        # The slip belongs to the speed of separation after the normal impulse.
+        slip = np.array([cosine * turn - sine * (t @ roll) - t @ w, n @ roll - sine * params[E_BALL] * closing])
         d_slip = np.stack(
-            (radius[0] * first_at[_WZ] + radius[1] * second_at[_WZ] - w @ d_t - t @ d_w, roll @ d_n + n @ d_rolls)
+            (
+                cosine * d_turning - sine * (roll @ d_t + t @ d_rolls) - w @ d_t - t @ d_w,
+                roll @ d_n + n @ d_rolls - sine * params[E_BALL] * (w @ d_n + n @ d_w),
+            )
         )
+        mobility = 3.5 * float(inv_mass.sum())
         push, d_push = friction_push(
-            arrays.ball_friction, slip, d_slip, -gain * closing, d_normal, 3.5 * float(inv_mass.sum())
+            arrays.ball_friction, slip, d_slip, -gain * closing / cosine, d_normal / cosine, mobility
         )
-        d_impulse = d_impulse + np.outer(t, d_push[0]) + push[0] * d_t
-        d_roll, d_turn = np.outer(n, d_push[1]) + push[1] * d_n, d_push[0]
+        d_across, d_up = np.outer(t, d_push[0]) + push[0] * d_t, np.outer(n, d_push[1]) + push[1] * d_n
+        d_impulse = d_impulse + d_across - sine * d_up
+        d_roll, d_turn = d_up - sine * d_across, cosine * d_push[0]
     tangents = []
     for k, (tangent, ball, sign) in enumerate(((first_at, after[0], 1.0), (second_at, after[1], -1.0))):
         tangent[_V] += sign * inv_mass[k] * d_impulse

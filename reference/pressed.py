@@ -121,6 +121,7 @@ class _World:
     roll: float
     spin_decay: float
     radius: tuple[float, ...]
+    reach: float  # distance of the centres of two balls that touch
     inverse_mass: tuple[float, ...]
     room: tuple[tuple[float, float], ...]
 
@@ -137,6 +138,7 @@ class _World:
             roll=physics.mu_roll * physics.g,
             spin_decay=physics.spin_decay,
             radius=balls.radius,
+            reach=float(balls.contact_distances(0)[-1]),
             inverse_mass=tuple(0.0 if math.isinf(m) else 1.0 / m for m in balls.mass),
             room=tuple((table.length / 2 - r, table.width / 2 - r) for r in balls.radius),
         )
@@ -302,7 +304,7 @@ def press_pair(
         raise ValueError(f"resistance = {resistance!r}: expected 'between impacts' or 'always'")
     world, states = _start(scene, positions, velocities, spins, 2)
     wi, wj = world.inverse_mass
-    reach = sum(world.radius)
+    reach = world.reach
     pair = states[0] + states[1]
     dx, dy = pair[WIDTH + X] - pair[X], pair[WIDTH + Y] - pair[Y]
     if abs(math.hypot(dx, dy) - reach) > TOUCHING:
@@ -533,7 +535,7 @@ def _continue_freely(
         if len(there) == 1:
             return True
         apart = math.hypot(there[1][X] - there[0][X], there[1][Y] - there[0][Y])
-        return apart > sum(world.radius) - DEEP
+        return apart > world.reach - DEEP
 
     lasts = max(_lasts(world, s) for s in states)
     limit = min(lasts, max_time - time)

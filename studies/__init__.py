@@ -5,6 +5,7 @@ Modules:
     timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
     players: Measures players without training.
     training_speed: Measures the speed of training.
+    cluster_speed: Measures training with RLlib on two nodes.
 """
 
 from pathlib import Path

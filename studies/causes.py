@@ -149,7 +149,7 @@ def _cause_of_difference(
         times = true.time + dt * np.linspace(-_NEAR, _NEAR, 64 * _NEAR)
         assert stepped.trajectory is not None
         apart = stepped.trajectory.path(true.other, times) - stepped.trajectory.path(true.ball, times)
-        reach = scene.balls.radius[true.ball] + scene.balls.radius[true.other]
+        reach = scene.balls.contact_distances(true.ball)[true.other]
         if np.hypot(apart[:, 0], apart[:, 1]).min() < 0.999 * reach:  # deeper than the rest of a resolved overlap
             return "missed_collision"
     return "small_errors"

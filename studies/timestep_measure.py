@@ -130,7 +130,7 @@ def speed_bins(max_speed: float) -> Floats:
     return np.linspace(0.0, max_speed, SPEED_BINS + 1, dtype=np.float64)
 
 
-def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> Floats:
+def cuts(actions: Floats, positions: Floats, targets: Bools, reach: Floats) -> Floats:
     """Returns the cuts of shots, (m,).
 
     A cut is the distance of the nearest ball to pot from the line of the cue ball's initial direction, over the
@@ -141,7 +141,7 @@ def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> 
         actions: (m, 2) initial directions of the cue balls, of any length.
         positions: (m, n, 2) m.
         targets: (n,) bool, the balls to pot.
-        radius: (n,) m.
+        reach: (n,) m, distances of the centres of the cue ball and each ball at contact.
     """
     to_targets = positions[:, targets] - positions[:, :1]
     distances = np.hypot(to_targets[..., 0], to_targets[..., 1])
@@ -150,8 +150,8 @@ def cuts(actions: Floats, positions: Floats, targets: Bools, radius: Floats) -> 
     across = to_nearest[:, 1] * actions[:, 0] - to_nearest[:, 0] * actions[:, 1]
     ahead = (to_nearest * actions).sum(axis=1)
     length = np.hypot(actions[:, 0], actions[:, 1])
-    reach = radius[0] + radius[targets][nearest]
-    return np.where(ahead > 0, across / np.where(length > 0, length, 1.0), np.inf) / reach
+    sine = across / np.where(length > 0, length, 1.0) / reach[targets][nearest]
+    return np.where(ahead > 0, sine, np.inf)
 
 
 def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
@@ -163,7 +163,7 @@ def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
 def _distributions(actions: Floats, others: Sequence[Floats], positions: Floats, env: BilliardsEnv) -> dict[str, Any]:
     """Returns the distributions of the speeds, cuts and cut angles of shots, and of their turns against other shots."""
     speed = env.max_speed * np.minimum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
-    cut = cuts(actions, positions, env.targets, np.array(env.scene.balls.radius))
+    cut = cuts(actions, positions, env.targets, env.scene.balls.contact_distances(0))
     aimed = np.abs(cut) <= 1.0
     turn = np.concatenate([_turn(actions, other) for other in others] or [np.empty(0)])
     return {

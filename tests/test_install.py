@@ -29,9 +29,9 @@ def holds(requirement: Requirement, python: str) -> bool:
     return marker is None or any(marker.evaluate({**environment, "extra": extra}) for extra in ("", *EXTRAS))
 
 
-def pins(python: str) -> dict[str, str]:
+def pins(python: str, file: str = "constraints.txt") -> dict[str, str]:
     """Returns the pinned version of each package on a version of Python."""
-    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    lines = (ROOT / file).read_text(encoding="utf-8").splitlines()
     pinned = [Requirement(line) for line in lines if not line.startswith("#")]
     applicable = [(canonicalize_name(pin.name), str(pin.specifier)) for pin in pinned if holds(pin, python)]
     assert len(applicable) == len(dict(applicable)), "a package has two versions"
@@ -48,11 +48,14 @@ def test_the_metadata_lists_the_tried_versions_of_python():
 
 @pytest.mark.parametrize("python", TRIED)
 def test_every_direct_dependency_has_one_pin_in_its_range(python):
-    pinned = pins(python)
+    pinned, for_rllib = pins(python), pins(python, "constraints-rllib.txt")
+    assert set(pinned) & set(for_rllib) == {"gymnasium"}
     requirements = [Requirement(text) for text in importlib.metadata.requires("billiards-env") or []]
     assert len(requirements) > 20
     for requirement in requirements:
-        assert pinned[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+        name = canonicalize_name(requirement.name)
+        assert {**for_rllib, **pinned}[name] in requirement.specifier, requirement
+        assert {**pinned, **for_rllib}[name] in requirement.specifier, requirement
 
 
 @pytest.fixture

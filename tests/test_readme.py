@@ -196,7 +196,7 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy, choices, comparison"),
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy, choices, cluster_speed"),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

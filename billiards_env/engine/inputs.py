@@ -12,6 +12,7 @@ from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, re
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import spread
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import (
@@ -102,7 +103,7 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
                     return False
             for j in range(i):
                 dx, dy = x - positions[k, j, X], y - positions[k, j, Y]
-                reach = radius[i] + radius[j] - CONTACT_GAP
+                reach = contact_distance(arrays.spheres, radius, i, j) - CONTACT_GAP
                 if dx * dx + dy * dy < _CLOSE * (reach * reach) and in_play[k, j]:
                     return False
     return True

@@ -118,4 +118,5 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
         np.array(ball_friction(p)) if p.ball_ball == "frictional" else None,
         np.array([p.cushion_frequency_ratio]) if p.cushion == "stronge" else None,
         np.array([p.mu_slide]) if p.cushion == "mathavan2010" else None,
+        np.array(scene.balls.radius) if scene.balls.shape == "sphere" and len(set(scene.balls.radius)) > 1 else None,
     )

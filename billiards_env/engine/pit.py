@@ -39,6 +39,7 @@ from billiards_env.engine.runner import INTERRUPTED, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, Shots, count_hit
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.interrupt import end_call, interrupted
 from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
@@ -240,7 +241,7 @@ def _find_overlaps(count, scene, work):
             if j == i or (j < i and work.moved[j]) or phase[j] == POTTED:
                 continue
             dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-            reach = radius[i] + radius[j]
+            reach = contact_distance(scene.spheres, radius, i, j)
             if dx * dx + dy * dy >= reach * reach:
                 continue
             wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
@@ -276,7 +277,7 @@ def _go_back(count, scene, work):
         i, j = first[c], second[c]
         dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
         wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
-        reach = radius[i] + radius[j]
+        reach = contact_distance(scene.spheres, radius, i, j)
         ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
         if ww > 0.0:  # |d - w t| = reach
             t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
@@ -293,7 +294,7 @@ def _go_back(count, scene, work):
         i, j = first[c], second[c]
         dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
         distance = norm(dx, dy)
-        if distance > radius[i] + radius[j] + CONTACT_GAP:
+        if distance > contact_distance(scene.spheres, radius, i, j) + CONTACT_GAP:
             continue
         nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
         closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
@@ -312,7 +313,8 @@ def _push_apart(count, scene, work):
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
         distance = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
-        overlap[c], scale[c] = scene.radius[i] + scene.radius[j] - distance, 1.0 / (inv_mass[i] + inv_mass[j])
+        overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
+        scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
     for c in range(count):
         for i in (contacts.first[c], contacts.second[c]):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
-from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, misses_circle
+from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle
 from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import (
@@ -162,7 +162,7 @@ def predict_pair(i, j, now, state, scene, singles, limit):
         vyj - vyi,
         rows[j, AX] - rows[i, AX],
         rows[j, AY] - rows[i, AY],
-        scene.radius[i] + scene.radius[j],
+        contact_distance(scene.spheres, scene.radius, i, j),
         end,
         NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
     )
@@ -175,7 +175,8 @@ def predict_pair(i, j, now, state, scene, singles, limit):
 def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
     """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
 
-    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`.
+    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`; `reach` may be
+    larger, such as the sum of the radii of spheres.
     """
     dd = dx * dx + dy * dy
     # Upper bound on their mean speed of approach along the line of centres, times their distance

@@ -5,6 +5,7 @@ from __future__ import annotations
 from billiards_env.engine.contact_rule import collide, hit_cushion
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import inlined, merged
 from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
@@ -37,7 +38,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):
     closing = -(nx * (vxj - vxi) + ny * (vyj - vyi))
     if same(meeting, now):
         closing = max(closing, 0.0)
-    elif distance - (scene.radius[i] + scene.radius[j]) > CONTACT_GAP or closing <= 0.0:
+    elif distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP or closing <= 0.0:
         return False
     advance(state, i, now, scene.params)
     advance(state, j, now, scene.params)

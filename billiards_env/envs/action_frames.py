@@ -56,7 +56,7 @@ class FrameArrays(NamedTuple):
         frame: Index into `FRAMES`.
         ball: Number of the target ball, or _NEAREST or _FIRST.
         targets: (n,) bool: the balls that "nearest" and "first" choose from.
-        reach: (n,) float64, m: radius of the cue ball plus that of each ball.
+        reach: (n,) float64, m: distance of the centres of the cue ball and each ball at contact.
         least_speed: m/s.
         max_speed: m/s.
     """
@@ -110,7 +110,7 @@ class ActionTransform:
                 frame=FRAMES.index(name),
                 ball=(_NEAREST, _FIRST)[BALLS.index(ball)] if isinstance(ball, str) else int(ball),
                 targets=targets,
-                reach=scene.balls.radius[0] + np.array(scene.balls.radius),
+                reach=scene.balls.contact_distances(0),
                 least_speed=least_speed,
                 max_speed=float(max_speed),
             )
@@ -232,7 +232,7 @@ def aim(dx, dy, reach, offset):
     Args:
         dx: x of the vector from the first ball to the second, m.
         dy: y of this vector, m.
-        reach: Sum of the radii, m.
+        reach: Distance of the centres at contact, m.
         offset: -1 to 1, positive for a path clockwise of the line of centres. It is the sine of the cut angle c. The
             law of sines in the triangle of the two centres and the position of the first ball at contact gives the
             angle d between the path and the line of centres: D sin(d) = reach sin(c), where D is the distance.

@@ -25,6 +25,21 @@ NOISE = 2.0**-48
 of either sign."""
 
 
+@inlined
+def contact_distance(spheres, radius, i, j):
+    """Returns the horizontal distance of the centres of balls i and j that touch, m.
+
+    Args:
+        spheres: `SceneArrays.spheres`.
+        radius: `SceneArrays.radius`.
+        i: A ball.
+        j: Another ball.
+    """
+    if spheres is None:
+        return radius[i] + radius[j]
+    return 2.0 * math.sqrt(spheres[i] * spheres[j])
+
+
 @kernel
 def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
     """Returns the time at which the distance of two centres next falls to `reach`.

@@ -96,6 +96,7 @@ class SceneArrays(NamedTuple):
         ball_friction: (3,) float64, see the entries above; None for balls without friction.
         stronge: (1,) float64, the frequency ratio of "stronge" cushions; None for others.
         mathavan: (1,) float64, friction on the cloth with "mathavan2010" cushions; None for others.
+        spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -109,6 +110,7 @@ class SceneArrays(NamedTuple):
     ball_friction: Any = None
     stronge: Any = None
     mathavan: Any = None
+    spheres: Any = None
 
 
 @allocating

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import inlined, kernel, merged
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
@@ -66,7 +67,7 @@ def direct_aim(table, i, p):
     mouth = open_mouth(scene, i, p, x, y)
     if mouth.half <= 0.0:
         return NO_AIM
-    reach = scene.radius[table.cue] + scene.radius[i]
+    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     room_x, room_y = room_of(scene, table.cue)
     ghost_x, ghost_y = x - reach * mouth.dx, y - reach * mouth.dy
     ghost_x, ghost_y = _off_cushion(ghost_x, ghost_y, x, y, room_x - _CLEAR, reach)

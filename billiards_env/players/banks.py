@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import inlined, kernel, merged
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
@@ -69,7 +70,7 @@ def bank_aim(table, i, p, wall, speed, state):
         state: A `State`; its content changes.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
-    reach = scene.radius[table.cue] + scene.radius[i]
+    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     image_x, image_y, apart = _mirrored(scene, i, p, wall)
     if apart < _APART:
         return NO_AIM

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.predictions import cannot_meet
 from billiards_env.physics.ball_ball import change_velocity, pair_impulse
-from billiards_env.physics.contact import NOISE, circle_time
+from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
@@ -87,7 +87,7 @@ class Hit(NamedTuple):
 def hit_at(table, i, x, y):
     """Returns the `Hit` on ball i with the cue ball's centre at (x, y)."""
     scene, positions = table.scene, table.positions
-    reach = scene.radius[table.cue] + scene.radius[i]
+    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     line_x, line_y = (positions[i, X] - x) / reach, (positions[i, Y] - y) / reach
     to_x, to_y = x - positions[table.cue, X], y - positions[table.cue, Y]
     approach = norm(to_x, to_y)
@@ -167,7 +167,7 @@ def against_throw(ball_friction, table, i, hit, speed, state):
 def _turned_against_throw(table, i, hit, speed, state):
     """Implements `against_throw`: turns the line of centres by the throw, several times."""
     want_x, want_y, row = hit.line_x, hit.line_y, state.rows[i]
-    reach = table.scene.radius[table.cue] + table.scene.radius[i]
+    reach = contact_distance(table.scene.spheres, table.scene.radius, table.cue, i)
     for _ in range(_THROW_STEPS):
         play_hit(table, i, hit, speed, state)
         size = norm(row[VX], row[VY])
@@ -212,7 +212,7 @@ def clearance(table, i, moving, ax, ay, bx, by):
     for j in range(len(table.positions)):
         if j != table.cue and j != i and not table.potted[j]:
             distance = distance_to_segment(ax, ay, bx, by, table.positions[j, X], table.positions[j, Y])
-            gap = min(gap, distance - radius[moving] - radius[j])
+            gap = min(gap, distance - contact_distance(table.scene.spheres, radius, moving, j))
     return gap
 
 
@@ -244,7 +244,7 @@ def meet_again(table, i, hit, speed, end, state):
     play_hit(table, i, hit, speed, state)
     state.phase[cue] = state.phase[i] = REST
     leg, cue_leg, now = begin_leg(scene, state, i), begin_leg(scene, state, cue), 0.0
-    reach = scene.radius[i] + scene.radius[cue]
+    reach = contact_distance(scene.spheres, scene.radius, i, cue)
     for _ in range(2 * LEGS):
         leg_end, cue_end = rows[i, T0] + leg.lasts, rows[cue, T0] + cue_leg.lasts
         until = min(leg_end, cue_end, end)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import scene_arrays
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import entry_point, inlined, kernel, merged
 from billiards_env.physics.state import SceneArrays, empty_state
 from billiards_env.players.aims import direct_aim
@@ -105,8 +106,9 @@ def find_pots(
 
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
     ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
-    (sum of radii) cos(cut) / (distance of the cue ball to the ghost ball), to first order (Alciatore, TP 3.4: Margin of
-    error based on distance and cut angle). A speed at which the two balls meet again before the pot is left out.
+    (distance of the centres at contact) cos(cut) / (distance of the cue ball to the ghost ball), to first order
+    (Alciatore, TP 3.4: Margin of error based on distance and cut angle). A speed at which the two balls meet again
+    before the pot is left out.
 
     Args:
         scene: The scene.
@@ -213,8 +215,8 @@ def _least_speed(table, aim):
 @kernel
 def _insert(table, aim, least, found):
     """Inserts a pot with its least speed, m/s, into the `Pots` of one table, in the order of their tolerances."""
-    hit, radius = aim.hit, table.scene.radius
-    reach = radius[table.cue] + radius[aim.ball]
+    hit, scene = aim.hit, table.scene
+    reach = contact_distance(scene.spheres, scene.radius, table.cue, aim.ball)
     cosine = cut_cosine(hit)
     tolerance = aim.mouth * reach * cosine / max(hit.approach, reach)
     k = found.count[0]

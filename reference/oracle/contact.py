@@ -86,7 +86,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
     velocities = a.velocity_at(base), b.velocity_at(base)
     velocity = tuple(q - p for p, q in zip(*velocities, strict=True))
     acceleration = tuple(q - p for p, q in zip(a.acceleration, b.acceleration, strict=True))
-    reach = world.radius[ball] + world.radius[other]
+    reach = world.reach(ball, other)
     speed = sum(map(norm, velocities))
     noise = a.noise + b.noise + world.tiny * speed
     push = norm(a.acceleration) + norm(b.acceleration)

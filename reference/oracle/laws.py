@@ -28,6 +28,7 @@ class World:
 
     Attributes:
         radius: (n,) m.
+        spheres: Whether the centres of touching balls differ in height by the difference of their radii.
         inverse_mass: (n,) 1/kg; 0 for a ball of infinite mass.
         walls: The cushions.
         extent: Half the table's length and width with the jaws, m.
@@ -52,6 +53,7 @@ class World:
     ball_friction: Vector | None
     cushion_height: Real
     radius: Vector
+    spheres: bool
     inverse_mass: Vector
     walls: tuple[Line | Arc, ...]
     extent: Vector
@@ -74,12 +76,21 @@ class World:
             ball_friction=friction and tuple(friction),
             cushion_height=mpf(table.cushion_height),
             radius=tuple(mpf(r) for r in balls.radius),
+            spheres=balls.shape == "sphere",
             inverse_mass=tuple(mpf(0) if math.isinf(m) else 1 / mpf(m) for m in balls.mass),
             walls=walls_of(table),
             extent=extent,
             pockets=tuple((mpf(p.x), mpf(p.y), mpf(p.radius)) for p in table.pockets),
             tiny=mpf(10) ** -(3 * digits // 5),
         )
+
+    def rise(self, i: int, j: int) -> Real:
+        """Returns the height of ball j's centre above ball i's, m; zero for disks."""
+        return self.radius[j] - self.radius[i] if self.spheres else mpmath.mpf(0)
+
+    def reach(self, i: int, j: int) -> Real:
+        """Returns the horizontal distance of the centres of balls i and j that touch, m (theorem of Pythagoras)."""
+        return mpmath.sqrt((self.radius[i] + self.radius[j]) ** 2 - self.rise(i, j) ** 2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -413,7 +424,7 @@ def _rub(
     velocities: dict[int, Vector],
     spins: dict[int, Vector],
 ) -> None:
-    """Applies the friction of contacts with given normal impulses, in place.
+    """Applies the friction of contacts with given horizontal normal impulses, in place.
 
     The impulses minimise the kinetic energy. They are found one after the other, again and again: that of one contact,
     for given others, is the one that stops its slip or the limit of Coulomb friction in the same direction.
@@ -422,7 +433,10 @@ def _rub(
     balls = {ball for pair in pressing for ball in pair}
     v, w = {k: (*velocities[k], zero) for k in balls}, {k: spins[k] for k in balls}
     push = dict.fromkeys(pressing, (zero,) * 3)
-    normal = {pair: (*normals[pair], zero) for pair in pressing}
+    normal = {}
+    for pair in pressing:  # from centre to centre, in three dimensions
+        line = (*_scale(world.reach(*pair), normals[pair]), world.rise(*pair))
+        normal[pair] = _scale(1 / norm(line), line)
 
     def slip_at(pair: tuple[int, int]) -> Vector:
         i, j = pair
@@ -432,7 +446,10 @@ def _rub(
 
     a, b, c = friction
     speeds = {pair: norm(slip_at(pair)) for pair in pressing}
-    limit = {pair: (a + b * mpmath.exp(-c * speeds[pair])) * pressing[pair] for pair in pressing}
+    limit = {}
+    for pair, horizontal in pressing.items():
+        mu = a + b * mpmath.exp(-c * speeds[pair])
+        limit[pair] = mu * horizontal / norm(normal[pair][:2])
     done = mpmath.mpf(10) ** (10 - mpmath.mp.dps) * max(speeds.values())
     for _ in range(ROUNDS):
         largest = zero

@@ -205,6 +205,8 @@ class _Table:
         self.queue: list[_Prediction] = []
         self.order = itertools.count()
         self.radius = scene.balls.radius
+        n = scene.n_balls
+        self.reach = [[float(self.world.reach(i, j)) for j in range(n)] for i in range(n)]
         self.walls = [in_floats(wall) for wall in self.world.walls]
         self.pockets = [(p.x, p.y, p.radius) for p in scene.table.pockets]
         for i, inverse_mass in enumerate(self.world.inverse_mass):
@@ -273,7 +275,7 @@ class _Table:
                 if j not in done and (segment.moving or self.current[j].moving):
                     a, b = min(i, j), max(i, j)
                     high = self.horizon(a, b)
-                    reach = self.radius[i] + self.radius[j]
+                    reach = self.reach[i][j]
                     self.push_bound(BALL, a, b, contact.possible_pair_contact(motions[i], motion, reach, high))
             if segment.moving:
                 high = self.horizon(i)
@@ -448,7 +450,7 @@ class _Table:
                 pair = (min(a, b), max(a, b))
                 if b == a or pair in pairs:
                     continue
-                reach = self.radius[a] + self.radius[b]
+                reach = self.reach[a][b]
                 if math.dist(motions[a].position, motion.position) > reach * (1 + 1e-9) + 1e-9:
                     continue
                 offset = tuple(
@@ -457,7 +459,7 @@ class _Table:
                         self.current[a].position_at(self.now), self.current[b].position_at(self.now), strict=True
                     )
                 )
-                if laws.norm(offset) - self.world.radius[a] - self.world.radius[b] <= CONTACT_GAP:
+                if laws.norm(offset) - self.world.reach(a, b) <= CONTACT_GAP:
                     pairs.add(pair)
                     if b not in reached:
                         reached.add(b)

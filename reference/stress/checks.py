@@ -29,6 +29,7 @@ from billiards_env.engine.log import (
 from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shots import Shots, empty_shots
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
@@ -135,7 +136,7 @@ def _check_positions(now, rows, phases, scene, xy, found):
         found[OUTSIDE] = max(found[OUTSIDE], out)
         for j in range(i):
             if phases[j] != POTTED:
-                dx, dy, reach = x - xy[j, X], y - xy[j, Y], radius[i] + radius[j]
+                dx, dy, reach = x - xy[j, X], y - xy[j, Y], contact_distance(scene.spheres, radius, i, j)
                 if dx * dx + dy * dy < reach * reach:
                     found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.outline import Corner
+from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
@@ -23,7 +24,7 @@ _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to round
 
 
 @entry_point
-def _scatter(rng, radius, order, half_x, half_y, pockets, outline, frozen, out):
+def _scatter(rng, radius, spheres, order, half_x, half_y, pockets, outline, frozen, out):
     """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
 
     With an outline, balls may be in the mouths of the pockets and in contact with tips.
@@ -51,7 +52,7 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, outline, frozen, out):
                         ex, ey = math.cos(angle), math.sin(angle)
                         if kind < 0.2:
                             ex, ey = (1.0, 0.0) if kind < 0.1 else (0.0, -1.0)
-                        reach = radius[i] + radius[j]
+                        reach = contact_distance(spheres, radius, i, j)
                         x, y = out[shot, j, X] + reach * ex, out[shot, j, Y] + reach * ey
                     if kind > 0.5 and kind < 0.9:
                         x = math.copysign(room_x, x)
@@ -67,7 +68,7 @@ def _scatter(rng, radius, order, half_x, half_y, pockets, outline, frozen, out):
                     good = beyond_outline(x, y, radius[i], outline) <= _FROZEN
                 for before in range(placed):
                     j = order[before]
-                    reach = radius[i] + radius[j] - _FROZEN
+                    reach = contact_distance(spheres, radius, i, j) - _FROZEN
                     dx, dy = x - out[shot, j, X], y - out[shot, j, Y]
                     good = good and math.sqrt(dx * dx + dy * dy) >= reach
                 for k in range(len(pockets)):
@@ -88,7 +89,7 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     arrays = scene_arrays(scene)
     out = np.zeros((m, scene.n_balls, 2))
     half = scene.table.length / 2, scene.table.width / 2
-    found = _scatter(rng, arrays.radius, order, *half, arrays.pockets, arrays.outline, frozen, out)
+    found = _scatter(rng, arrays.radius, arrays.spheres, order, *half, arrays.pockets, arrays.outline, frozen, out)
     return out if found == m else None
 
 

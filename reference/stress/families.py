@@ -82,7 +82,9 @@ def _rolling(scene: Scene) -> Scene:
 
 def _few(scene: Scene, n: int) -> Scene:
     """Returns a scene with its first n balls."""
-    return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:n], scene.balls.mass[:n]))
+    return dataclasses.replace(
+        scene, balls=dataclasses.replace(scene.balls, radius=scene.balls.radius[:n], mass=scene.balls.mass[:n])
+    )
 
 
 def _closed(scene: Scene) -> Scene:

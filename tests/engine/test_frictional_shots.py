@@ -54,12 +54,14 @@ def test_random_shots_have_the_error_of_their_condition(scene):
     assert max(ratios) <= 20.0
 
 
-def test_joint_impacts_agree_with_the_high_precision_simulator():
+@pytest.mark.parametrize("shape", ["disk", "sphere"])
+def test_joint_impacts_agree_with_the_high_precision_simulator(shape):
     """The engine minimises the energy by gradients, the simulator contact by contact."""
     compared = 0
     for seed in range(80):
         mu = (None, 0.05, 0.5)[seed % 3]
-        _, places, rows, pairs, arrays = clusters.drawn(seed, 3 + seed % 5, 0.9, mu, fixed=False)
+        spheres = shape == "sphere"
+        _, places, rows, pairs, arrays = clusters.drawn(seed, 3 + seed % 5, 0.9, mu, fixed=False, spheres=spheres)
         found, count = clusters.collided(places, rows, pairs, arrays)
         if not 2 <= count <= 5:
             continue
@@ -68,7 +70,8 @@ def test_joint_impacts_agree_with_the_high_precision_simulator():
                 break
             found, count = clusters.collided(places, found, pairs, arrays)
         physics = Physics(ball_ball="frictional", cushion="restitution", mu_ball=mu, e_ball=0.9)
-        scene = Scene(Balls(tuple(arrays.radius.tolist()), tuple((1 / arrays.inv_mass).tolist())), physics=physics)
+        radius, mass = tuple(arrays.radius.tolist()), tuple((1 / arrays.inv_mass).tolist())
+        scene = Scene(Balls(radius, mass, shape=shape), physics=physics)
         with mpmath.workdps(40):
             world = World.of(scene, 20)
             v = {k: tuple(map(mpmath.mpf, row[[VX, VY]])) for k, row in enumerate(rows)}

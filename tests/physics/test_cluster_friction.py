@@ -27,10 +27,10 @@ def collide(first, second, nx, ny, closing, rebound, rows, scene):
     return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
 
 
-def arrays_of(e=0.95, mu=None, radius=None, inverse=None):
+def arrays_of(e=0.95, mu=None, radius=None, inverse=None, spheres=False):
     physics = Physics(ball_ball="frictional", cushion="restitution", mu_ball=mu, e_ball=e)
     arrays = scene_arrays(Scene(Balls.uniform(1), physics=physics))
-    return arrays._replace(radius=radius, inv_mass=inverse)
+    return arrays._replace(radius=radius, inv_mass=inverse, spheres=radius if spheres else None)
 
 
 def collided(places, rows, pairs, arrays, rebound=0.0):
@@ -58,19 +58,19 @@ def energy(rows, arrays):
     return 0.5 * float(mass @ (r[:, VX] ** 2 + r[:, VY] ** 2 + 0.4 * rotation))
 
 
-def drawn(seed, n, e, mu, fixed, masses=True):
+def drawn(seed, n, e, mu, fixed, masses=True, spheres=False):
     rng = np.random.default_rng(seed)
     places, inverse, pairs = cluster(rng, n)
     inverse = 10.0 ** rng.uniform(-1, 1, n) if masses else np.full(n, 1 / 0.17)
     if fixed:
         inverse[0] = 0.0
-    radius = rng.uniform(0.02, 0.04, n)
+    radius = rng.uniform(0.02, 0.04, n) if not spheres else 0.1 * 10.0 ** -rng.random(n)
     rows = np.zeros((n, WIDTH))
     moving = (rng.random((n, 1)) < 0.6) & (inverse[:, None] > 0)
     rows[:, VX : VY + 1] = rng.normal(size=(n, 2)) * moving
     rows[:, UX : UY + 1] = rows[:, VX : VY + 1] + rng.normal(size=(n, 2)) * moving
     rows[:, WZ] = rng.normal(size=n) * 30 * moving[:, 0]
-    return rng, places, rows, pairs, arrays_of(e, mu, radius, inverse)
+    return rng, places, rows, pairs, arrays_of(e, mu, radius, inverse, spheres)
 
 
 CASES = {
@@ -79,12 +79,13 @@ CASES = {
     "e": st.floats(0, 1),
     "mu": st.sampled_from([None, 0.06, 0.5, 5.0]),
     "fixed": st.booleans(),
+    "spheres": st.booleans(),
 }
 
 
 @given(**CASES)
-def test_joint_impacts_with_friction_lose_energy_and_keep_momentum(seed, n, e, mu, fixed):
-    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed)
+def test_joint_impacts_with_friction_lose_energy_and_keep_momentum(seed, n, e, mu, fixed, spheres):
+    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed, spheres=spheres)
     found, _ = collided(places, rows, pairs, arrays)
     assert energy(found, arrays) <= energy(rows, arrays) * (1 + 1e-12)
     assert np.array_equal(found[arrays.inv_mass == 0], rows[arrays.inv_mass == 0])
@@ -95,13 +96,14 @@ def test_joint_impacts_with_friction_lose_energy_and_keep_momentum(seed, n, e, m
 
 
 @given(**CASES, rebound=st.sampled_from([0.0, 0.1]))
-def test_joint_impacts_with_friction_have_no_preferred_order_or_side(seed, n, e, mu, fixed, rebound):
-    rng, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed)
+def test_joint_impacts_with_friction_have_no_preferred_order_or_side(seed, n, e, mu, fixed, spheres, rebound):
+    rng, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed, spheres=spheres)
     found, _ = collided(places, rows, pairs, arrays, rebound)
     names, order = rng.permutation(n), rng.permutation(len(pairs))
     back = np.argsort(names)
     renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
-    other = arrays._replace(radius=arrays.radius[names], inv_mass=arrays.inv_mass[names])
+    radius = arrays.radius[names]
+    other = arrays._replace(radius=radius, inv_mass=arrays.inv_mass[names], spheres=radius if spheres else None)
     assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound)[0], found[names])
     for columns, mirror in (([VX, UX, WZ], [-1, 1]), ([VY, UY, WZ], [1, -1])):
         signs = np.ones(WIDTH)
@@ -170,13 +172,13 @@ def test_contacts_without_a_common_ball_have_the_closed_form():
 
 
 @given(**{**CASES, "fixed": st.just(False)})
-def test_friction_dissipates_as_much_as_it_can(seed, n, e, mu, fixed):
+def test_friction_dissipates_as_much_as_it_can(seed, n, e, mu, fixed, spheres):
     """The slips and impulses satisfy the conditions of the minimum: no small change of an impulse lowers the energy."""
-    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed, masses=False)
+    _, places, rows, pairs, arrays = drawn(seed, n, e, mu, fixed, masses=False, spheres=spheres)
     found, count = collided(places, rows, pairs, arrays)
     if not count:
         return
-    smooth = collided(places, rows, pairs, arrays_of(e, 0.0, arrays.radius, arrays.inv_mass))[0]
+    smooth = collided(places, rows, pairs, arrays_of(e, 0.0, arrays.radius, arrays.inv_mass, spheres))[0]
     assert energy(found, arrays) <= energy(smooth, arrays) * (1 + 1e-12)
     if mu == 5.0 and count <= n:  # friction stops the slip unless a normal impulse is zero
         assert energy(found, arrays) < energy(smooth, arrays)

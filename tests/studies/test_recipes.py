@@ -104,7 +104,7 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
             assert (tmp_path / "policies" / name / file).read_bytes() == first.read_bytes()
 
 
-def train_here(asked, jobs):
+def train_here(asked, jobs, address):
     """Trains runs in this process, which is faster for tiny runs than `train_all`."""
     for folder, config in asked.items():
         open_run(config, folder)

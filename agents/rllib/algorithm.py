@@ -1,0 +1,326 @@
+"""PPO on arrays, built from the parts of RLlib's new API stack."""
+
+# pyright: reportMissingImports=false
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+import numpy as np
+import ray
+import torch
+from ray.rllib.algorithms.ppo import PPO, PPOConfig
+from ray.rllib.algorithms.ppo.torch.ppo_torch_learner import PPOTorchLearner
+from ray.rllib.core import DEFAULT_MODULE_ID
+from ray.rllib.core.columns import Columns
+from ray.rllib.core.rl_module.apis import ValueFunctionAPI
+from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+from ray.rllib.core.rl_module.torch import TorchRLModule
+from ray.rllib.env import INPUT_ENV_SINGLE_SPACES, INPUT_ENV_SPACES
+from ray.rllib.env.env_runner import EnvRunner
+from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
+from ray.rllib.policy.sample_batch import MultiAgentBatch, SampleBatch
+from ray.rllib.utils.checkpoints import Checkpointable
+from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, LEARNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.utils import set_random_seed
+from torch import Tensor
+
+from agents.config import ENV_ID, Config
+from agents.ppo import make_env, make_policy, set_std, training_seed
+from agents.rllib.rollouts import Rollouts, compile_engine
+from agents.rllib.settings import Settings
+
+PATIENCE = 600.0
+"""Seconds without any runner after which a training ends with an error."""
+
+_STEPS = (ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME)
+
+_log = logging.getLogger(__name__)
+
+
+class PolicyModule(TorchRLModule, ValueFunctionAPI):
+    """A policy of `agents.ppo` as an RLModule. Its weights are those of the policy, with the prefix "policy."."""
+
+    policy: ActorCriticPolicy
+
+    def setup(self) -> None:
+        """Makes the untrained policy of the configuration, with the same weights in every process."""
+        config = Config.from_dict(self.model_config["recipe"])
+        with torch.random.fork_rng(devices=()):
+            torch.manual_seed(config.seed)
+            self.policy = make_policy(config)
+        set_std(self.policy, config, 0)
+
+    def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:
+        features = self.policy.extract_features(batch[Columns.OBS])
+        latent_pi, latent_vf = self.policy.mlp_extractor(features)
+        return {Columns.ACTION_DIST_INPUTS: latent_pi, Columns.EMBEDDINGS: latent_vf}
+
+    def compute_values(self, batch: dict[str, Any], embeddings: Tensor | None = None) -> Tensor:
+        """Returns the values (m,) of the states of a batch."""
+        if embeddings is None:
+            embeddings = self._forward(batch)[Columns.EMBEDDINGS]
+        return self.policy.value_net(embeddings)[:, 0]
+
+    def get_inference_action_dist_cls(self) -> Any:
+        """Returns an object whose method `from_logits` returns the distribution of the actions."""
+        return _Distributions(self.policy)
+
+
+class _Distributions:
+    """Makes distributions with the names of RLlib's methods from those of Stable-Baselines3."""
+
+    def __init__(self, policy: ActorCriticPolicy, latent: Tensor | None = None) -> None:
+        self.policy, self.latent = policy, latent
+
+    def from_logits(self, latent: Tensor) -> _Distributions:
+        return _Distributions(self.policy, latent)
+
+    def _distribution(self) -> Any:
+        assert self.latent is not None
+        return self.policy._get_action_dist_from_latent(self.latent)
+
+    def logp(self, actions: Tensor) -> Tensor:
+        return self._distribution().log_prob(actions)
+
+    def entropy(self) -> Tensor:
+        return self._distribution().entropy()
+
+
+class PolicyLearner(PPOTorchLearner):
+    """RLlib's PPO with the optimizer of `agents.ppo`. Fixed standard deviations are not trained."""
+
+    def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
+        """Makes Adam for the parameters that are trained."""
+        torch.set_num_threads(1)
+        params = [p for p in self.get_parameters(self._module[module_id]) if p.requires_grad]
+        optimizer = torch.optim.Adam(params, eps=1e-5, fused=True)
+        self.register_optimizer(module_id=module_id, optimizer=optimizer, params=params, lr_or_lr_schedule=config.lr)
+
+
+class ArrayRunner(EnvRunner, Checkpointable):
+    """An EnvRunner that plays one vector environment in one thread and returns arrays, see `Rollouts`.
+
+    RLlib's own runner keeps a Python object for each environment and episode, and needs a step between two episodes.
+    """
+
+    def __init__(self, *, config: Any, **kwargs: Any) -> None:
+        super().__init__(config=config, **kwargs)
+        torch.set_num_threads(1)
+        compile_engine(Config.from_dict(self.config.rl_module_spec.model_config["recipe"]))
+        self.make_module()
+        self.rollouts: Rollouts | None = None
+        if (
+            self.worker_index or not self.config.num_env_runners
+        ):  # the process of the command plays only without runners
+            self.make_env()
+
+    def make_module(self) -> None:
+        """Makes the policy."""
+        self.module = self.config.get_rl_module_spec(spaces=self.get_spaces()).build()
+        self.module.policy.set_training_mode(False)
+
+    def make_env(self) -> None:
+        """Makes the environments of this runner."""
+        recipe = Config.from_dict(self.module.model_config["recipe"])
+        n_envs = self.config.num_envs_per_env_runner
+        self.rollouts = Rollouts(recipe, self.module.policy, n_envs, max(self.worker_index - 1, 0) * n_envs)
+        self.env = self.rollouts.envs
+
+    def sample(self, *, weights: Any, steps: int, seed: bool, **kwargs: Any) -> tuple[int, dict[str, Any], Any]:
+        """Plays a part of a batch.
+
+        Args:
+            weights: The state of the policy module.
+            steps: The number of steps of the training so far.
+            seed: Whether to seed the random generators. A new runner seeds them in any case.
+            kwargs: Not used.
+
+        Returns:
+            The index of this runner, and the result of `Rollouts.play`.
+        """
+        assert self.rollouts is not None
+        self.module.set_state(weights)
+        if seed or not self.rollouts.seeded:
+            self.rollouts.seed(steps)
+        return self.worker_index, *self.rollouts.play(self.config.rollout_fragment_length)
+
+    def get_spaces(self) -> dict[str, Any]:
+        """Returns the spaces of observations and actions, as `(observations, actions)`."""
+        spaces = self.config.observation_space, self.config.action_space
+        return {INPUT_ENV_SPACES: spaces, INPUT_ENV_SINGLE_SPACES: spaces, DEFAULT_MODULE_ID: spaces}
+
+    def get_state(self, *args: Any, **kwargs: Any) -> dict[str, Any]:
+        """Returns an empty state: the weights are in the learners, and `sample` sets them."""
+        return {}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Does nothing, see `get_state`."""
+
+    def get_ctor_args_and_kwargs(self) -> tuple[tuple[()], dict[str, Any]]:
+        """Returns the arguments of the construction."""
+        return (), {"config": self.config}
+
+    def assert_healthy(self) -> None:
+        """Raises an AssertionError if the runner has no environments."""
+        assert self.rollouts is not None
+
+    def stop(self) -> None:
+        """Closes the environments."""
+        if self.rollouts is not None:
+            self.rollouts.envs.close()
+
+
+class ArrayPPO(PPO):
+    """PPO that trains on the arrays of `ArrayRunner`.
+
+    Attributes:
+        seed_next: Whether the next step seeds all random generators. The training then depends only on the weights, the
+            state of the optimizer, and the number of steps.
+        successes: The success of each episode that ended in the last step.
+    """
+
+    seed_next = True
+    successes: Any = np.zeros(0, np.bool_)
+
+    @property
+    def steps(self) -> int:
+        """The number of steps of the training."""
+        return int(self.metrics.peek(_STEPS, default=0))
+
+    def training_step(self) -> None:
+        """Plays a batch, updates the policy with it, and counts its steps."""
+        recipe, steps, seed = (
+            Config.from_dict(self.config.rl_module_spec.model_config["recipe"]),
+            self.steps,
+            self.seed_next,
+        )
+        self.seed_next = False
+
+        def prepare(learner: Any) -> None:
+            set_std(learner.module[DEFAULT_MODULE_ID].unwrapped().policy, recipe, steps)
+            if seed:
+                set_random_seed(training_seed(recipe, steps))
+
+        self.learner_group.foreach_learner(prepare)
+        arrays = self._sample(steps, seed)
+        self.update(arrays, steps)
+        self.metrics.log_value(_STEPS, len(arrays["advantages"]), reduce="lifetime_sum")
+
+    def update(self, arrays: dict[str, Any], steps: int) -> None:
+        """Updates the policy with a batch, which begins after `steps` steps of the training."""
+        gained = arrays["advantages"]
+        normalized = {"advantages": (gained - gained.mean()) / (gained.std() + 1e-8)}
+        # PPO of RLlib also needs the old distributions, for a penalty that is not used here.
+        unused = {Columns.ACTION_DIST_INPUTS: np.zeros((len(gained), 0), np.float32)}
+        batch = SampleBatch({**arrays, **normalized, **unused})
+        results = self.learner_group.update(
+            batch=MultiAgentBatch({DEFAULT_MODULE_ID: batch}, env_steps=len(gained)),
+            timesteps={NUM_ENV_STEPS_SAMPLED_LIFETIME: steps + len(gained)},
+            num_epochs=self.config.num_epochs,
+            minibatch_size=self.config.minibatch_size,
+            shuffle_batch_per_epoch=True,
+        )
+        self.metrics.aggregate(results, key=LEARNER_RESULTS)
+
+    def _sample(self, steps: int, seed: bool) -> dict[str, Any]:
+        """Returns a batch from all runners. Runners that work replace the part of one that does not."""
+        weights, wanted = self.weights(), self.config.total_train_batch_size
+        parts: list[tuple[int, dict[str, Any], Any]] = []
+        if not self.config.num_env_runners:
+            parts.append(self.env_runner.sample(weights=weights, steps=steps, seed=seed))
+        stored, deadline = ray.put(weights), time.monotonic() + PATIENCE
+        while (have := sum(len(part[1]["advantages"]) for part in parts)) < wanted:
+            found = self.env_runner_group.foreach_env_runner(
+                "sample", kwargs={"weights": stored, "steps": steps + have, "seed": seed}, local_env_runner=False
+            )
+            parts += sorted(found, key=lambda part: part[0])
+            if found:
+                deadline = time.monotonic() + PATIENCE
+            elif time.monotonic() > deadline:
+                raise RuntimeError(f"none of the {self.config.num_env_runners} runners has worked for {PATIENCE:.0f} s")
+            seed = False
+            self.restore_env_runners(self.env_runner_group)
+        self.successes = np.concatenate([part[2] for part in parts])
+        return {name: np.concatenate([part[1][name] for part in parts])[:wanted] for name in parts[0][1]}
+
+    def restore_env_runners(self, env_runner_group: Any) -> list[int]:
+        """Uses the replaced runners again and returns their indices. They need no state, see `ArrayRunner.sample`."""
+        return env_runner_group.probe_unhealthy_env_runners()
+
+    def weights(self) -> dict[str, Any]:
+        """Returns the state of the policy module."""
+        return self.learner_group.get_weights()[DEFAULT_MODULE_ID]
+
+    def set_policy(self, policy: ActorCriticPolicy) -> None:
+        """Sets the weights of the policy in all learners."""
+        state = {f"policy.{name}": tensor.numpy() for name, tensor in policy.state_dict().items()}
+        self.learner_group.set_weights({DEFAULT_MODULE_ID: state})
+
+    def read_policy(self, policy: ActorCriticPolicy) -> None:
+        """Sets the weights of a policy to those of the learners."""
+        policy.load_state_dict(
+            {name.removeprefix("policy."): torch.tensor(array) for name, array in self.weights().items()}
+        )
+
+
+def algorithm_config(config: Config, settings: Settings) -> PPOConfig:
+    """Returns RLlib's configuration of a training.
+
+    Args:
+        config: The recipe.
+        settings: The numbers of processes.
+    """
+    p, runners, learners = config.ppo, max(settings.runners, 1), max(settings.learners, 1)
+    env = make_env(config)
+    spaces = env.observation_space, env.action_space
+    env.close()
+    rate = p.learning_rate
+    schedule = rate if p.final_learning_rate is None else [[0, rate], [config.timesteps, p.final_learning_rate]]
+    return (
+        PPOConfig(algo_class=ArrayPPO)
+        .environment(f"billiards_env:{ENV_ID}", observation_space=spaces[0], action_space=spaces[1])
+        .env_runners(
+            env_runner_cls=ArrayRunner,
+            num_env_runners=settings.runners,
+            num_envs_per_env_runner=config.n_envs // runners,
+            gym_env_vectorize_mode="vector_entry_point",
+            rollout_fragment_length=p.n_steps,
+            merge_env_runner_states=False,
+            broadcast_env_runner_states=False,
+        )
+        .learners(num_learners=settings.learners, num_gpus_per_learner=0, learner_class=PolicyLearner)
+        .rl_module(rl_module_spec=RLModuleSpec(module_class=PolicyModule, model_config={"recipe": config.to_dict()}))
+        .training(
+            lr=schedule,
+            train_batch_size_per_learner=config.n_envs * p.n_steps // learners,
+            minibatch_size=p.batch_size // learners,
+            num_epochs=p.n_epochs,
+            clip_param=p.clip_range,
+            use_kl_loss=False,
+            vf_loss_coeff=p.vf_coef,
+            vf_clip_param=float("inf"),
+            entropy_coeff=p.ent_coef,
+            grad_clip=p.max_grad_norm,
+            grad_clip_by="global_norm",
+        )
+        .debugging(seed=config.seed, log_level="ERROR")
+        .fault_tolerance(
+            restart_failed_env_runners=True,
+            delay_between_env_runner_restarts_s=1.0,
+            env_runner_health_probe_timeout_s=0.5,
+        )
+    )
+
+
+def own_runner(n_envs: int) -> SingleAgentEnvRunner:
+    """Returns RLlib's own runner with its own network, for a comparison."""
+    config = (
+        PPOConfig()
+        .environment(f"billiards_env:{ENV_ID}", env_config={"autoreset_mode": "NextStep", "threads": 1})
+        .env_runners(num_envs_per_env_runner=n_envs, gym_env_vectorize_mode="vector_entry_point")
+    )
+    return SingleAgentEnvRunner(config=config, worker_index=1)

@@ -1,0 +1,188 @@
+"""Shots with spheres of different size."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, layouts
+from billiards_env.envs.action_frames import ActionTransform
+from billiards_env.players.pots import pot_shots
+from billiards_env.scene import Balls, Physics, check_positions
+from billiards_env.sensitivity import UNIT_ROUNDOFF
+from billiards_env.simulation import simulate
+from billiards_env.table import Table
+from reference.oracle import run
+from reference.stress import checks, draw
+from tests.engine.test_queues import check
+from tests.engine.test_sensitivity import aimed, differences
+from tests.helpers.shots import check_mirror_images, check_renumbering
+
+UK = Scene.named("uk_pool", 4)
+APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
+"""m. The distance of the cue ball and an object ball that touch."""
+MARBLES = Scene(
+    Balls((0.01, 0.04, 0.02, 0.03), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
+    Table(1.0, 0.8),
+    Physics(ball_ball="frictional", cushion="restitution"),
+)
+
+
+def shot_of(scene, seed):
+    """Returns random positions, and velocities and spins with the cue ball aimed at ball 1."""
+    rng = np.random.default_rng(seed)
+    places = layouts.draw("random", scene, rng)
+    velocities, spins = np.zeros((scene.n_balls, 2)), np.zeros((scene.n_balls, 3))
+    toward = places[1] - places[0] + rng.normal(size=2) * 0.02
+    velocities[0] = toward / np.linalg.norm(toward) * rng.uniform(0.5, 5)
+    spins[0] = rng.normal(size=3) * 30
+    return places, velocities, spins
+
+
+def names(events):
+    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in events]
+
+
+@pytest.mark.parametrize("scene", [UK, MARBLES], ids=["UK pool", "marbles"])
+def test_random_shots_agree_with_the_high_precision_simulator(scene):
+    ratios = []
+    for seed in range(12):
+        places, velocities, spins = shot_of(scene, seed)
+        shot = simulate(scene, places, velocities, spins=spins, record=True)
+        condition = shot.sensitivity().condition
+        if condition > 1e6 or shot.n_events > 30:
+            continue
+        exact = run(scene, places, velocities, spins, digits=40)
+        assert names(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
+        ratios.append(np.abs(shot.positions - np.array(exact.positions, float)).max() / (UNIT_ROUNDOFF * condition))
+    assert len(ratios) >= 6
+    assert np.median(ratios) <= 1.5
+    assert max(ratios) <= 20.0
+
+
+def test_the_named_scene_has_spheres():
+    assert UK.balls.shape == "sphere"
+    assert Scene.from_dict(UK.to_dict()) == UK
+    with pytest.raises(ValueError, match=r"balls\.shape = 'cube': expected one of 'disk', 'sphere'"):
+        dataclasses.replace(UK.balls, shape="cube")
+
+
+def test_balls_collide_at_the_distance_of_spheres():
+    hits = 0
+    for seed in range(10):
+        places, velocities, spins = shot_of(UK, seed)
+        shot = simulate(UK, places, velocities, spins=spins, record=True)
+        for event in shot.events[shot.events["kind"] == "ball_ball"]:
+            i, j = int(event["ball"]), int(event["other"])
+            where = shot.at(float(event["time"]))
+            assert math.dist(where[i], where[j]) == pytest.approx(UK.balls.contact_distances(i)[j], abs=1e-12)
+            hits += i == 0
+    assert hits > 5
+
+
+@pytest.mark.parametrize("fix", ["push_apart", "move_back"])
+def test_pit_moves_balls_to_the_distance_of_spheres(fix):
+    places = np.array([[-0.5, 0.01], [0.0, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    options = {"dt": 0.02, "mode": "pit", "fix": fix, "max_time": 1.0}
+    shot = simulate(UK, places, [1.0, 0.0], record=True, **options)
+    hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+    where = shot.at(float(hit["time"]))
+    tolerance = 1e-14 if fix == "push_apart" else 1e-5  # the paths are curved, and balls are moved back on tangents
+    assert math.dist(where[0], where[1]) == pytest.approx(APART, abs=tolerance)
+
+
+def test_no_fix_of_pit_acts_on_spheres_that_do_not_overlap():
+    gap = 0.5 * (APART + UK.balls.radius[0] + UK.balls.radius[1])
+    places = np.array([[0.0, 0.0], [gap, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    shot = simulate(UK, places, [0.0, 0.5], mode="pit", dt=1e-3, max_time=0.1, record=True)
+    assert "ball_ball" not in shot.events["kind"]
+
+
+def test_spheres_may_be_nearer_than_the_sum_of_their_radii():
+    places = np.array([[0.0, 0.0], [APART, 0.0], [0.5, 0.3], [0.5, -0.3], [0.7, 0.0]])
+    assert np.array_equal(check_positions(UK, places), places)
+    simulate(UK, places, [1.0, 0.0])
+    places[1, 0] = APART - 1e-9
+    for function in (lambda: check_positions(UK, places), lambda: simulate(UK, places, [1.0, 0.0])):
+        with pytest.raises(ValueError, match=r"balls 0 and 1 are .* m apart: expected at least .* at which they touch"):
+            function()
+
+
+@pytest.mark.parametrize("mode", ["pic", "pit"])
+def test_equal_spheres_are_disks_bit_for_bit(mode):
+    disks = Scene.named("real_pool", 4)
+    spheres = dataclasses.replace(disks, balls=dataclasses.replace(disks.balls, shape="sphere"))
+    options = {"mode": "pit", "dt": 1 / 60} if mode == "pit" else {}
+    for seed in range(5):
+        places, velocities, spins = shot_of(disks, seed)
+        a, b = (simulate(scene, places, velocities, spins=spins, **options) for scene in (disks, spheres))
+        assert np.array_equal(a.positions, b.positions)
+        assert a.time == b.time
+
+
+@pytest.mark.parametrize("scene", [UK, MARBLES], ids=["UK pool", "marbles"])
+@pytest.mark.parametrize("mode", ["pic", "pit"])
+def test_shots_mirror_and_have_no_preferred_numbers_bit_for_bit(scene, mode):
+    options = {"mode": "pit", "dt": 1 / 60} if mode == "pit" else {}
+
+    def play(of, places, velocities, spins):
+        return simulate(of, places, velocities, spins=spins, **options)
+
+    for seed in range(8):
+        check_mirror_images(play, scene, *shot_of(scene, seed))
+        if scene is UK:  # the object balls are equal
+            check_renumbering(play, scene, *shot_of(scene, seed), seed)
+
+
+def test_both_queues_are_equal():
+    places, velocities, spins = (np.stack(arrays) for arrays in zip(*(shot_of(UK, k) for k in range(20)), strict=True))
+    check((UK, places, velocities, spins), record=True)
+
+
+@pytest.mark.parametrize("scene", [UK, MARBLES], ids=["UK pool", "marbles"])
+def test_every_event_keeps_the_rules(scene):
+    rng = np.random.default_rng(3)
+    places = draw.layouts(scene, rng, 60, frozen=0.5)
+    assert places is not None
+    found = checks.check_shots(scene, places, rng.normal(size=(60, scene.n_balls, 2)), rng.normal(size=(60, 3)) * 30)
+    assert not found.bad().any()
+    assert found.found[:, checks.OVERLAP].max() <= checks.DEPTH
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_the_sensitivity_is_the_derivative_of_the_final_positions(seed):
+    scene = dataclasses.replace(
+        MARBLES, balls=dataclasses.replace(MARBLES.balls, radius=(0.01, 0.04, 0.02), mass=(0.05, 0.3, 0.1))
+    )
+    places, velocities = aimed(scene, seed)
+    shot = simulate(scene, places, velocities, record=True)
+    assert "ball_ball" in shot.events["kind"]
+    expected, _ = differences(scene, places.tolist(), velocities.tolist(), None)
+    jacobian = shot.sensitivity().jacobian.copy()
+    jacobian[:, :, ~velocities.any(axis=1), 2:] = 0.0
+    np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+
+
+def test_a_cut_is_the_sine_of_the_cut_angle():
+    scene = Scene.named("uk_pool", 1)
+    frame = ActionTransform("cut", scene, np.array([False, True]), 4.0)
+    places = np.array([[-0.3, 0.1], [0.1, -0.05]])
+    for cut in (-0.9, 0.3, 0.999):
+        velocity = frame.velocities([cut, 0.0], places, np.zeros(2, bool))
+        shot = simulate(scene, places, velocity, record=True)
+        assert names(shot.events)[0] == ("ball_ball", 0, 1) or names(shot.events)[1] == ("ball_ball", 0, 1)
+        hit = shot.events[shot.events["kind"] == "ball_ball"][0]
+        where = shot.at(float(hit["time"]))
+        way, line = velocity / np.linalg.norm(velocity), where[1] - where[0]
+        assert (line[1] * way[0] - line[0] * way[1]) / APART == pytest.approx(cut, abs=1e-9)
+
+
+def test_the_geometric_player_pots_with_a_smaller_cue_ball():
+    scene = Scene.named("uk_pool", 1)
+    places = np.array([[0.0, 0.0], [0.6, 0.2]])
+    pots = pot_shots(scene, np.array([False, True]), places, np.zeros(2, bool), 5.0)
+    assert len(pots.direction) > 0
+    for direction, speed in zip(pots.direction, pots.speed, strict=True):
+        shot = simulate(scene, places, speed * direction)
+        assert shot.potted[1]
