@@ -233,7 +233,7 @@ def _pocket(axes: Axes, board: Table, pocket: str, angle: float, offset: float) 
     tail = start + 0.2 * ahead
     axes.plot([tail[0]] * 2, [tail[1], tail[1] + 7.5], color=QUIET, linewidth=0.9, linestyle=(0, (5, 2, 1, 2)))
     axes.add_patch(Arc(tuple(tail.tolist()), 11, 11, theta1=90 + angle, theta2=90, color=INK, linewidth=1.0, zorder=5))
-    axes.text(tail[0] - 0.2, tail[1] + 6.2, "angle", fontsize=8.5, color=INK, ha="right")
+    axes.text(tail[0] + 0.15, tail[1] + 4.5, "angle", fontsize=8.5, color=INK, ha="left")
     axes.set(xlim=(-6.5, 6.5), ylim=(-8.5, 5.0), aspect="equal")
     axes.set_axis_off()
 
