@@ -107,7 +107,8 @@ def find_pots(
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
     ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
     (distance of the centres at contact) cos(cut) / (distance of the cue ball to the ghost ball), to first order
-    (Alciatore, TP 3.4: Margin of error based on distance and cut angle). A speed at which the two balls meet again before the pot is left out.
+    (Alciatore, TP 3.4: Margin of error based on distance and cut angle). A speed at which the two balls meet again
+    before the pot is left out.
 
     Args:
         scene: The scene.
