@@ -81,7 +81,7 @@ KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Float
         Scene.named("real_pool", 9),
         lambda scene, rng: _break(scene, rng, True),
     ),
-    "snooker, 2 object balls": (Scene.named("snooker", 2), _shot),
+    "UK pool, 2 object balls": (Scene.named("uk_pool", 2), _shot),
 }
 
 

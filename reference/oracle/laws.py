@@ -62,7 +62,13 @@ class World:
 
     @classmethod
     def of(cls, scene: Scene, digits: int) -> World:
-        """Returns the constants of a scene in the working precision of the caller."""
+        """Returns the constants of a scene in the working precision of the caller.
+
+        Raises:
+            ValueError: If the cushions have no closed form.
+        """
+        if scene.physics.cushion == "mathavan2010":
+            raise ValueError("physics.cushion = 'mathavan2010': expected cushions with a closed form")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
         names = ("g", "mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion")
         names += ("e_cushion_loss", "e_cushion_onset", "e_cushion_floor", "cushion_frequency_ratio")
@@ -233,7 +239,7 @@ def bounce(world: World, ball: int, n: Vector, velocity: Vector, spin: Vector) -
     if world.cushion == "restitution":
         vn = -_restitution(world, vn) * vn
     else:
-        law = {"han2005": _han, "stronge": _stronge}[world.cushion]  # "mathavan2010" has no closed form
+        law = {"han2005": _han, "stronge": _stronge}[world.cushion]
         vn, vt, wn, wt, wz = law(world, ball, vn, vt, wn, wt, wz)
     return (n[0] * vn + t[0] * vt, n[1] * vn + t[1] * vt), (n[0] * wn + t[0] * wt, n[1] * wn + t[1] * wt, wz)
 

@@ -647,3 +647,9 @@ def test_bad_input_is_refused(velocities, spins, message):
 def test_overlapping_balls_are_refused():
     with pytest.raises(ValueError, match="balls 0 and 1"):
         run(dataclasses.replace(ideal(1.0, 1.0)), [[0.0, 0.0], [R, 0.0]], [1.0, 0.0])
+
+
+def test_cushions_without_a_closed_form_are_refused():
+    scene = Scene.named("snooker", 0)
+    with pytest.raises(ValueError, match="physics.cushion = 'mathavan2010': expected cushions with a closed form"):
+        run(scene, [(0.0, 0.0)], [(1.0, 0.0)])
