@@ -57,7 +57,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(scene):
         assert names(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
         ratios.append(np.abs(shot.positions - np.array(exact.positions, float)).max() / (UNIT_ROUNDOFF * condition))
     assert len(ratios) >= 6
-    assert np.median(ratios) <= 1.5
+    assert np.median(ratios) <= 1.0
     assert max(ratios) <= 20.0
 
 
