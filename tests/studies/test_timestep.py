@@ -295,9 +295,9 @@ def test_a_cut_is_the_action_of_the_frame_cut(seed, a0, a1, name):
     targets = np.array([False, True, name == "pool", True])
     frame = ActionTransform("cut", scene, targets, 4.0)
     velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))
-    found = timestep_measure.cuts(velocity, places, targets, np.array(scene.balls.radius))
+    found = timestep_measure.cuts(velocity, places, targets, scene.balls.contact_distances(0))
     assert found[0] == pytest.approx(a0, abs=1e-9)
-    assert np.isinf(timestep_measure.cuts(-velocity, places, targets, np.array(scene.balls.radius))[0])
+    assert np.isinf(timestep_measure.cuts(-velocity, places, targets, scene.balls.contact_distances(0))[0])
 
 
 @pytest.mark.parametrize("name", ["pot", "mixture", "blocked"])
