@@ -2,22 +2,24 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts
+from billiards_env import Scene, layouts, simulation
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.players.pots import pot_shots
 from billiards_env.scene import Balls, Physics, check_positions
 from billiards_env.sensitivity import UNIT_ROUNDOFF
-from billiards_env.simulation import simulate
 from billiards_env.table import Table
 from reference.oracle import run
 from reference.stress import checks, draw
 from tests.engine.test_queues import check
 from tests.engine.test_sensitivity import aimed, differences
 from tests.helpers.shots import check_mirror_images, check_renumbering
+
+simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
 UK = Scene.named("uk_pool", 4)
 APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
