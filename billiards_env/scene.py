@@ -167,6 +167,7 @@ class Physics:
 
     motion: str = "sliding"
     cushion: str = "han2005"
+    ball_ball: str = "frictionless"
     g: float = 9.81
     mu_slide: float = 0.2
     mu_roll: float = 0.01
@@ -174,14 +175,13 @@ class Physics:
     e_ball: float = 0.95
     e_cushion: float = 0.85
     mu_cushion: float = 0.2
-    max_time: float | None = None
-    ball_ball: str = "frictionless"
     mu_ball: float | None = None
     mu_ball_factor: float = 1.0
     cushion_frequency_ratio: float = 1.8
     e_cushion_loss: float = 0.0
     e_cushion_onset: float = 0.0
     e_cushion_floor: float = 0.0
+    max_time: float | None = None
 
     def __post_init__(self) -> None:
         choose("physics.motion", self.motion, MOTIONS)

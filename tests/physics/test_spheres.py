@@ -66,6 +66,11 @@ def motions(seed, angle):
     return v - np.outer([min(2 * closing, 0.0), 0.0], n), w
 
 
+def _python(kernel: Any) -> Any:
+    """Returns the Python function of a kernel."""
+    return kernel.py_func
+
+
 @given(RADII, RADII)
 def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
     balls = Balls((first, second), (0.1, 0.1), shape="sphere")
@@ -74,14 +79,14 @@ def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
     arrays = scene_arrays(Scene(balls))
     for i in range(2):
         for j in range(2):
-            found = contact_distance.py_func(arrays.spheres, arrays.radius, i, j)
+            found = _python(contact_distance)(arrays.spheres, arrays.radius, i, j)
             assert found == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
 
 
 def test_the_normal_is_inclined():
     arrays = scene_arrays(spheres((0.01, 0.04)))
-    assert tilt_of.py_func(arrays.spheres, 0, 1) == pytest.approx((0.8, 0.6), rel=1e-15)
-    assert tilt_of.py_func(arrays.spheres, 1, 0) == pytest.approx((0.8, -0.6), rel=1e-15)
+    assert _python(tilt_of)(arrays.spheres, 0, 1) == pytest.approx((0.8, 0.6), rel=1e-15)
+    assert _python(tilt_of)(arrays.spheres, 1, 0) == pytest.approx((0.8, -0.6), rel=1e-15)
 
 
 @pytest.mark.parametrize("shape", ["disk", "sphere"])

@@ -651,5 +651,5 @@ def test_overlapping_balls_are_refused():
 
 def test_cushions_without_a_closed_form_are_refused():
     scene = Scene.named("snooker", 0)
-    with pytest.raises(ValueError, match="physics.cushion = 'mathavan2010': expected cushions with a closed form"):
+    with pytest.raises(ValueError, match=r"physics\.cushion = 'mathavan2010': expected cushions with a closed form"):
         run(scene, [(0.0, 0.0)], [(1.0, 0.0)])
