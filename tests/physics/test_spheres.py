@@ -9,14 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics import contact, friction
+from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.friction import tilt_of
 from billiards_env.physics.state import UY, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene
 from tests.physics import test_cluster_friction as clusters
 from tests.physics.test_friction import energy, impact
 
-contact_distance: Any = contact.contact_distance  # untyped, because kernels have a Python function
-tilt_of: Any = friction.tilt_of
 RADII = st.floats(0.02, 0.08)
 
 
