@@ -85,21 +85,20 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_wall(s, radius, end, kind, other, scene):
+def _predict_wall(outline, s, radius, end, kind, other, params):
     """Returns the end, the kind and the other body of a ball's next event, with the cushions."""
-    if scene.outline is not None:
-        t, wall = any_wall_time((s[X], s[Y], s[VX], s[VY], s[AX], s[AY]), radius, end, scene.outline)
-        return (t, BALL_CUSHION, wall) if t < math.inf else (end, kind, other)
-    room_x, room_y = scene.params[HALF_LENGTH] - radius, scene.params[HALF_WIDTH] - radius
-    for k in range(4):
-        sign = 1.0 if k % 2 else -1.0
-        if k < 2:
-            t = line_time(room_x - sign * s[X], sign * s[VX], sign * s[AX], end)
-        else:
-            t = line_time(room_y - sign * s[Y], sign * s[VY], sign * s[AY], end)
-        if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
-            end, kind, other = t, BALL_CUSHION, k
-    return end, kind, other
+    if outline is None:
+        for k in range(4):
+            sign = 1.0 if k % 2 else -1.0
+            if k < 2:
+                t = line_time(params[HALF_LENGTH] - radius - sign * s[X], sign * s[VX], sign * s[AX], end)
+            else:
+                t = line_time(params[HALF_WIDTH] - radius - sign * s[Y], sign * s[VY], sign * s[AY], end)
+            if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
+                end, kind, other = t, BALL_CUSHION, k
+        return end, kind, other
+    t, wall = any_wall_time((s[X], s[Y], s[VX], s[VY], s[AX], s[AY]), radius, end, outline)
+    return (t, BALL_CUSHION, wall) if t < math.inf else (end, kind, other)
 
 
 @kernel
@@ -117,7 +116,7 @@ def _predict_single(i, state, scene, singles):
     elif phase == ROLLING:
         kind = ROLLING_REST
     if phase >= ROLLING:
-        end, kind, other = _predict_wall(s, scene.radius[i], end, kind, other, scene)
+        end, kind, other = _predict_wall(scene.outline, s, scene.radius[i], end, kind, other, scene.params)
         for k in range(len(scene.pockets)):
             pocket = scene.pockets[k]
             dx, dy = pocket[POCKET_X] - s[X], pocket[POCKET_Y] - s[Y]

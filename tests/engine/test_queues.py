@@ -11,20 +11,10 @@ from billiards_env import Scene
 from billiards_env.engine import modes, pic
 from billiards_env.scene import Balls, Physics
 from billiards_env.table import Table
-from reference import plain
 from reference.stress import draw, families
-from tests.helpers.engine_runs import run
+from tests.helpers.queues import CELL_GRID, check
 
-CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
 ORDINARY = [name for name in families.FAMILIES if not name.startswith("wild")]
-
-
-def check(shots, engines=(CELL_GRID, PLAIN), **options):
-    """Checks that these engines have the same results and logs as `pic.run_shots`."""
-    expected = run(pic.run_shots, shots, **options)
-    for engine in engines:
-        for found, array in zip(run(engine, shots, **options), expected, strict=True):
-            assert np.array_equal(found, array)
 
 
 def lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):

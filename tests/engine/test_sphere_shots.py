@@ -15,8 +15,8 @@ from billiards_env.sensitivity import UNIT_ROUNDOFF
 from billiards_env.table import Table
 from reference.oracle import run
 from reference.stress import checks, draw
-from tests.engine.test_queues import check
-from tests.engine.test_sensitivity import aimed, differences
+from tests.helpers.derivatives import aimed, differences
+from tests.helpers.queues import check
 from tests.helpers.shots import check_mirror_images, check_renumbering
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type

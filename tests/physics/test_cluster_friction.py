@@ -13,7 +13,7 @@ from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
-from tests.physics.test_clusters import cluster, triangle
+from tests.helpers.clusters import cluster, triangle
 
 
 @entry_point

@@ -275,7 +275,9 @@ def test_a_stiff_cushion_without_slip_is_restitution():
 
 
 LAWS = ["han2005", "stronge", "mathavan2010"]
-STATES = st.tuples(st.floats(0.01, 5), st.floats(-5, 5), *[st.floats(-5, 5)] * 3)
+# A square of a smaller number may underflow.
+SPEEDS = st.floats(-5, 5).map(lambda v: v if abs(v) > 1e-100 else 0.0)
+STATES = st.tuples(st.floats(0.01, 5), SPEEDS, *[SPEEDS] * 3)
 
 
 def energy(vn, vt, un, ut, rwz):

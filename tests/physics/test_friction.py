@@ -8,56 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.friction import friction_coefficient
-from billiards_env.physics.jit import entry_point
-from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
+from billiards_env.physics.state import UX, UY, VX, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene
+from tests.helpers.impacts import collide_pair, energy, impact, rows_of
 
 R = 0.028575
 SLOW, MEDIUM, FAST = 0.447, 1.341, 3.129  # m/s
 LAW = Physics(ball_ball="frictional")
 MU = scene_arrays(Scene(Balls.uniform(1), physics=LAW)).ball_friction
-
-
-@entry_point
-def collide_pair(rows, nx, ny, closing, rebound, scene):
-    """Runs `exchange` on balls 0 and 1 with these rows."""
-    scene = SceneArrays(*scene)
-    contacts = empty_contacts(1)
-    contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0] = 0, 1, closing, rebound
-    contacts.nx[0], contacts.ny[0] = nx, ny
-    state = State(rows, np.zeros(len(rows), np.int8))
-    return exchange(1, contacts, state, scene, empty_scratch(len(rows), 1, scene.ball_friction))
-
-
-def rows_of(velocities, spins, radius):
-    """Returns state rows of balls with velocities (n, 2), m/s, and spins (n, 3), rad/s."""
-    rows = np.zeros((len(velocities), WIDTH))
-    rows[:, [VX, VY]] = velocities
-    rows[:, UX] = rows[:, VX] - radius * spins[:, 1]
-    rows[:, UY] = rows[:, VY] + radius * spins[:, 0]
-    rows[:, WZ] = spins[:, 2]
-    return rows
-
-
-def motion_of(rows, radius):
-    """Returns the velocities (n, 2) and the spins (n, 3) of state rows."""
-    spins = np.stack([(rows[:, UY] - rows[:, VY]) / radius, (rows[:, VX] - rows[:, UX]) / radius, rows[:, WZ]], 1)
-    return rows[:, [VX, VY]], spins
-
-
-def impact(velocities, spins, angle, scene, rebound=0.0):
-    """Returns velocities and spins after the impact of two balls whose normal has this angle in degrees."""
-    radius = np.array(scene.balls.radius)
-    velocities, spins = np.array(velocities, float), np.array(spins, float)
-    rows = rows_of(velocities, spins, radius)
-    n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-    closing = (velocities[0] - velocities[1]) @ n
-    assert closing >= 0
-    collide_pair(rows, n[0], n[1], closing, rebound, tuple(scene_arrays(scene)))
-    return motion_of(rows, radius)
 
 
 def pool(count=2, **physics):
@@ -82,13 +41,6 @@ def three_dimensional(velocities, spins, angle, scene):
     after = [v[0] + (t - normal * n) * inverse[0], v[1] - (t - normal * n) * inverse[1]]
     spun = [w[k] + 2.5 * inverse[k] / radius[k] * np.cross(n, t) for k in range(2)]
     return np.array(after)[:, :2], np.array(spun)
-
-
-def energy(velocities, spins, scene):
-    mass, radius = np.array(scene.balls.mass), np.array(scene.balls.radius)
-    finite = np.isfinite(mass)
-    total = (velocities**2).sum(1) + 0.4 * radius**2 * (spins**2).sum(1)
-    return 0.5 * (mass[finite] * total[finite]).sum()
 
 
 @pytest.mark.parametrize(

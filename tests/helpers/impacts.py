@@ -1,0 +1,57 @@
+"""Impacts of two balls."""
+
+import math
+
+import numpy as np
+
+from billiards_env.engine.modes import scene_arrays
+from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.jit import entry_point
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
+
+
+@entry_point
+def collide_pair(rows, nx, ny, closing, rebound, scene):
+    """Runs `exchange` on balls 0 and 1 with these rows."""
+    scene = SceneArrays(*scene)
+    contacts = empty_contacts(1)
+    contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0] = 0, 1, closing, rebound
+    contacts.nx[0], contacts.ny[0] = nx, ny
+    state = State(rows, np.zeros(len(rows), np.int8))
+    return exchange(1, contacts, state, scene, empty_scratch(len(rows), 1, scene.ball_friction))
+
+
+def rows_of(velocities, spins, radius):
+    """Returns state rows of balls with velocities (n, 2), m/s, and spins (n, 3), rad/s."""
+    rows = np.zeros((len(velocities), WIDTH))
+    rows[:, [VX, VY]] = velocities
+    rows[:, UX] = rows[:, VX] - radius * spins[:, 1]
+    rows[:, UY] = rows[:, VY] + radius * spins[:, 0]
+    rows[:, WZ] = spins[:, 2]
+    return rows
+
+
+def motion_of(rows, radius):
+    """Returns the velocities (n, 2) and the spins (n, 3) of state rows."""
+    spins = np.stack([(rows[:, UY] - rows[:, VY]) / radius, (rows[:, VX] - rows[:, UX]) / radius, rows[:, WZ]], 1)
+    return rows[:, [VX, VY]], spins
+
+
+def impact(velocities, spins, angle, scene, rebound=0.0):
+    """Returns velocities and spins after the impact of two balls whose normal has this angle in degrees."""
+    radius = np.array(scene.balls.radius)
+    velocities, spins = np.array(velocities, float), np.array(spins, float)
+    rows = rows_of(velocities, spins, radius)
+    n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+    closing = (velocities[0] - velocities[1]) @ n
+    assert closing >= 0
+    collide_pair(rows, n[0], n[1], closing, rebound, tuple(scene_arrays(scene)))
+    return motion_of(rows, radius)
+
+
+def energy(velocities, spins, scene):
+    mass, radius = np.array(scene.balls.mass), np.array(scene.balls.radius)
+    finite = np.isfinite(mass)
+    total = (velocities**2).sum(1) + 0.4 * radius**2 * (spins**2).sum(1)
+    return 0.5 * (mass[finite] * total[finite]).sum()

@@ -1,0 +1,19 @@
+"""Comparison of the queues of PIC."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from billiards_env.engine import pic
+from reference import plain
+from tests.helpers.engine_runs import run
+
+CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
+
+
+def check(shots, engines=(CELL_GRID, PLAIN), **options):
+    """Checks that these engines have the same results and logs as `pic.run_shots`."""
+    expected = run(pic.run_shots, shots, **options)
+    for engine in engines:
+        for found, array in zip(run(engine, shots, **options), expected, strict=True):
+            assert np.array_equal(found, array)
