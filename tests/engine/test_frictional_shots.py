@@ -13,7 +13,7 @@ from billiards_env.sensitivity import UNIT_ROUNDOFF
 from billiards_env.simulation import simulate
 from reference.oracle import laws, run
 from reference.oracle.laws import World
-from tests.physics import test_cluster_friction as clusters
+from tests.helpers import rubbing_clusters as clusters
 
 FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.5, "e_cushion_floor": 0.6}
 

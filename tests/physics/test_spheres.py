@@ -13,8 +13,8 @@ from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.friction import tilt_of
 from billiards_env.physics.state import UY, VY, WZ
 from billiards_env.scene import Balls, Physics, Scene
+from tests.helpers import rubbing_clusters as clusters
 from tests.helpers.impacts import energy, impact
-from tests.physics import test_cluster_friction as clusters
 
 RADII = st.floats(0.02, 0.08)
 
