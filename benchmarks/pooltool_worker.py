@@ -15,7 +15,7 @@ import attrs  # pyright: ignore[reportMissingImports]
 import numpy as np
 import pooltool as pt  # pyright: ignore[reportMissingImports]
 from pooltool.evolution.continuous import interpolate_ball_states  # pyright: ignore[reportMissingImports]
-from pooltool.objects import BilliardTableSpecs  # pyright: ignore[reportMissingImports]
+from pooltool.objects import BilliardTableSpecs, PocketTableSpecs  # pyright: ignore[reportMissingImports]
 from pooltool.physics.engine import PhysicsEngine  # pyright: ignore[reportMissingImports]
 from pooltool.physics.resolve.ball_ball.frictionless_elastic import (  # pyright: ignore[reportMissingImports]
     FrictionlessElastic,
@@ -36,11 +36,12 @@ def run(shot: dict[str, Any]) -> dict[str, Any]:
     """Runs a shot.
 
     Args:
-        shot: `table`, the arguments of `BilliardTableSpecs`, with the laws `SMOOTH`, or None for pooltool's own table
-            with jaws and pockets, with the laws `REAL`; `ball`, the arguments of `BallParams`; `positions`,
-            (n, 2) m; `velocity` of the cue ball, (2,) m/s; `time` of the returned positions, s, or None for the
-            end; `gap`, the distance to which pooltool moves balls at a contact, m; and `max_events`, after which the
-            shot stops. The frame is that of pooltool: the origin is a corner, and y is along the length.
+        shot: `jaws`, whether the table is pooltool's own with jaws and pockets, with the laws `REAL`, or one without
+            pockets, with the laws `SMOOTH`; `table`, the arguments of `PocketTableSpecs` or `BilliardTableSpecs`;
+            `ball`, the arguments of `BallParams`; `positions`, (n, 2) m; `velocity` of the cue ball, (2,) m/s; `time`
+            of the returned positions, s, or None for the end; `gap`, the distance to which pooltool moves balls at a
+            contact, m; and `max_events`, after which the shot stops. The frame is that of pooltool: the origin is a
+            corner, and y is along the length.
 
     Returns:
         `seconds`, the run time; `finished`, whether all balls are at rest; and `positions`, or None if the shot stopped
@@ -54,12 +55,12 @@ def run(shot: dict[str, Any]) -> dict[str, Any]:
         balls[ball.id] = ball
     balls["0"].state.rvw[1, :2] = shot["velocity"]
     balls["0"].state.s = pt.constants.sliding
-    plain = shot["table"] is not None
-    table = pt.Table.from_table_specs(BilliardTableSpecs(**shot["table"])) if plain else pt.Table.default()
+    specs, engine = (PocketTableSpecs, REAL) if shot["jaws"] else (BilliardTableSpecs, SMOOTH)
+    table = pt.Table.from_table_specs(specs(**shot["table"]))
     system = pt.System(cue=pt.Cue(cue_ball_id="0"), table=table, balls=balls)
     pt.constants.MIN_DIST = shot["gap"]
     begin = perf_counter()
-    pt.simulate(system, engine=SMOOTH if plain else REAL, inplace=True, max_events=shot["max_events"])
+    pt.simulate(system, engine=engine, inplace=True, max_events=shot["max_events"])
     seconds = perf_counter() - begin
     finished, time = len(system.events) <= shot["max_events"], shot["time"]
     if not finished and (time is None or time > system.t):

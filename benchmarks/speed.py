@@ -27,7 +27,7 @@ import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env import layouts
 from billiards_env.engine import STATUS
-from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate, simulate_batch
@@ -79,7 +79,7 @@ def random_shots(name: str, scene: Scene, count: int) -> Case:
     """Returns random layouts with the velocities of random actions of the environment."""
     rng = np.random.default_rng(0)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
-    velocities = np.array([cue_velocity(action, MAX_SPEED) for action in rng.uniform(-1, 1, (count, 2))])
+    velocities = np.array([cue_strike(action, scene, MAX_SPEED).velocity for action in rng.uniform(-1, 1, (count, 2))])
     return Case(name, scene, positions, velocities)
 
 

@@ -3,6 +3,7 @@
 Importing the package registers `Billiards-v0` with Gymnasium. The engine and numba are imported on first use.
 """
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -11,10 +12,11 @@ from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
     from billiards_env.simulation import simulate, simulate_batch
+    from billiards_env.strikes import strike
 
 __version__ = "0.1.0"
 
-__all__ = ["Scene", "__version__", "simulate", "simulate_batch"]
+__all__ = ["Scene", "__version__", "simulate", "simulate_batch", "strike"]
 
 gymnasium.register(
     id="Billiards-v0",
@@ -23,12 +25,14 @@ gymnasium.register(
 )
 
 
-def __getattr__(name: str) -> Any:
-    if name not in ("simulate", "simulate_batch"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from billiards_env import simulation
+_MODULES = {"simulate": "simulation", "simulate_batch": "simulation", "strike": "strikes"}
+"""The modules of the functions that are imported on first use."""
 
-    return getattr(simulation, name)
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"billiards_env.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -52,10 +52,14 @@ RANGES: dict[str, Range] = {
     "speed_loss": Range(0.0, 100.0, "s/m", "0 for no loss; about 0.1 for a cushion"),
     "onset": Range(0.0, MAX_SPEED, "m/s", "as speed"),
     "restitution": Range(0.0, 1.0, "", "an impact does not add energy"),
+    "miscue_offset": Range(1e-3, 1.0, "ball radii", "1 at the edge of the ball; 0.5 to 0.55 with chalk"),
     "max_time": Range(1e-9, 1e12, "s", "up to 30,000 years; above 0, so the shot advances"),
     "balls": Range(1, 100_000, "", "the check of the positions compares all pairs"),
     # A shot
     "speed": Range(-MAX_SPEED, MAX_SPEED, "m/s", "each component; the hardest breaks reach 16 m/s"),
+    "heading": Range(-10.0, 10.0, "rad", "more than a full turn both ways"),
+    "tip_offset": Range(-1.0, 1.0, "ball radii", "1 at the edge of the ball"),
+    "elevation": Range(0.0, np.pi / 2, "rad", "from a level to a vertical cue"),
     "spin": Range(-MAX_SPIN, MAX_SPIN, "rad/s", "each component; a ball that rolls at 16 m/s has 600 rad/s"),
     "limit": Range(0.0, 1e12, "s", "as max_time, but a shot may end at its start"),
     "dt": Range(1e-9, 1e6, "s", "a micrometre of motion at 1000 m/s; no shot takes 1e6 s"),
@@ -68,6 +72,7 @@ RANGES: dict[str, Range] = {
     "scratch_penalty": Range(0.0, 1e6, "", "a shot scores only a few points"),
     "angle_std": Range(0.0, 360.0, "degrees", "up to a full turn"),
     "speed_std": Range(0.0, MAX_SPEED, "m/s", "as speed"),
+    "offset_std": Range(0.0, 1.0, "m", "far more than a ball"),
     # A picture
     "frame_width": Range(160, 7680, "pixels", "from the smallest readable picture to 8K"),
     "fps": Range(1e-3, 1e3, "frames per second", "more than any screen shows"),

@@ -30,6 +30,11 @@ snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010)
                                        docs/validation.md; not below 0.6, the least of Alciatore (2004)
                        mu_ball 0.05,   Mathavan, Jackson and Parkin (2014)
                        spin_decay 22
+cue.mass               0.538 kg        Alciatore (2008), TP A.30: 19 oz
+cue.tip_restitution    0.73            Alciatore (2008), TP A.30: 0.71 to 0.75 for leather, 0.81 to 0.87 for phenolic
+cue.end_mass           0.0084 kg       Alciatore (2008), TP A.31: 1/20.2 of a ball for an ordinary cue
+cue.miscue_offset      0.5             Alciatore (2006), TP 2.1: 0.50 to 0.55 with chalk
+snooker cue            0.478 kg        the simulator pooltool 0.6
 UK object ball         0.0254 m,       WEPF: 2 in across, 116 g
                        0.116 kg
 UK cue ball            0.0238125 m,    WEPF: 1 7/8 in across, 94 g
@@ -221,6 +226,28 @@ class Physics:
                 )
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class Cue:
+    """The cue.
+
+    Attributes:
+        mass: Mass, kg.
+        tip_restitution: Restitution of the tip on the ball in a central impact, 0 to 1.
+        end_mass: Mass of the end of the shaft that moves sideways with the ball, kg. It pushes the ball away from the
+            side on which the tip hits it (squirt).
+        miscue_offset: Distance of the tip from the ball's centre above which the tip slips, in ball radii.
+    """
+
+    mass: float = 0.538
+    tip_restitution: float = 0.73
+    end_mass: float = 0.0084
+    miscue_offset: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self, "cue", mass="mass", end_mass="mass", tip_restitution="restitution")
+        check_fields(self, "cue", miscue_offset="miscue_offset")
+
+
 def ball_friction(physics: Physics) -> tuple[float, float, float]:
     """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
     a, b, c = MARLOW if physics.mu_ball is None else (physics.mu_ball, 0.0, 0.0)
@@ -229,22 +256,24 @@ def ball_friction(physics: Physics) -> tuple[float, float, float]:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scene:
-    """Balls, a table and physics; the module's docstring lists the defaults.
+    """Balls, a table, physics and a cue; the module's docstring lists the defaults.
 
     Attributes:
         balls: The balls.
         table: The table.
         physics: The laws and their constants.
+        cue: The cue.
     """
 
     balls: Balls
     table: Table = Table()
     physics: Physics = Physics()
+    cue: Cue = Cue()
 
     def __post_init__(self) -> None:
         if isinstance(self.balls, str):
             raise TypeError(f"scene.balls = {self.balls!r}: expected a Balls; Scene.named(name) returns a named scene")
-        for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics)):
+        for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics), ("cue", Cue)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"scene.{name} = {short(getattr(self, name))}: expected a {kind.__name__}")
         radius = max(self.balls.radius)
@@ -252,6 +281,14 @@ class Scene:
         if widest > min(self.table.length, self.table.width) or _room(self.table, radius) is None:
             raise ValueError(
                 f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
+            )
+        # The tip leaves the ball only if the energy that the impact loses is less than the energy of the approach.
+        ratio, spin = self.balls.mass[0] / self.cue.mass, 2.5 * self.cue.miscue_offset**2
+        least = math.sqrt(spin / (1.0 + ratio + spin))
+        if self.cue.tip_restitution < least:
+            raise ValueError(
+                f"cue.tip_restitution = {self.cue.tip_restitution!r}: expected at least {least:.4g}, so that the tip "
+                f"leaves the ball at the miscue_offset {self.cue.miscue_offset!r}"
             )
         if self.physics.cushion != "restitution":
             for i, radius in enumerate(self.balls.radius):
@@ -328,8 +365,8 @@ class Scene:
 
         Args:
             data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
-                `Table` and `Physics`. Fields with a default are optional. An infinite mass may be written "inf". The
-                table may be a name of `Table.named`.
+                `Table`, `Physics` and `Cue`. Fields with a default are optional. An infinite mass may be written "inf".
+                The table may be a name of `Table.named`.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
@@ -353,6 +390,8 @@ class Scene:
         fields["balls"] = Balls(**balls)
         if "physics" in fields:
             fields["physics"] = Physics(**fields_of(Physics, "scene.physics", fields["physics"]))
+        if "cue" in fields:
+            fields["cue"] = Cue(**fields_of(Cue, "scene.cue", fields["cue"]))
         return cls(**fields)
 
     def to_dict(self) -> dict[str, Any]:
@@ -414,6 +453,9 @@ def _pooltool_carom(n_balls: int) -> Scene:
     return dataclasses.replace(_carom(n_balls), physics=physics)
 
 
+# The cue of pooltool 0.6, which has an elastic tip and no miscues
+_POOLTOOL_CUE = Cue(mass=0.567, tip_restitution=1.0, end_mass=0.0056699, miscue_offset=1.0)
+
 # The physics of the scenes with the cushions of real tables
 _REAL = Physics(ball_ball="frictional", cushion="stronge")
 
@@ -445,7 +487,7 @@ def _snooker(n_balls: int) -> Scene:
         mu_slide=0.212,
         spin_decay=22.0,
     )
-    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), physics)
+    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), physics, Cue(mass=0.478))
 
 
 def _uk_pool(n_balls: int) -> Scene:
@@ -455,11 +497,12 @@ def _uk_pool(n_balls: int) -> Scene:
 
 
 def _pooltool_real_carom(n_balls: int) -> Scene:
-    return dataclasses.replace(_carom(n_balls), physics=_pooltool_real(_CAROM_RADIUS, 0.15))
+    return dataclasses.replace(_carom(n_balls), physics=_pooltool_real(_CAROM_RADIUS, 0.15), cue=_POOLTOOL_CUE)
 
 
 def _pooltool_pool(n_balls: int) -> Scene:
-    return Scene(Balls.uniform(n_balls), Table.named("pool_7ft"), _pooltool_real(POOL_RADIUS, 0.2))
+    physics = _pooltool_real(POOL_RADIUS, 0.2)
+    return Scene(Balls.uniform(n_balls), Table.named("pool_7ft"), physics, _POOLTOOL_CUE)
 
 
 def _sum_to_three(n_balls: int) -> Scene:

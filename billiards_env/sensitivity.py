@@ -1,9 +1,9 @@
 """The derivative of a shot's positions with respect to its start, propagated through flights and events.
 
 Each ball has a tangent: the derivative of its state (x, y, vx, vy, ux, uy, wz) at a fixed time with respect to the
-initial positions and velocities of all balls. A flight changes it by the derivative of the law of motion, an event by
-the saltation matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is propagated to
-the time of the perturbed event, through the derivative of the jump there, and back to the fixed time.
+initial positions, velocities and spins of all balls. A flight changes it by the derivative of the law of motion, an
+event by the saltation matrix (Aizerman and Gantmakher 1958; Leine and Nijmeijer 2004, section 7.5): the tangent is
+propagated to the time of the perturbed event, through the derivative of the jump there, and back to the fixed time.
 
 The derivative is computed on demand, from the log of a recorded shot.
 """
@@ -70,6 +70,7 @@ UNIT_ROUNDOFF = 2.0**-53
 # The tangent's rows.
 _R, _V, _U, _WZ = slice(0, 2), slice(2, 4), slice(4, 6), 6
 _SIZE = 7
+_INPUTS = 7  # x, y, vx, vy, wx, wy, wz
 # The columns of a state row in the order of the tangent's rows.
 _COLUMNS = [X, Y, VX, VY, UX, UY, WZ]
 
@@ -79,8 +80,8 @@ class Sensitivity:
     """The derivative of a shot's positions with respect to its start.
 
     Attributes:
-        jacobian: (n, 2, n, 4) float64: of ball i's position with respect to ball j's initial (x, y, vx, vy), at
-            constant initial spins.
+        jacobian: (n, 2, n, 7) float64: of ball i's position with respect to ball j's initial (x, y, vx, vy, wx, wy,
+            wz), in m, m/s and rad/s.
         time: The time of the positions, s.
         smooth: Whether the positions depend smoothly on the start up to that time. They do not if several balls meet
             at one instant or the contact-time rule acts. The jacobian then treats impacts at one instant as
@@ -97,7 +98,7 @@ class Sensitivity:
 
 
 class _Ball(NamedTuple):
-    """A ball's row of the trajectory, its phase and its tangent, (7, 4 n)."""
+    """A ball's row of the trajectory, its phase and its tangent, (7, 7 n)."""
 
     row: Floats
     phase: int
@@ -120,16 +121,21 @@ def sensitivity_along(
     """
     params, n = arrays.params, len(arrays.radius)
     balls: list[_Ball] = []
-    scale = np.empty((n, 4))
+    scale = np.zeros((n, _INPUTS))
     for i in range(n):
         row, phase = trajectory.rows[i], int(trajectory.phase[i])
-        tangent = np.zeros((_SIZE, n, 4))
+        tangent, radius = np.zeros((_SIZE, n, _INPUTS)), arrays.radius[i]
+        scale[i, :4] = np.abs(row[_COLUMNS[:4]])
         if phase != POTTED:
             for k in range(4):
                 tangent[k, i, k] = 1.0
-            if params[MOTION] == SLIDING_AND_ROLLING:
-                tangent[4, i, 2] = tangent[5, i, 3] = 1.0  # slip = velocity + terms of the spin
-        scale[i] = np.abs(row[_COLUMNS[:4]])
+        if phase != POTTED and params[MOTION] == SLIDING_AND_ROLLING:
+            # The slip is (vx - R wy, vy + R wx).
+            tangent[_U, i, 2:4] = np.eye(2)
+            tangent[_U, i, 4:6] = (0.0, -radius), (radius, 0.0)
+            tangent[_WZ, i, 6] = 1.0
+            slip, velocity = row[[UX, UY]], row[[VX, VY]]
+            scale[i, 4:] = np.abs((*((slip - velocity)[::-1] / radius), row[WZ]))
         balls.append(_Ball(row, phase, tangent.reshape(_SIZE, -1)))
     smooth = True
     piece, previous = n, math.nan  # the next piece of the trajectory; the time of the last impact
@@ -156,7 +162,7 @@ def sensitivity_along(
             piece += len(concerned)
             event += 1
         end = Time(float(time), 0.0)
-        jacobian = np.stack([_fly(ball, end, params).tangent[_R] for ball in balls]).reshape(n, 2, n, 4)
+        jacobian = np.stack([_fly(ball, end, params).tangent[_R] for ball in balls]).reshape(n, 2, n, _INPUTS)
         scaled = (jacobian * scale).reshape(n, 2, -1)
         yield Sensitivity(jacobian, float(time), smooth, float(np.linalg.norm(scaled, 2, axis=(1, 2)).max()))
 

@@ -139,7 +139,7 @@ class ShotResult:
         return self.trajectory.at(min(float(t), self.time))
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
-        """Returns the derivative of the positions at time t with respect to the initial positions and velocities.
+        """Returns the derivative of the positions at time t with respect to the initial state of the balls.
 
         Args:
             t: Seconds since the start of the shot; None for its end.

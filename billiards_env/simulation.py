@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import flag, numbers, whole
+from billiards_env.checks import flag, numbers, short, whole
 from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
@@ -16,12 +16,13 @@ from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shot import ShotResult, read_log
+from billiards_env.strikes import Strike
 
 
 def simulate(
     scene: Scene,
     positions: ArrayLike,
-    velocities: ArrayLike,
+    velocities: ArrayLike | Strike,
     *,
     mode: str = "pic",
     dt: float | None = None,
@@ -37,12 +38,13 @@ def simulate(
     Args:
         scene: Table, balls and physics.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
-        velocities: (n, 2) m/s, or (2,) for the cue ball alone.
+        velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`.
         mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: The timestep of "pit", s; None for "pic".
         fix: The treatment of overlaps in "pit": "push_apart" (its default), "move_back" or "none", see `engine.pit`;
             None for "pic".
-        spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero.
+        spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
+            which has a spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
         record: Whether to record the events and trajectories.
         max_time: Time at which the shot ends, s; None for the limit of the scene.
@@ -71,8 +73,17 @@ def simulate(
     positions = numbers("positions", positions)
     if positions.ndim != 2:
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
-    checked = check_shot(scene, positions, velocities, spins, in_play, max_time)
+    checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
     return run_shot(scene, checked, mode, dt, fix, record, max_events)
+
+
+def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[ArrayLike, ArrayLike | None]:
+    """Returns the velocities and spins of `simulate`, those of a `Strike` if there is one."""
+    if not isinstance(velocities, Strike):
+        return velocities, spins
+    if spins is not None:
+        raise ValueError(f"spins = {short(spins)} with a Strike: expected None, the strike has a spin")
+    return velocities.velocity, velocities.spin
 
 
 def run_shot(
@@ -179,7 +190,7 @@ def _spread_of(values: NDArray[Any]) -> str:
 def simulate_batch(
     scene: Scene,
     positions: ArrayLike,
-    velocities: ArrayLike,
+    velocities: ArrayLike | Strike,
     *,
     mode: str = "pic",
     dt: float | None = None,
@@ -195,11 +206,11 @@ def simulate_batch(
     Args:
         scene: Table, balls and physics.
         positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
-        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone.
+        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
-        spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero.
+        spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
         max_events: As in `simulate`, for each shot.
@@ -229,7 +240,7 @@ def simulate_batch(
         whole("threads", threads, "threads")
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
-    limit = check_shot(scene, positions, velocities, spins, in_play, max_time, shots, threads).limit
+    limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
     engine, arrays, plain = engine_of(mode, scene.n_balls), tuple(scene_arrays(scene, dt, fix)), tuple(shots)
     spread(lambda begin, end: engine(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict()

@@ -28,7 +28,7 @@ from agents.evaluate import deterministic
 from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.actions import cue_strike
 from billiards_env.simulation import simulate
 from studies.causes import CAUSES, cause
 
@@ -194,7 +194,7 @@ def _causes(
     """Returns the number of false successes by cause."""
     counts: Counter[str] = Counter()
     for i in np.flatnonzero(false).tolist():
-        start = env.scene, positions[i], cue_velocity(actions[i], env.max_speed)
+        start = env.scene, positions[i], cue_strike(actions[i], env.scene, env.max_speed)
         exact, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
         differs = np.flatnonzero(exact.potted != stepped.potted)
         counts[cause(exact, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball

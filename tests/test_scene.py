@@ -174,7 +174,7 @@ def changed(path, value):
         (
             ["tabel"],
             {},
-            "key of scene = 'tabel': expected one of 'balls', 'table', 'physics' (did you mean 'table'?)",
+            "key of scene = 'tabel': expected one of 'balls', 'table', 'physics', 'cue' (did you mean 'table'?)",
             0,
         ),
         (["physics", "mu_rol"], 0.1, "key of scene.physics = 'mu_rol': expected one of", 0),

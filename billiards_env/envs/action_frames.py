@@ -1,6 +1,6 @@
 """Action frames: the meanings of an action, two numbers (a0, a1) from -1 to 1, as a velocity of the cue ball.
 
-Without an action frame, an action is the velocity along x and y, divided by `max_speed` (see `cue_velocity`). The
+Without an action frame, an action is the velocity along x and y, divided by `max_speed` (see `envs.actions`). The
 action frames are:
 
 * "cut": a0 is the distance from the centre of the target ball to the line along which the cue ball starts, divided by
@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, finite, real, shaped, whole
+from billiards_env.checks import Range, choose, finite, real, whole
+from billiards_env.envs.actions import cos_sin
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import X, Y
@@ -44,9 +45,8 @@ SUM_TO_THREE_GAIN = 1.395
 _CUT, _SUM_TO_THREE = range(len(FRAMES))
 _NEAREST, _FIRST = -1, -2
 
-# Columns of actions in a frame, and of the errors of `perturb`.
+# Columns of actions in a frame.
 A0, A1 = 0, 1
-TURN, SPEED = 0, 1
 
 
 class FrameArrays(NamedTuple):
@@ -145,86 +145,6 @@ class ActionTransform:
         return out
 
 
-def cue_velocity(action: ArrayLike, max_speed: float) -> NDArray[np.float64]:
-    """Returns the velocity of the cue ball for an action without an action frame.
-
-    Args:
-        action: (2,) velocity along x and y, divided by `max_speed`. An action longer than 1 is scaled to length 1.
-        max_speed: m/s.
-
-    Returns:
-        (2,) float64, m/s.
-
-    Raises:
-        ValueError: If the action is not two finite numbers.
-
-    Example:
-        >>> cue_velocity([0.0, -0.5], 4.0).tolist(), cue_velocity([3.0, 4.0], 1.0).tolist()
-        ([0.0, -2.0], [0.6, 0.8])
-    """
-    x, y = finite("action", action, (2,)).tolist()
-    return np.array(shorten(x, y, float(max_speed)))
-
-
-def perturb(actions: ArrayLike, turns: ArrayLike, speeds: ArrayLike) -> NDArray[np.float64]:
-    """Adds errors to the direction and the speed of shots.
-
-    Args:
-        actions: (..., 2) velocities along x and y, divided by the largest speed. An action longer than 1 is scaled to
-            length 1.
-        turns: (...,) errors of the direction, in half turns.
-        speeds: (...,) errors of the speed, divided by the largest speed. The speed stays between 0 and the largest
-            speed. An action of length 0 does not change.
-
-    Returns:
-        (..., 2) the actions with the errors.
-
-    Raises:
-        ValueError: If the shapes do not match.
-
-    Example:
-        >>> perturb([0.0, 0.5], 0.5, 0.25).tolist()
-        [-0.75, 0.0]
-    """
-    errors = np.stack((np.asarray(turns, dtype=np.float64), np.asarray(speeds, dtype=np.float64)), axis=-1)
-    array = shaped("action", actions, errors.shape)
-    out = np.empty(array.shape)
-    _perturbed(array.reshape(-1, 2), errors.reshape(-1, 2), out.reshape(-1, 2))
-    return out
-
-
-@kernel
-def shorten(x, y, max_speed):
-    """Returns the velocity of an action (x, y), scaled to length 1 if it is longer, times `max_speed`."""
-    # First into the box [-1, 1], so that the squares do not overflow.
-    largest = max(abs(x), abs(y), 1.0)
-    x, y = x / largest, y / largest
-    # Not hypot: its last bit depends on the C library.
-    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
-    return x * speed, y * speed
-
-
-@kernel
-def cos_sin(turns):
-    """Returns the cosine and sine of `turns` half turns, exactly even and odd, with an error of at most 2e-16."""
-    quarters = np.rint(2.0 * turns)
-    x = math.pi * (turns - 0.5 * quarters)
-    xx = x * x
-    c = s = 0.0
-    for k in range(9, 0, -1):  # Taylor series for abs(x) <= pi / 4
-        c = (1.0 + c) * (-xx / ((2 * k - 1) * (2 * k)))
-        s = (1.0 + s) * (-xx / ((2 * k) * (2 * k + 1)))
-    c, s = 1.0 + c, x + x * s
-    quarter = int(quarters) & 3
-    if quarter == 0:
-        return c, s
-    if quarter == 1:
-        return -s, c
-    if quarter == 2:
-        return -c, -s
-    return s, -c
-
-
 @kernel
 def aim(dx, dy, reach, offset):
     """Returns the direction in which one ball passes another at a distance of `offset * reach` between the centres.
@@ -299,18 +219,3 @@ def _velocities(arrays, actions, positions, potted, out):
             out[k, X], out[k, Y] = cut(a0, a1, dx, dy, f.reach[i], f.least_speed, f.max_speed)
         else:
             out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, f.reach[i])
-
-
-@entry_point
-def _perturbed(actions, errors, out):
-    for k in range(len(actions)):
-        x, y = actions[k, X], actions[k, Y]
-        largest = max(abs(x), abs(y), 1.0)  # first into the box [-1, 1], so that the squares do not overflow
-        x, y = x / largest, y / largest
-        share = math.sqrt(x * x + y * y)
-        if share == 0.0:
-            out[k, X] = out[k, Y] = 0.0
-            continue
-        scale = min(max(min(share, 1.0) + errors[k, SPEED], 0.0), 1.0) / share
-        c, s = cos_sin(errors[k, TURN])
-        out[k, X], out[k, Y] = scale * (c * x - s * y), scale * (s * x + c * y)

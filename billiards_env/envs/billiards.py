@@ -15,6 +15,7 @@ from billiards_env import layouts
 from billiards_env.checks import choose, finite, flag, real, whole
 from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -30,9 +31,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Description
 
     A cue ball (ball 0) and object balls (balls 1, 2, ...) lie on a table. The agent chooses the velocity of the cue
-    ball, which starts without spin. `step` simulates the shot until all balls are at rest. An event-driven engine
-    computes the exact time of each collision, each contact with a cushion or pocket, and each change from sliding to
-    rolling. With `mode="pit"` an engine with a fixed timestep replaces it.
+    ball, which starts without spin. With `action="strike"` the agent chooses the motion of the cue, which also gives
+    the ball spin. `step` simulates the shot until all balls are at rest. An event-driven engine computes the exact time
+    of each collision, each contact with a cushion or pocket, and each change from sliding to rolling. With `mode="pit"`
+    an engine with a fixed timestep replaces it.
 
     By default an episode is one shot. The environment is then a contextual bandit with a continuous action.
 
@@ -49,6 +51,19 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 1   | Velocity of the cue ball along the table's width (y) / `max_speed`  | -1  | 1   |
 
     An action longer than 1 is scaled to length 1, so no shot is faster than `max_speed`.
+
+    With `action="strike"` the shape is `(5,)`. The first two numbers are the heading and the speed of the cue: they are
+    the velocity that the ball gets if a level cue hits its centre. With zeros in the other numbers the shot is the same
+    as that of the default action, bit for bit. The other numbers are:
+
+    | Num | Action                                                                       | Min | Max |
+    |-----|------------------------------------------------------------------------------|-----|-----|
+    | 2   | Offset of the tip to the left of the centre / offset at which the tip slips  | -1  | 1   |
+    | 3   | Offset of the tip above the centre / offset at which the tip slips           | -1  | 1   |
+    | 4   | Elevation of the cue / 90 degrees; a negative number is a level cue          | -1  | 1   |
+
+    If the offset is longer than 1, the tip slips (a miscue). `billiards_env.strike` describes the motion of the ball,
+    and `scene.cue` has the constants of the cue.
 
     ## Observation Space
 
@@ -137,6 +152,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `shots_left` | int        | number of shots left in the episode                      |
     | `success`    | bool       | whether the task was achieved in the episode             |
     | `is_success` | bool       | same as `success`; Stable-Baselines3 logs this key       |
+    | `miscue`     | bool       | whether the tip slipped; only with `action="strike"`     |
 
     The task `"pot"` is achieved if all object balls are potted and the cue ball is not. The other tasks are achieved if
     the score is at least 1.
@@ -157,20 +173,21 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    | Argument             | Type          | Default    | Description                                             |
-    |----------------------|---------------|------------|---------------------------------------------------------|
-    | `scene`              | str or dict   | `"pool"`   | name of a scene, or the result of `Scene.to_dict()`     |
-    | `task`               | str           | `"pot"`    | the task, see Rewards                                   |
-    | `n_object_balls`     | int or None   | `None`     | number of object balls of a named scene                 |
-    | `mode`               | str           | `"pic"`    | engine: `"pic"` (exact) or `"pit"` (fixed timestep)     |
-    | `dt`                 | float or None | `None`     | timestep of `"pit"`, s                                  |
-    | `fix`                | str or None   | `None`     | how `"pit"` treats overlaps                             |
-    | `max_shots`          | int           | `1`        | maximum number of shots in an episode                   |
-    | `max_speed`          | float         | `4.0`      | speed of the fastest shot, m/s                          |
-    | `layout`             | str or None   | `"random"` | starting positions; None for those of the task          |
-    | `observe_shots_left` | bool          | `False`    | whether the observation has the fraction of shots left  |
-    | `scratch_penalty`    | float         | `0.1`      | reward subtracted for a scratch                         |
-    | `render_mode`        | str or None   | `None`     | `"human"`, `"rgb_array"` or `"rgb_array_list"`          |
+    | Argument             | Type          | Default      | Description                                            |
+    |----------------------|---------------|--------------|--------------------------------------------------------|
+    | `scene`              | str or dict   | `"pool"`     | name of a scene, or the result of `Scene.to_dict()`    |
+    | `task`               | str           | `"pot"`      | the task, see Rewards                                  |
+    | `n_object_balls`     | int or None   | `None`       | number of object balls of a named scene                |
+    | `mode`               | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)    |
+    | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
+    | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
+    | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
+    | `max_shots`          | int           | `1`          | maximum number of shots in an episode                  |
+    | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
+    | `layout`             | str or None   | `"random"`   | starting positions; None for those of the task         |
+    | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
+    | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
+    | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
     - The named scenes are `"pool"`, `"blocked_pool"`, `"carom"`, `"ideal"`, `"pooltool_carom"` and `"sum_to_three"`.
       They have 1 object ball by default; `"carom"`, `"pooltool_carom"` and `"blocked_pool"` have 2. The second object
@@ -217,6 +234,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         mode: str = "pic",
         dt: float | None = None,
         fix: str | None = None,
+        action: str = "velocity",
         max_shots: int = 1,
         max_speed: float = 4.0,
         layout: str | None = "random",
@@ -231,6 +249,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.mode = mode
         self.dt = dt
         self.fix = fix
+        choose("action", action, tuple(ACTIONS))
+        if action == "strike" and self.scene.physics.motion != "sliding":
+            raise ValueError(
+                f"action = 'strike' with physics.motion = {self.scene.physics.motion!r}: expected motion 'sliding', "
+                "a strike gives spin"
+            )
+        self.action = action
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = OPENING_LAYOUTS[task] if layout is None else layout
@@ -247,11 +272,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._episodes = self.episodes(1)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
-        self.action_space = gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
         low = np.full(coordinates + self.observe_shots_left, -1.0, np.float32)
         low[coordinates:] = 0.0
         self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._rewards = np.empty(1)
+        self._numbers = ACTIONS[action]
         self._size = len(low)
 
     def episodes(self, count: int) -> Episodes:
@@ -261,6 +287,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             task=self.task,
             targets=self.targets,
             layout=self.layout,
+            action=self.action,
             max_shots=self.max_shots,
             max_speed=self.max_speed,
             scratch_penalty=self.scratch_penalty,
@@ -323,19 +350,19 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         If the call is interrupted (by Ctrl-C), the balls keep their positions and the shot can be played again.
 
         Args:
-            action: (2,) velocity of the cue ball divided by `max_speed`.
+            action: (2,) velocity of the cue ball divided by `max_speed`, or (5,) with `action="strike"`.
 
         Returns:
             The observation, the reward, terminated, truncated (always False) and the info, see the class.
 
         Raises:
             ResetNeeded: If the episode is over or has not begun.
-            ValueError: If the action is not two finite numbers.
+            ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
         episodes = self._episodes
         if episodes.over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
-        action = finite("action", action, (2,))
+        action = finite("action", action, (self._numbers,))
         observation = np.empty(self._size, np.float32)
         potted = np.empty(len(self.targets), np.bool_)
         reward = self._rewards
@@ -359,6 +386,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             "success": success == 1,
             "is_success": success == 1,
         }
+        if self.action == "strike":
+            info["miscue"] = episodes.miscues.item()
         if self._renderer is not None:
             self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], episodes.goals[0])])
         return observation, reward.item(), episodes.over.item(), False, info

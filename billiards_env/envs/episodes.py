@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from billiards_env import layouts
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
-from billiards_env.envs.action_frames import shorten
+from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.tasks import TASKS, Outcome, judge
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Balls, Scene
 
 # Columns of `Episodes.tally`.
@@ -35,6 +36,7 @@ class Settings:
         task: One of `TASKS`.
         targets: (n,) bool, the balls of the task.
         layout: Name of the layout at the start of an episode.
+        action: One of `actions.ACTIONS`.
         max_shots: Number of shots after which an episode ends.
         max_speed: Speed of an action of length 1, m/s.
         scratch_penalty: Reward subtracted for a scratch.
@@ -47,6 +49,7 @@ class Settings:
     task: str
     targets: Bools
     layout: str
+    action: str
     max_shots: int
     max_speed: float
     scratch_penalty: float
@@ -126,6 +129,7 @@ class Episodes:
         over: (m,) bool: whether the episode has ended; True before the first episode.
         start: (m, n, 2) float64, m: positions before the last shot.
         potted_before: (m, n) bool: balls off the table before the last shot.
+        miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         plan: The layout at the start of an episode.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the task "place", none in the others.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
@@ -143,6 +147,7 @@ class Episodes:
         self.over = np.ones(count, np.bool_)
         self.start = np.zeros((count, n, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
+        self.miscues = np.zeros(count, np.bool_)
         self.plan = layouts.plan(settings.layout, scene)
         self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task == "place" else None
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
@@ -162,6 +167,8 @@ class Episodes:
         )
         self._starts = *shots[:4], self.start, self.potted_before
         self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over
+        self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
+        self._struck = shots.velocities, shots.spins, self.miscues
         self._hits = shots.cushions, shots.cushions_before_hit
 
     def draw(
@@ -214,12 +221,14 @@ class Episodes:
             begin: First episode.
             end: Last episode plus 1.
             skip: (m,) bool, the episodes without a shot. Their reward is 0, and their tally does not change.
-            actions: (m, 2) velocities of the cue balls divided by `max_speed`, finite.
+            actions: (m, 2) or (m, 5), see `envs.actions`, finite.
             rewards: (m,) float64 out.
             potted: (m, n) bool out: balls off the table.
             observations: (m, size) float32 out.
         """
         start_shots(begin, end, skip, actions, self._max_speed, self._starts)
+        if self._cue is not None:
+            strike_balls(begin, end, skip, actions, self._cue, self._struck)
         try:
             self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         except BaseException:

@@ -20,7 +20,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from billiards_env.engine import ShotInput
-from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
 from billiards_env.envs.tasks import PLACE_RADIUS
 from billiards_env.scene import Scene
@@ -101,16 +101,16 @@ def drawn_shot(
     Args:
         episodes: The episodes. The episode may have been reset after the shot.
         k: The episode.
-        action: (2,) action of the shot.
+        action: (2,) or (5,) action of the shot.
         reward: Reward of the shot.
         tally: (N_TALLY,) row of `Episodes.tally` after the shot.
         goals: (g, 2) goals of the shot, m.
     """
     settings, n = episodes.settings, episodes.settings.scene.n_balls
-    velocities = np.zeros((n, 2))
-    velocities[0] = cue_velocity(action, settings.max_speed)
+    velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
+    velocities[0], spins[0], _ = cue_strike(action, settings.scene, settings.max_speed)
     limit = settings.scene.physics.max_time or math.inf
-    shot = ShotInput(episodes.start[k].copy(), velocities, np.zeros((n, 3)), ~episodes.potted_before[k], limit)
+    shot = ShotInput(episodes.start[k].copy(), velocities, spins, ~episodes.potted_before[k], limit)
     number = settings.max_shots - int(tally[SHOTS_LEFT])
     left = f"{settings.task}   shot {number} of {settings.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
     return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", _goal_circles(goals))

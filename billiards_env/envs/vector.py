@@ -15,6 +15,7 @@ from billiards_env import streams
 from billiards_env.checks import choose, shaped, short, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.shots import AT_EVENT_LIMIT
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
@@ -122,6 +123,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.single_action_space = env.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._actions_shape = self.num_envs, ACTIONS[env.action]
 
         self._episodes = env.episodes(self.num_envs)
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
@@ -217,7 +219,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         If the call is interrupted (by Ctrl-C), the environments keep the state that they had before it.
 
         Args:
-            actions: (num_envs, 2) velocities of the cue balls divided by `max_speed`.
+            actions: (num_envs, 2) velocities of the cue balls divided by `max_speed`, or (num_envs, 5) with
+                `action="strike"`.
 
         Returns:
             (num_envs, size) observations, (num_envs,) rewards, terminated and truncated (always False), and infos. The
@@ -226,7 +229,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         Raises:
             ResetNeeded: If an episode has not begun or, in the mode "Disabled", is over.
-            ValueError: If an action is not two finite numbers.
+            ValueError: If the actions do not have the shape of the action space, or a number is not finite.
         """
         episodes, m = self._episodes, self.num_envs
         shots = episodes.shots
@@ -317,7 +320,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
         shots = self._episodes.shots
         success = tally[:, SUCCESS] == 1
-        return {
+        info = {
             "shot_time": shots.time.copy(),
             "n_events": shots.n_events.copy(),
             "status": _STATUS[shots.status],
@@ -331,6 +334,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             "success": success,
             "is_success": success.copy(),
         }
+        if self.single_env.action == "strike":
+            info["miscue"] = self._episodes.miscues.copy()
+        return info
 
     def _new_observations(self) -> NDArray[np.float32]:
         return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
@@ -360,7 +366,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     def _checked_actions(self, actions: ArrayLike, skip: Bools) -> NDArray[np.float64]:
         """Returns a copy of the actions; those in `skip` may be any numbers."""
-        array = shaped("actions", actions, (self.num_envs, 2))
+        array = shaped("actions", actions, self._actions_shape)
         finite = np.isfinite(array)
         if not finite.all():
             bad = np.flatnonzero(~finite.all(axis=1) & ~skip)

@@ -16,8 +16,9 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import real
-from billiards_env.envs.action_frames import ActionTransform, perturb
+from billiards_env.checks import finite, real
+from billiards_env.envs.action_frames import ActionTransform
+from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, perturb
 from billiards_env.envs.billiards import BilliardsEnv
 
 Floats = NDArray[np.float64]
@@ -28,7 +29,8 @@ _AHEAD = 16  # number of shots for which the noise of an environment is drawn at
 class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
     """Changes the meaning of the actions from velocities to directions, cut angles and speeds.
 
-    The action space is still `Box(-1, 1, (2,), float32)`. Actions outside it are clipped.
+    The action space does not change. Actions outside it are clipped. With `action="strike"` the frame changes the first
+    two numbers.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
@@ -61,13 +63,15 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
         )
 
     def action(self, action: ArrayLike) -> Floats:
-        """Returns the (2,) action of the wrapped environment for an action in this frame.
+        """Returns the action of the wrapped environment for an action in this frame.
 
         Raises:
-            ValueError: If the action is not two finite numbers.
+            ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
         game = self._game
-        return self._frame.velocities(action, game.positions, game.potted) / game.max_speed
+        array = finite("action", action, (ACTIONS[game.action],))
+        velocity = self._frame.velocities(array[:2], game.positions, game.potted) / game.max_speed
+        return np.concatenate((velocity, array[2:]))
 
 
 class VectorActionFrame(VectorActionWrapper):
@@ -87,24 +91,27 @@ class VectorActionFrame(VectorActionWrapper):
         super().__init__(env)
         game = _game(env)
         self._max_speed = game.max_speed
+        self._shape = self.num_envs, ACTIONS[game.action]
         self._frame = ActionTransform(frame, game.scene, game.targets, game.max_speed, ball, least_speed)
 
     def actions(self, actions: ArrayLike) -> Floats:
-        """Returns the (num_envs, 2) actions of the wrapped environment for actions in this frame.
+        """Returns the actions of the wrapped environment for actions in this frame.
 
         Raises:
-            ValueError: If an action is not two finite numbers.
+            ValueError: If the actions do not have the shape of the action space, or a number is not finite.
         """
         positions, potted = _each(self.env, "positions"), _each(self.env, "potted")
-        return self._frame.velocities(actions, positions, potted) / self._max_speed
+        array = finite("actions", actions, self._shape)
+        velocities = self._frame.velocities(array[:, :2], positions, potted) / self._max_speed
+        return np.concatenate((velocities, array[:, 2:]), axis=1)
 
 
 class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
-    """Adds Gaussian noise to the direction and speed of each shot, as an inaccurate player does.
+    """Adds Gaussian noise to each shot, as an inaccurate player does.
 
-    The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer
-    billiards shark), for the two parameters of a shot that this environment has. The speed stays between 0 and
-    `max_speed`. A shot of speed 0 stays at speed 0.
+    The noise is added to the direction and the speed and, with `action="strike"`, also to the offsets of the tip and
+    the elevation. The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
+    computer billiards shark). The speed stays between 0 and `max_speed`. A shot of speed 0 stays at speed 0.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
 
@@ -112,15 +119,26 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         env: A `BilliardsEnv`, wrapped or not.
         angle_std: Standard deviation of the direction, degrees.
         speed_std: Standard deviation of the speed, m/s.
+        offset_std: Standard deviation of both offsets of the tip, m.
+        elevation_std: Standard deviation of the elevation, degrees.
 
     Raises:
         ValueError: If a standard deviation is negative or not finite.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], angle_std: float = 0.125, speed_std: float = 0.075) -> None:
-        RecordConstructorArgs.__init__(self, angle_std=angle_std, speed_std=speed_std)
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        angle_std: float = 0.125,
+        speed_std: float = 0.075,
+        offset_std: float = 0.0005,
+        elevation_std: float = 0.1,
+    ) -> None:
+        RecordConstructorArgs.__init__(
+            self, angle_std=angle_std, speed_std=speed_std, offset_std=offset_std, elevation_std=elevation_std
+        )
         super().__init__(env)
-        self._scales = _scales(angle_std, speed_std, _game(env).max_speed)
+        self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
         self._stream = _stream(None)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -132,7 +150,7 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     def step(self, action: ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Plays the shot `action` with noise."""
-        return self.env.step(perturb(action, *(self._stream.standard_normal(2) * self._scales)))
+        return self.env.step(perturb(action, self._stream.standard_normal(len(self._scales)) * self._scales))
 
 
 class VectorExecutionNoise(VectorWrapper):
@@ -142,19 +160,28 @@ class VectorExecutionNoise(VectorWrapper):
         env: A `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
         angle_std: As in `ExecutionNoise`.
         speed_std: As in `ExecutionNoise`.
+        offset_std: As in `ExecutionNoise`.
+        elevation_std: As in `ExecutionNoise`.
 
     Raises:
         ValueError: As in `ExecutionNoise`.
     """
 
-    def __init__(self, env: VectorEnv, angle_std: float = 0.125, speed_std: float = 0.075) -> None:
+    def __init__(
+        self,
+        env: VectorEnv,
+        angle_std: float = 0.125,
+        speed_std: float = 0.075,
+        offset_std: float = 0.0005,
+        elevation_std: float = 0.1,
+    ) -> None:
         super().__init__(env)
-        self._scales = _scales(angle_std, speed_std, _game(env).max_speed)
+        self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
         self._streams = [_stream(None) for _ in range(self.num_envs)]
         self._next_step = self.metadata.get("autoreset_mode") == AutoresetMode.NEXT_STEP
         self._over = np.zeros(self.num_envs, np.bool_)
         # Noise for several shots is drawn at once: a draw from each of many streams takes longer than the shots.
-        self._drawn = np.empty((self.num_envs, _AHEAD, 2))
+        self._drawn = np.empty((self.num_envs, _AHEAD, len(self._scales)))
         self._used = np.full(self.num_envs, _AHEAD)
 
     def reset(
@@ -177,23 +204,28 @@ class VectorExecutionNoise(VectorWrapper):
 
     def step(self, actions: ArrayLike) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Plays the shots `actions` with noise."""
-        noise = np.zeros((self.num_envs, 2))
+        noise = np.zeros((self.num_envs, len(self._scales)))
         playing = np.flatnonzero(~self._over)  # this step resets the others and plays no shot there
         for i in playing[self._used[playing] == _AHEAD].tolist():
-            self._drawn[i] = self._streams[i].standard_normal((_AHEAD, 2))
+            self._drawn[i] = self._streams[i].standard_normal(self._drawn.shape[1:])
             self._used[i] = 0
         noise[playing] = self._drawn[playing, self._used[playing]]
         self._used[playing] += 1
-        result = self.env.step(perturb(actions, *(noise * self._scales).T))
+        result = self.env.step(perturb(actions, noise * self._scales))
         if self._next_step:
             self._over = result[2] | result[3]
         return result
 
 
-def _scales(angle_std: float, speed_std: float, max_speed: float) -> Floats:
-    """Returns the standard deviations after a check, in half turns and as a fraction of `max_speed`."""
-    angle, speed = real("angle_std", angle_std, "angle_std"), real("speed_std", speed_std, "speed_std")
-    return np.array([angle / 180.0, speed / max_speed])
+def _scales(game: BilliardsEnv, angle_std: float, speed_std: float, offset_std: float, elevation_std: float) -> Floats:
+    """Returns the standard deviations of the errors of `perturb`, after a check."""
+    scales = np.empty(5)
+    scales[TURN] = real("angle_std", angle_std, "angle_std") / 180.0
+    scales[SPEED] = real("speed_std", speed_std, "speed_std") / game.max_speed
+    edge = game.scene.cue.miscue_offset * game.scene.balls.radius[0]
+    scales[SIDE] = scales[TOP] = real("offset_std", offset_std, "offset_std") / edge
+    scales[ELEVATION] = real("elevation_std", elevation_std, "angle_std") / 90.0
+    return scales[: ACTIONS[game.action]]
 
 
 def _stream(seed: int | None) -> np.random.Generator:

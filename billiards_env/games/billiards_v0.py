@@ -26,7 +26,7 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose, finite, missing, real, whole
-from billiards_env.envs.action_frames import cue_velocity
+from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import GameState, History, PlayedShot, Setup, Stroke, custom_opening, opening, play
@@ -349,7 +349,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         width = 4 if self.setup.game_rules.pockets else 2
         array = finite("action", action, (width,))
         state = self.game.state
-        vx, vy = cue_velocity(array[:2], self.max_speed).tolist()
+        vx, vy = cue_strike(array[:2], self.setup.scene, self.max_speed).velocity.tolist()
         place: Point | None = None
         if state.in_hand != "no":
             x_low, x_high, y_low, y_high = placement_area(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose
-from billiards_env.envs.action_frames import perturb
+from billiards_env.envs.actions import perturb
 from billiards_env.players.pots import Shots, pot_shots
 from billiards_env.scene import Scene
 
@@ -107,10 +107,9 @@ def search(
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
-        errors = rng.standard_normal((2, REPEATS, len(actions)))
-        turns, speeds = errors[0] * (noise[0] / 180.0), errors[1] * (noise[1] / max_speed)
-        perturbed = perturb(np.broadcast_to(actions, (*turns.shape, 2)), turns, speeds)
-        ratings = situation.rate(perturbed.reshape(-1, 2)).reshape(turns.shape).mean(axis=0)
+        errors = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
+        perturbed = perturb(np.broadcast_to(actions, errors.shape), errors * (noise[0] / 180.0, noise[1] / max_speed))
+        ratings = situation.rate(perturbed.reshape(-1, 2)).reshape(errors.shape[:2]).mean(axis=0)
     return max_speed * actions[np.argmax(ratings)]
 
 
@@ -122,7 +121,7 @@ def _near(pots: Shots, max_speed: float, count: int, rng: np.random.Generator) -
     varied = np.arange(count) >= len(pots.speed)
     turns = np.where(varied, rng.standard_normal(count) * pots.tolerance[which] / np.pi, 0.0)
     speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / max_speed)
-    return perturb(speeds[:, None] * pots.direction[which], turns, np.zeros(count))
+    return perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
 
 
 def anywhere(count: int, rng: np.random.Generator) -> Floats:

@@ -48,10 +48,25 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(scene, max_tim
     expected, base = differences(scene, places.tolist(), velocities.tolist(), max_time)
     jacobian = found.jacobian.copy()
     jacobian[:, :, ~velocities.any(axis=1), 2:] = 0.0
+    jacobian[..., 4:] = 0.0
     assert found.smooth
     np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     error = np.abs(shot.positions - np.array([[float(x) for x in place] for place in base])).max()
     assert error < 10 * UNIT_ROUNDOFF * found.condition
+
+
+def test_the_sensitivity_to_the_spin_of_the_cue_ball():
+    scene = real("pool", 2)
+    places, velocities = aimed(scene, 3)
+    spins = np.zeros((3, 3))
+    spins[0] = 2.0, -3.0, 40.0
+    shot = simulate(scene, places, velocities, spins=spins, record=True)
+    assert shot.first_hit == 1
+    jacobian = shot.sensitivity().jacobian.copy()
+    jacobian[:, :, 1:, 2:] = 0.0
+    expected, _ = differences(scene, places.tolist(), velocities.tolist(), None, spins.tolist())
+    assert np.abs(expected[:2, :, 0, 4:]).min() > 0.0
+    np.testing.assert_allclose(jacobian, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
 
 
 def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
@@ -80,8 +95,8 @@ def test_the_sensitivity_before_the_first_event_is_that_of_free_motion():
     scene = Scene.named("ideal")
     shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True, max_time=1.0)
     jacobian = shot.sensitivity(0.5).jacobian
-    np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0], [0, 1, 0, 0.5]])
-    np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 4)))
+    np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0, 0, 0, 0], [0, 1, 0, 0.5, 0, 0, 0]])
+    np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 7)))
 
 
 def test_a_simultaneous_impact_of_three_balls_is_not_smooth():

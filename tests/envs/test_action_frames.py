@@ -5,7 +5,6 @@ import warnings
 from typing import Any
 
 import gymnasium as gym
-import mpmath
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
@@ -21,10 +20,7 @@ from billiards_env.envs.action_frames import (
     ActionTransform,
     aim,
     choose_ball,
-    cos_sin,
-    cue_velocity,
     cut,
-    perturb,
     sum_to_three,
 )
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
@@ -56,23 +52,6 @@ def random_layouts(count, seed=0):
 
 
 # --- geometry ---------------------------------------------------------------------------------------------------------
-
-
-def test_an_action_is_a_fraction_of_max_speed_and_has_length_1_at_most():
-    assert cue_velocity(np.array([0.5, -0.25], np.float32), 4.0).tolist() == [2.0, -1.0]
-    assert cue_velocity([0, 1], 3.0).tolist() == [0.0, 3.0]
-    for action in ([1, 1], [3.0, -4.0], [1e300, 1e300], [1e-320, 5.0]):
-        velocity = cue_velocity(action, 2.0)
-        assert np.linalg.norm(velocity) == pytest.approx(2.0, rel=1e-15)
-        np.testing.assert_allclose(velocity / velocity[1], np.divide(action, action[1]), rtol=1e-15)
-
-
-@given(st.floats(-5.0, 5.0))
-def test_cosine_and_sine_have_errors_of_the_last_bits_only(turns):
-    c, s = cos_sin(turns)
-    assert abs(c - float(mpmath.cospi(turns))) <= 2.3e-16
-    assert abs(s - float(mpmath.sinpi(turns))) <= 2.3e-16
-    assert cos_sin(-turns) == (c, -s)
 
 
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.0, 40.0))
@@ -280,20 +259,6 @@ def test_positions_and_potted_are_copies():
 
 
 # --- noise ------------------------------------------------------------------------------------------------------------
-
-
-def test_perturb():
-    aimed = np.array([[0.3, -0.4], [0.0, 0.0], [30.0, 40.0], [0.1, 0.0], [1.0, 0.0], [1e300, 0.0]])
-    same = perturb(aimed, np.zeros(6), np.zeros(6))
-    np.testing.assert_array_equal(same[[0, 1, 3, 4]], aimed[[0, 1, 3, 4]])
-    np.testing.assert_allclose(same[[2, 5]], [[0.6, 0.8], [1.0, 0.0]], rtol=1e-15)
-    speeds = np.hypot(*perturb(aimed, np.full(6, 0.3), np.full(6, 0.25)).T)
-    np.testing.assert_allclose(speeds, [0.75, 0.0, 1.0, 0.35, 1.0, 1.0], rtol=1e-15)
-    slower = np.hypot(*perturb(aimed, np.full(6, -0.3), np.full(6, -0.25)).T)
-    np.testing.assert_allclose(slower, [0.25, 0.0, 0.75, 0.0, 0.75, 0.75], rtol=1e-15)
-    np.testing.assert_allclose(perturb([0.5, 0.0], 0.5, 0.0), [0.0, 0.5], atol=1e-16)
-    with pytest.raises(ValueError, match=r"action has shape \(3,\): expected \(2,\)"):
-        perturb([1.0, 0.0, 0.0], 0.0, 0.0)
 
 
 def noisy_shots(env, count, seed: int | None = 0):

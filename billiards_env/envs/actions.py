@@ -1,0 +1,168 @@
+"""Actions: the numbers that describe a shot, as the velocity and spin of the cue ball.
+
+The action "velocity" is the velocity of the cue ball along x and y, divided by `max_speed`. The action "strike" has
+three more numbers, the motion of the cue:
+
+* The first two numbers are the heading and the speed of the cue: the velocity, divided by `max_speed`, that the ball
+  gets if a level cue hits its centre. An action whose other numbers are 0 is therefore the same shot as the action
+  "velocity", bit for bit.
+* `side` and `top` are the offsets of the tip to the left of the ball's centre and above it, divided by the offset at
+  which the tip slips (`Cue.miscue_offset`).
+* `elevation` is the elevation of the cue divided by 90 degrees. A negative number is a level cue.
+
+The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is the same shot on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import finite, shaped
+from billiards_env.physics.elementary import sine_cosine
+from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
+from billiards_env.physics.strike import CueNumbers, cue_numbers, struck
+from billiards_env.scene import Scene
+from billiards_env.strikes import Strike
+
+ACTIONS = {"velocity": 2, "strike": 5}
+"""The kinds of actions, with the number of numbers of each."""
+
+# Columns of an action, after X and Y.
+SIDE, TOP, ELEVATION = 2, 3, 4
+# The first two columns of the errors of `perturb`; the others are those of the action.
+TURN, SPEED = 0, 1
+
+
+def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
+    """Returns the velocity and spin of the cue ball for an action.
+
+    Args:
+        action: (2,) or (5,), see the module. The first two numbers are scaled to length 1 if they are longer. The
+            others count as -1 below -1 and as 1 above 1.
+        scene: The scene.
+        max_speed: m/s.
+
+    Returns:
+        The strike. Its spin is zero for two numbers.
+
+    Raises:
+        ValueError: If the action is not two or five finite numbers.
+
+    Example:
+        >>> pool = Scene.named("pool")
+        >>> cue_strike([0.0, -0.5], pool, 4.0).velocity.tolist(), cue_strike([3.0, 4.0], pool, 1.0).velocity.tolist()
+        ([0.0, -2.0], [0.6, 0.8])
+    """
+    size = ACTIONS["strike" if np.shape(action) == (5,) else "velocity"]
+    array = finite("action", action, (size,))
+    velocity, spin, miscue = np.zeros((1, 1, 2)), np.zeros((1, 1, 3)), np.zeros(1, np.bool_)
+    velocity[0, 0] = shorten(array.item(X), array.item(Y), float(max_speed))
+    if size > 2:
+        strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), (velocity, spin, miscue))
+    return Strike(velocity[0, 0], spin[0, 0], miscue[0])
+
+
+def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
+    """Adds errors to shots.
+
+    Args:
+        actions: (..., 2) or (..., 5), see the module. The first two numbers are scaled to length 1 if they are longer.
+        errors: Of the same shape: errors of the direction, in half turns, of the speed, divided by the largest speed,
+            and of the other numbers. The speed stays between 0 and the largest speed. An action with zero speed keeps
+            it.
+
+    Returns:
+        The actions with the errors.
+
+    Raises:
+        ValueError: If the shapes differ.
+
+    Example:
+        >>> perturb([0.0, 0.5], [0.5, 0.25]).tolist()
+        [-0.75, 0.0]
+    """
+    given = np.asarray(errors, dtype=np.float64)
+    array = shaped("action", actions, given.shape)
+    out = array + given
+    size = given.shape[-1]
+    _perturbed(array.reshape(-1, size), given.reshape(-1, size), out.reshape(-1, size))
+    return out
+
+
+@kernel
+def shorten(x, y, max_speed):
+    """Returns the velocity of an action (x, y), scaled to length 1 if it is longer, times `max_speed`."""
+    # First into the box [-1, 1], so that the squares do not overflow.
+    largest = max(abs(x), abs(y), 1.0)
+    x, y = x / largest, y / largest
+    # Not hypot: its last bit depends on the C library.
+    speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
+    return x * speed, y * speed
+
+
+@kernel
+def cos_sin(turns):
+    """Returns the cosine and sine of `turns` half turns, exactly even and odd, with an error of at most 2e-16."""
+    quarters = np.rint(2.0 * turns)
+    x = math.pi * (turns - 0.5 * quarters)
+    xx = x * x
+    c = s = 0.0
+    for k in range(9, 0, -1):  # Taylor series for abs(x) <= pi / 4
+        c = (1.0 + c) * (-xx / ((2 * k - 1) * (2 * k)))
+        s = (1.0 + s) * (-xx / ((2 * k) * (2 * k + 1)))
+    c, s = 1.0 + c, x + x * s
+    quarter = int(quarters) & 3
+    if quarter == 0:
+        return c, s
+    if quarter == 1:
+        return -s, c
+    if quarter == 2:
+        return -c, -s
+    return s, -c
+
+
+@entry_point
+def strike_balls(begin, end, skip, actions, cue, starts):
+    """Replaces the velocities and spins of cue balls after a level strike at the centre by those of strikes.
+
+    Args:
+        begin: First shot.
+        end: Last shot plus 1.
+        skip: (m,) bool, shots that are left out.
+        actions: (m, 5) float64.
+        cue: `CueNumbers`, as a plain tuple.
+        starts: Velocities (m, n, 2), m/s, and spins (m, n, 3), rad/s, which change, and (m,) bool out, whether the tip
+            slipped.
+    """
+    cue = CueNumbers(*cue)
+    velocities, spins, miscues = starts
+    for k in range(begin, end):
+        if skip[k]:
+            continue
+        side = cue.miscue * min(max(actions[k, SIDE], -1.0), 1.0)
+        top = cue.miscue * min(max(actions[k, TOP], -1.0), 1.0)
+        sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * min(max(actions[k, ELEVATION], 0.0), 1.0))
+        ux, uy = velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y]
+        vx, vy, wx, wy, wz, miscue = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
+        velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y] = vx, vy
+        spins[k, CUE_BALL, SPIN_X], spins[k, CUE_BALL, SPIN_Y], spins[k, CUE_BALL, SPIN_Z] = wx, wy, wz
+        miscues[k] = miscue
+
+
+@entry_point
+def _perturbed(actions, errors, out):
+    for k in range(len(actions)):
+        x, y = actions[k, X], actions[k, Y]
+        largest = max(abs(x), abs(y), 1.0)  # first into the box [-1, 1], so that the squares do not overflow
+        x, y = x / largest, y / largest
+        share = math.sqrt(x * x + y * y)
+        if share == 0.0:
+            out[k, X] = out[k, Y] = 0.0
+            continue
+        scale = min(max(min(share, 1.0) + errors[k, SPEED], 0.0), 1.0) / share
+        c, s = cos_sin(errors[k, TURN])
+        out[k, X], out[k, Y] = scale * (c * x - s * y), scale * (s * x + c * y)

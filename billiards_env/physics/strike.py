@@ -1,0 +1,140 @@
+"""The strike: the cue ball's velocity and spin from the motion of the cue.
+
+The cue hits the ball with a point-like tip, along its axis. The impulse lies on the axis, so it gives the ball a
+velocity along the axis and a spin about the axis perpendicular to it and to the offset of the tip.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from billiards_env.physics.elementary import sine_cosine
+from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import SPIN_X, SPIN_Y, SPIN_Z, X, Y
+from billiards_env.scene import Scene
+
+# Columns of the parameters of a strike.
+SPEED, HEADING, SIDE, TOP, ELEVATION = range(5)
+
+
+class CueNumbers(NamedTuple):
+    """The cue in the form that the kernels use.
+
+    Attributes:
+        mass_ratio: Mass of the ball over that of the cue.
+        end_ratio: Mass of the ball over that of the end of the shaft.
+        restitution: As `Cue.tip_restitution`.
+        miscue: As `Cue.miscue_offset`.
+        radius: Radius of the ball, m.
+    """
+
+    mass_ratio: float
+    end_ratio: float
+    restitution: float
+    miscue: float
+    radius: float
+
+
+def cue_numbers(scene: Scene) -> CueNumbers:
+    """Returns the cue of a scene in the form that the kernels use."""
+    mass, cue = scene.balls.mass[0], scene.cue
+    return CueNumbers(
+        mass / cue.mass, mass / cue.end_mass, cue.tip_restitution, cue.miscue_offset, scene.balls.radius[0]
+    )
+
+
+@kernel
+def speed_gain(cue, offset):
+    """Returns the speed of the ball over that of the cue, for a tip at `offset` ball radii from the centre.
+
+    The ball takes up the energy m V^2 (1 + K) / 2 at the speed V, with K = 5/2 offset^2 for its spin. The impact loses
+    the same fraction of the energy of the cue at every offset, as in a central impact with the tip's restitution
+    (Alciatore 2008, TP A.30).
+    """
+    k = 2.5 * offset * offset
+    total, e = 1.0 + cue.mass_ratio + k, cue.restitution
+    rest = (e * e * total - k) / (1.0 + cue.mass_ratio)
+    return (1.0 + math.sqrt(max(rest, 0.0))) / total
+
+
+@kernel
+def squirt(cue, side):
+    """Returns the sine and cosine of the angle by which the ball leaves the direction of the cue, away from the tip.
+
+    Alciatore (2007), TP A.31. `side` is the offset of the tip to the left in ball radii, and a positive angle is to the
+    right.
+    """
+    cc = 1.0 - side * side
+    tangent = 2.5 * side * math.sqrt(cc) / (1.0 + cue.end_ratio + 2.5 * cc)
+    cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
+    return tangent * cosine, cosine
+
+
+@kernel
+def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
+    """Returns the velocity and the spin of the ball after a strike.
+
+    If the tip is farther from the centre than `cue.miscue`, it slips (a miscue): the impulse then lies on the edge of
+    the cone of friction, so the ball deviates from the axis of the cue, and its spin is that at the edge. The vertical
+    component of the velocity is dropped.
+
+    Args:
+        cue: The cue.
+        ux: x of the velocity, m/s, that the ball gets if a level cue hits its centre at this speed and heading.
+        uy: y of this velocity.
+        side: Offset of the tip to the left of the centre, along the cue, in ball radii.
+        top: Offset of the tip above the centre, along the cue, in ball radii.
+        sin_elevation: Sine of the angle of the cue above the horizontal.
+        cos_elevation: Its cosine.
+
+    Returns:
+        (vx, vy, wx, wy, wz, miscue): m/s, rad/s, and whether the tip slipped.
+    """
+    offset = norm(side, top)
+    miscue = offset > cue.miscue
+    along, right, slowed = cos_elevation, 0.0, 1.0
+    if miscue:
+        x = min(offset, 1.0)
+        # The cosines of the angles between the axis and the radius to the tip, at the tip and at the edge of the cone
+        at_tip, at_edge = math.sqrt(1.0 - x * x), math.sqrt(1.0 - cue.miscue * cue.miscue)
+        slowed, turn = at_tip * at_edge + x * cue.miscue, x * at_edge - cue.miscue * at_tip
+        along = slowed * cos_elevation - turn * (top / offset) * sin_elevation
+        right = turn * (side / offset)
+        side, top, offset = cue.miscue * (side / offset), cue.miscue * (top / offset), cue.miscue
+    gain = slowed * speed_gain(cue, offset) / speed_gain(cue, 0.0)
+    sine, cosine = squirt(cue, side)
+    # The direction ahead and to the right of the cue, turned to the right by the squirt
+    ahead, right = along * cosine - right * sine, right * cosine + along * sine
+    spin = 2.5 * gain / cue.radius
+    wx = spin * (-side * sin_elevation * ux - top * uy)
+    wy = spin * (-side * sin_elevation * uy + top * ux)
+    wz = -spin * side * cos_elevation * norm(ux, uy)
+    return gain * (ahead * ux + right * uy), gain * (ahead * uy - right * ux), wx, wy, wz, miscue
+
+
+@entry_point
+def many_strikes(cue, parameters, velocities, spins, miscues):
+    """Computes the velocities and spins of many strikes.
+
+    Args:
+        cue: `CueNumbers`, as a plain tuple.
+        parameters: (m, 5) float64: speed of the cue, m/s; heading, rad; offsets to the left and above, in ball radii;
+            elevation, rad.
+        velocities: (m, 2) float64 out, m/s.
+        spins: (m, 3) float64 out, rad/s.
+        miscues: (m,) bool out.
+    """
+    cue = CueNumbers(*cue)
+    full = speed_gain(cue, 0.0)
+    for k in range(len(parameters)):
+        speed = full * parameters[k, SPEED]
+        s, c = sine_cosine(parameters[k, HEADING])
+        sin_elevation, cos_elevation = sine_cosine(parameters[k, ELEVATION])
+        vx, vy, wx, wy, wz, miscue = struck(
+            cue, speed * c, speed * s, parameters[k, SIDE], parameters[k, TOP], sin_elevation, cos_elevation
+        )
+        velocities[k, X], velocities[k, Y] = vx, vy
+        spins[k, SPIN_X], spins[k, SPIN_Y], spins[k, SPIN_Z] = wx, wy, wz
+        miscues[k] = miscue

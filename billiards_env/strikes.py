@@ -1,0 +1,179 @@
+"""Strikes: the velocity and spin that a cue gives the cue ball."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import RANGES, numbers, short
+from billiards_env.physics.strike import CueNumbers, cue_numbers, many_strikes, speed_gain
+from billiards_env.scene import Scene, check_scene
+
+Floats = NDArray[np.float64]
+
+_PARAMETERS = {
+    "speed": "speed",
+    "heading": "heading",
+    "side": "tip_offset",
+    "top": "tip_offset",
+    "elevation": "elevation",
+}
+
+
+class Strike(NamedTuple):
+    """The cue ball after a strike, or after many with leading axes.
+
+    Attributes:
+        velocity: (..., 2) float64, m/s.
+        spin: (..., 3) float64, rad/s.
+        miscue: (...) bool, whether the tip slipped on the ball.
+    """
+
+    velocity: Floats
+    spin: Floats
+    miscue: NDArray[np.bool_]
+
+
+def strike(
+    scene: Scene,
+    speed: ArrayLike,
+    heading: ArrayLike,
+    side: ArrayLike = 0.0,
+    top: ArrayLike = 0.0,
+    elevation: ArrayLike = 0.0,
+) -> Strike:
+    """Returns the cue ball's velocity and spin after a strike with the cue of a scene.
+
+    The arguments are numbers, or arrays whose shapes broadcast. The offsets are those of the point of contact from the
+    centre of the ball, as seen along the cue.
+
+    Args:
+        scene: The scene. Its motion must be "sliding", because a strike gives the ball spin.
+        speed: Speed of the cue, m/s. The ball is faster than the cue after a central strike.
+        heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
+        side: Offset to the left, in ball radii: english.
+        top: Offset above the centre, in ball radii: follow; negative for draw.
+        elevation: Angle of the cue above the horizontal, rad. The ball's vertical velocity is dropped, so it does not
+            jump.
+
+    Returns:
+        The velocity, the spin and whether the tip slipped, see `physics.strike.struck`.
+
+    Raises:
+        ValueError: If a number is outside its range (see `checks.RANGES`), the offset is larger than the ball, the
+            shapes do not broadcast, or the motion is not "sliding".
+
+    Example:
+        >>> scene = Scene.named("pool")
+        >>> velocity, spin, miscue = strike(scene, speed=2.0, heading=0.0, side=0.3)
+        >>> velocity.round(3).tolist(), spin.round(1).tolist(), bool(miscue)
+        ([2.285, -0.07], [0.0, 0.0, -60.0], False)
+    """
+    cue, parameters = _checked(scene, speed, heading, side, top, elevation)
+    shape = parameters.shape[:-1]
+    result = Strike(np.empty((*shape, 2)), np.empty((*shape, 3)), np.empty(shape, np.bool_))
+    rows = parameters.reshape(-1, 5), result.velocity.reshape(-1, 2), result.spin.reshape(-1, 3)
+    many_strikes(tuple(cue), *rows, result.miscue.reshape(-1))
+    return result
+
+
+def strike_derivative(
+    scene: Scene, speed: float, heading: float, side: float = 0.0, top: float = 0.0, elevation: float = 0.0
+) -> Floats:
+    """Returns the derivative of the velocity and spin of `strike` with respect to its five parameters.
+
+    Its product with the derivative of a shot (see `Sensitivity`) is the derivative of the positions with respect to the
+    parameters of the strike.
+
+    Args:
+        scene: As in `strike`.
+        speed: As in `strike`.
+        heading: As in `strike`.
+        side: As in `strike`.
+        top: As in `strike`.
+        elevation: As in `strike`.
+
+    Returns:
+        (5, 5) float64: row i belongs to component i of (vx, vy, wx, wy, wz), column j to parameter j of (speed,
+        heading, side, top, elevation).
+
+    Raises:
+        ValueError: As in `strike`, or if the tip slips, where the derivative is not continuous.
+    """
+    cue, parameters = _checked(scene, speed, heading, side, top, elevation)
+    if parameters.ndim > 1:
+        raise ValueError(f"parameters of shape {parameters.shape[:-1]}: expected the numbers of one strike")
+    v, a, b = (float(parameters[i]) for i in (0, 2, 3))
+    offset = math.hypot(a, b)
+    if offset > cue.miscue:
+        raise ValueError(f"offset of the tip = {offset!r}: expected at most {cue.miscue} ball radii, no miscue")
+    s, c = math.sin(parameters[1]), math.cos(parameters[1])
+    sin_e, cos_e = math.sin(parameters[4]), math.cos(parameters[4])
+    ahead, left = np.array((c, s)), np.array((-s, c))
+    gain, slope = _gain_and_slope(cue, offset)
+    angle, d_angle = _squirt_and_slope(cue, a)
+    direction = math.cos(angle) * ahead - math.sin(angle) * left
+    turned = math.cos(angle) * left + math.sin(angle) * ahead
+    # (vx, vy) is v gain cos_e direction; R times (wx, wy, wz) is 5/2 v gain spin.
+    spin = np.array((*(-a * sin_e * ahead + b * left), -a * cos_e))
+    columns = (
+        (gain * cos_e * direction, gain * spin),
+        (v * gain * cos_e * turned, v * gain * np.array((*(-a * sin_e * left - b * ahead), 0.0))),
+        (
+            v * cos_e * (slope * a * direction - gain * d_angle * turned),
+            v * (slope * a * spin + gain * np.array((*(-sin_e * ahead), -cos_e))),
+        ),
+        (v * cos_e * slope * b * direction, v * (slope * b * spin + gain * np.array((*left, 0.0)))),
+        (-v * gain * sin_e * direction, v * gain * np.array((*(-a * cos_e * ahead), a * sin_e))),
+    )
+    return np.stack([np.concatenate((d_v, 2.5 / cue.radius * d_w)) for d_v, d_w in columns], axis=1)
+
+
+def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
+    """Returns the cue and the (..., 5) parameters of strikes, after a check."""
+    check_scene(scene)
+    if scene.physics.motion != "sliding":
+        raise ValueError(
+            f"strike with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', a strike gives spin"
+        )
+    arrays = [numbers(name, value) for name, value in zip(_PARAMETERS, parameters, strict=True)]
+    for (name, key), array in zip(_PARAMETERS.items(), arrays, strict=True):
+        within = RANGES[key]
+        assert within.most is not None
+        bad = array[~((within.least <= array) & (array <= within.most))]
+        if bad.size:
+            raise ValueError(
+                f"{name} = {bad.flat[0]!r}: expected numbers from {within.least:g} to {within.most:g} {within.unit}"
+            )
+    try:
+        stacked = np.stack(np.broadcast_arrays(*arrays), axis=-1)
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(_PARAMETERS, arrays, strict=True))
+        raise ValueError(f"shapes of {shapes}: expected shapes that broadcast") from None
+    outside = np.hypot(stacked[..., 2], stacked[..., 3]) > 1.0
+    if outside.any():
+        raise ValueError(
+            f"(side, top) = {short(stacked[outside][0, 2:4].tolist())}: expected an offset of at most 1 ball radius"
+        )
+    return cue_numbers(scene), stacked
+
+
+def _gain_and_slope(cue: CueNumbers, offset: float) -> tuple[float, float]:
+    """Returns `speed_gain`, and its derivative with respect to the offset divided by the offset."""
+    k, e = 2.5 * offset * offset, cue.restitution
+    total, mass = 1.0 + cue.mass_ratio + k, 1.0 + cue.mass_ratio
+    root = math.sqrt(max((e * e * total - k) / mass, 0.0))
+    slope = ((e * e - 1.0) / (2.0 * root * mass) if e < 1.0 else 0.0) / total - (1.0 + root) / total**2
+    return speed_gain(cue, offset), 5.0 * slope
+
+
+def _squirt_and_slope(cue: CueNumbers, side: float) -> tuple[float, float]:
+    """Returns the angle of `physics.strike.squirt`, rad, and its derivative with respect to the offset."""
+    cosine = math.sqrt(1.0 - side * side)
+    total = 1.0 + cue.end_ratio + 2.5 * cosine * cosine
+    tangent = 2.5 * side * cosine / total
+    slope = 2.5 * (cosine - side * side / cosine) / total + 5.0 * side * tangent / total
+    return math.atan(tangent), slope / (1.0 + tangent * tangent)
