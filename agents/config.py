@@ -39,13 +39,17 @@ class Noise:
     Attributes:
         angle_std: Standard deviation of the direction, degrees.
         speed_std: Standard deviation of the speed, m/s.
+        offset_std: Standard deviation of both offsets of the tip, m, with `action: strike`.
+        elevation_std: Standard deviation of the elevation, degrees, with `action: strike`.
     """
 
     angle_std: float = 0.125
     speed_std: float = 0.075
+    offset_std: float = 0.0005
+    elevation_std: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("angle_std", "speed_std"):
+        for name in ("angle_std", "speed_std", "offset_std", "elevation_std"):
             at_least(f"noise.{name}", getattr(self, name), 0)
 
 

@@ -84,7 +84,7 @@ def search(config: Config, settings: Imitation) -> Examples:
             envs: Any = make_vector(config, count)
             observations, _ = envs.reset(seed=training_seed(config, first))
             game = envs.unwrapped
-            tables = Tables(game.positions, game.potted, game.goals)
+            tables = Tables(game.positions, game.potted, game.goals, game.on)
             found.append((observations, *try_pots(game.single_env, tables, settings.shots, rng)))
             bar.update(count)
     return Examples(*(torch.from_numpy(np.concatenate(parts)).float() for parts in zip(*found, strict=True)))

@@ -15,6 +15,12 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
 "tight_rack"
     As "rack", but neighbours touch: their gap is 0 up to the rounding of the coordinates. The object balls must have
     one radius.
+"nine_ball"
+    As "rack" with 9 object balls: the 1 at the foot spot, the 9 in the middle and the others in a random order (WPA
+    2016, rule 2.2).
+"eight_ball"
+    As "rack" with 15 object balls: the 8 in the middle of the third row, a ball of each group (1 to 7 and 9 to 15) at
+    the rear corners, and the others in a random order (WPA 2016, rule 3.2).
 "carom_opening"
     The fixed opening position of carom billiards (UMB 1989, art. 23), for one or two object balls: the cue ball on the
     right starting spot, ball 1 (the red ball) on the foot spot, ball 2 (the opponent's cue ball) on the head spot.
@@ -71,7 +77,8 @@ _STARTING_SPOT = 0.1825 / 1.42
 # are as close to the pink ball as possible without touching it.
 _BLACK_SPOT, _PINK_GAP = 0.324 / 3.569, 5e-4
 
-LAYOUTS = ("random", "rack", "tight_rack", "carom_opening", "line", "snookered", "snooker")
+LAYOUTS = ("random", "rack", "tight_rack", "nine_ball", "eight_ball", "carom_opening", "line", "snookered", "snooker")
+_NINE_BALL, _EIGHT_BALL = LAYOUTS.index("nine_ball"), LAYOUTS.index("eight_ball")
 
 
 def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
@@ -154,7 +161,7 @@ def _make_plan(name: str, scene: Scene) -> Plan:
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
         return _plan(name, scene, np.zeros((n, 2)), 0.0, largest_first, 0, scene.table.length / 2)
-    if name in ("rack", "tight_rack"):
+    if name in ("rack", "tight_rack", "nine_ball", "eight_ball"):
         return _rack_plan(name, scene)
     if name == "snookered":
         return _snookered_plan(name, scene)
@@ -317,10 +324,52 @@ def fill_tables(plan, begin, end, mask, table_streams, positions):
             if displacement > 0.0:
                 drawn[i, 0] += (2 * streams.next_double(stream) - 1) * displacement
                 drawn[i, 1] += (2 * streams.next_double(stream) - 1) * displacement
+        if plan.layout == _NINE_BALL:
+            shuffle(2, 8, (1, 9), stream, drawn)
+        elif plan.layout == _EIGHT_BALL:
+            shuffle_eight_ball(stream, drawn)
         for k in range(plan.n_spots, len(order)):
             if not draw_ball(plan, order[k], k, stream, drawn):
                 return order[k]
     return -1
+
+
+@kernel
+def swap(a, b, positions):
+    """Exchanges the positions of two balls."""
+    x, y = positions[a, 0], positions[a, 1]
+    positions[a, 0], positions[a, 1] = positions[b, 0], positions[b, 1]
+    positions[b, 0], positions[b, 1] = x, y
+
+
+@kernel
+def shuffle(first, last, fixed, stream, positions):
+    """Permutes the positions of the balls `first` to `last` uniformly, except the `fixed` ones (Fisher, Yates 1938)."""
+    left = 0
+    for i in range(first, last + 1):
+        if i not in fixed:
+            left += 1
+    for i in range(first, last + 1):
+        if i in fixed:
+            continue
+        steps, j = int(streams.next_double(stream) * left), i
+        while steps > 0:
+            j += 1
+            if j not in fixed:
+                steps -= 1
+        swap(i, j, positions)
+        left -= 1
+
+
+@kernel
+def shuffle_eight_ball(stream, positions):
+    """Permutes the balls of a rack of eight ball: 8 stays, and 1 and 15, at the rear corners, change within groups."""
+    if streams.next_double(stream) < 0.5:
+        swap(1, 15, positions)
+    solid, stripe = 1 + int(7.0 * streams.next_double(stream)), 9 + int(7.0 * streams.next_double(stream))
+    swap(1, solid, positions)
+    swap(15, stripe, positions)
+    shuffle(1, 15, (8, solid, stripe), stream, positions)
 
 
 def _plan(
@@ -366,7 +415,10 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
     """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
     radius = scene.balls.radius
     count = scene.n_balls - 1
-    if name == "rack":
+    for game, balls in (("nine_ball", 9), ("eight_ball", 15)):
+        if name == game:
+            _expect_object_balls(scene, name, balls, balls)
+    if name != "tight_rack":
         low, high = RACK_GAP
         gap = (low + high) / 2
         # A displacement by s along x and along y has the length sqrt(2) s. Two balls come closer by at most twice that.
@@ -378,6 +430,11 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
             raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
     spots = np.zeros((scene.n_balls, 2))
     spots[1:] = _rack(count, scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
+    if name == "nine_ball":
+        spots[[5, 9]] = spots[[9, 5]]
+    elif name == "eight_ball":
+        spots[[5, 8]] = spots[[8, 5]]
+        spots[[1, 11]] = spots[[11, 1]]
     return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, scene.table.head_x)
 
 

@@ -128,6 +128,48 @@ def test_a_rack_is_filled_row_by_row_from_the_foot_spot():
     assert np.unique(diamond[:, 0].round(9), return_counts=True)[1].tolist() == [1, 2, 3, 2, 1]
 
 
+def places_in_rack(name, n_object_balls, count):
+    """Returns the numbers of the balls, (count, n_object_balls), in the order of the places of a tight rack."""
+    scene = Scene.named("pool", n_object_balls)
+    spots = layouts.draw("tight_rack", scene, np.random.default_rng(0))[1:]
+    spots[:, 0] = (spots[:, 0] - spots[0, 0]) * (1 + 3e-4 / 0.05715) + spots[0, 0]
+    found = []
+    for positions in draws(name, scene, count):
+        distance = np.linalg.norm(positions[1:, None] - spots[None], axis=2)
+        assert distance.min(axis=0).max() < 3e-3
+        found.append(1 + distance.argmin(axis=0))
+    return np.array(found)
+
+
+def test_the_rack_of_nine_ball():
+    found = places_in_rack("nine_ball", 9, 600)
+    assert (found[:, 0] == 1).all()
+    assert (found[:, 4] == 9).all()
+    assert (np.sort(found, axis=1) == np.arange(1, 10)).all()
+    others = found[:, [1, 2, 3, 5, 6, 7, 8]]
+    counts = np.array([np.bincount(place, minlength=9)[2:] for place in others.T])
+    assert np.abs(counts - 600 / 7).max() < 5 * np.sqrt(600 / 7)
+
+
+def test_the_rack_of_eight_ball():
+    found = places_in_rack("eight_ball", 15, 600)
+    assert (found[:, 4] == 8).all()
+    assert (np.sort(found, axis=1) == np.arange(1, 16)).all()
+    corners = found[:, [10, 14]]
+    assert ((corners < 8).sum(axis=1) == 1).all()
+    for corner in corners.T:
+        counts = np.delete(np.bincount(corner, minlength=16)[1:], 7)
+        assert np.abs(counts - 600 / 14).max() < 5 * np.sqrt(600 / 14)
+    apex = np.delete(np.bincount(found[:, 0], minlength=16)[1:], 7)
+    assert np.abs(apex - 600 / 14).max() < 5 * np.sqrt(600 / 14)
+
+
+@pytest.mark.parametrize(("name", "n_object_balls"), [("nine_ball", 9), ("eight_ball", 15)])
+def test_a_rack_of_a_game_needs_its_balls(name, n_object_balls):
+    with pytest.raises(ValueError, match=f"layout = '{name}' with 3 object balls: expected {n_object_balls}"):
+        layouts.draw(name, Scene.named("pool", 3), np.random.default_rng(0))
+
+
 def test_a_tight_rack_needs_object_balls_of_one_radius():
     with pytest.raises(ValueError, match=r"layout = 'tight_rack' .*radii \[0.01, 0.05, 0.2\] m: expected one radius"):
         layouts.draw("tight_rack", LARGE_AND_SMALL, np.random.default_rng(0))

@@ -67,16 +67,18 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
 
-    The observation is a `ndarray` with shape `(2 * n_balls,)` and dtype `float32`. It has two more numbers with
-    `task="place"`, and one more number with `observe_shots_left=True`:
+    The observation is a `ndarray` with shape `(2 * n_balls,)` and dtype `float32`. It has two more numbers in the tasks
+    with a goal (`"place"` and `"position"`), one more number for each object ball in the run-outs (`"nine_ball"` and
+    `"eight_ball"`), and one more number with `observe_shots_left=True`:
 
-    | Num         | Observation                                              | Min | Max |
-    |-------------|----------------------------------------------------------|-----|-----|
-    | `2 * i`     | x of ball i / half the table's length                    | -1  | 1   |
-    | `2 * i + 1` | y of ball i / half the table's width                     | -1  | 1   |
-    | next        | x of the goal / half the table's length (`task="place"`) | -1  | 1   |
-    | next        | y of the goal / half the table's width (`task="place"`)  | -1  | 1   |
-    | last        | shots left / `max_shots` (`observe_shots_left=True`)     | 0   | 1   |
+    | Num         | Observation                                                     | Min | Max |
+    |-------------|-----------------------------------------------------------------|-----|-----|
+    | `2 * i`     | x of ball i / half the table's length                           | -1  | 1   |
+    | `2 * i + 1` | y of ball i / half the table's width                            | -1  | 1   |
+    | next        | x of the goal / half the table's length (tasks with a goal)     | -1  | 1   |
+    | next        | y of the goal / half the table's width (tasks with a goal)      | -1  | 1   |
+    | next        | 1 if ball 1 may be touched first, else 0; then ball 2 (run-outs) | 0   | 1   |
+    | last        | shots left / `max_shots` (`observe_shots_left=True`)            | 0   | 1   |
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
     ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
@@ -96,6 +98,17 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       three cushion contacts, before or after they touch.
     - `task="place"`: 1 point if the cue ball touches an object ball, is not potted, and comes to rest at most 0.15 m
       from the goal. If no object ball is on the table, the cue ball does not have to touch one.
+    - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
+      most 0.3 m from the goal.
+    - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
+    - `task="nine_ball"`: 1 point for each ball potted without a foul. The balls that are left when the nine ball is
+      potted count as well, so a run-out scores 9 points.
+    - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball.
+
+    In the run-outs a shot has no foul if the cue ball first touches a ball that is on, a ball then touches a cushion or
+    is potted, and the cue ball is not potted. In nine ball the lowest ball is on. In eight ball all balls are on in the
+    break; then both groups (1 to 7 and 9 to 15) are on until a ball is potted, which chooses the group; and the eight
+    ball is on when no ball of the group is left.
 
     The default penalty is small. With a large penalty an agent learns to avoid the pockets before it learns to use
     them.
@@ -109,6 +122,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4 in pool), the object balls in a triangle
       at the foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
+    - `"nine_ball"` and `"eight_ball"`: as `"rack"`, with the balls in the places of the game and the others in a random
+      order.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis of the table.
     - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them, so that no straight path of the
@@ -116,7 +131,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"snooker"`: the start of a frame of snooker, with the cue ball anywhere in the D. The scene needs a table with a
       D, such as `"snooker"`.
 
-    With `task="place"` the goal is then drawn uniformly from all positions that the cue ball can have on an empty
+    In a task with a goal, the goal is then drawn uniformly from all positions that the cue ball can have on an empty
     table. The goal does not change during an episode.
 
     `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
@@ -133,6 +148,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       end the episode, with or without a point.
     - `task="sum_to_three"`: never.
     - `task="place"`: when the point is scored, or the cue ball is potted.
+    - `task="position"`: when the point is scored, the cue ball is potted, or no object ball is left.
+    - `task="clear"`: as in `"pot"`.
+    - `task="nine_ball"` and `task="eight_ball"`: after a foul, after a shot that scores no point, and when the nine
+      ball or the eight ball is potted. An eight ball potted before it is on, also in the break, ends the episode
+      without success.
 
     ## Info
 
@@ -154,8 +174,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `is_success` | bool       | same as `success`; Stable-Baselines3 logs this key       |
     | `miscue`     | bool       | whether the tip slipped; only with `action="strike"`     |
 
-    The task `"pot"` is achieved if all object balls are potted and the cue ball is not. The other tasks are achieved if
-    the score is at least 1.
+    The task `"pot"` is achieved if all object balls are potted and the cue ball is not. A run-out is achieved if the
+    nine ball or the eight ball is potted without a foul when it may be potted. The other tasks are achieved if the
+    score is at least 1.
 
     The status is `"rest"`, or `"max_time"` if the shot reached the time limit of the scene. It is `"event_limit"` or
     `"step_limit"` if the engine ended the shot at its limit on events or timesteps. In this case `step` also issues a
@@ -196,7 +217,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       one object ball.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
     - With `layout=None` the layout is `"rack"` for `"pot"`, `"carom_opening"` for `"carom"` and `"three_cushion"`,
-      `"line"` for `"sum_to_three"` and `"random"` for `"place"`.
+      `"line"` for `"sum_to_three"`, `"random"` for `"place"` and `"position"`, `"rack"` for `"clear"`, and the rack of
+      the game for the run-outs.
     - All arguments are JSON values, so an `EnvSpec` can be converted to JSON and back. `billiards_env.checks.RANGES`
       contains the range of each number.
 
@@ -272,8 +294,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._episodes = self.episodes(1)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
+        flags = max(self._episodes.on.shape[1] - 1, 0) + self.observe_shots_left
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
-        low = np.full(coordinates + self.observe_shots_left, -1.0, np.float32)
+        low = np.full(coordinates + flags, -1.0, np.float32)
         low[coordinates:] = 0.0
         self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._rewards = np.empty(1)
@@ -309,8 +332,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     @property
     def goals(self) -> NDArray[np.float64]:
-        """(g, 2) goals, m, a copy: one in the task "place", none in the others."""
+        """(g, 2) goals, m, a copy: one in a task with a goal, none in the others."""
         return self._episodes.goals[0].copy()
+
+    @property
+    def on(self) -> NDArray[np.bool_]:
+        """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
+        return self._episodes.on[0].copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -320,8 +348,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Args:
             seed: Seed of the generator that draws the starting states. The same seed gives the same episodes bit for
                 bit.
-            options: None, or a dict with "positions": (n, 2) positions of the balls, m, or "goal": (2,) m in the task
-                "place", or both. The rest of the starting state is drawn.
+            options: None, or a dict with "positions": (n, 2) positions of the balls, m, or "goal": (2,) m in a task
+                with a goal, or both. The rest of the starting state is drawn.
 
         Returns:
             The observation and an empty info.

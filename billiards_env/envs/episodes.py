@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from billiards_env import layouts
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
 from billiards_env.envs.actions import shorten, strike_balls
-from billiards_env.envs.tasks import TASKS, Outcome, judge
+from billiards_env.envs.tasks import BREAKS, GOAL_RADIUS, RUN_OUTS, TASKS, Outcome, begin_on, judge
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -68,6 +68,7 @@ class Rules(NamedTuple):
         scratch_penalty: Reward subtracted for a scratch.
         half_length: Scale of x in observations, m, see `Scene.half_extents`.
         half_width: Scale of y in observations, m.
+        is_break: Whether the first shot of an episode is a break.
     """
 
     task: int
@@ -76,6 +77,7 @@ class Rules(NamedTuple):
     scratch_penalty: float
     half_length: float
     half_width: float
+    is_break: bool
 
 
 class Starts(NamedTuple):
@@ -108,6 +110,7 @@ class Progress(NamedTuple):
         tally: (m, N_TALLY) int64: points of the last shot, points of the episode, shots left, and whether the episode
             is a success so far.
         over: (m,) bool: whether the episode has ended.
+        on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
     """
 
     positions: Any
@@ -115,6 +118,7 @@ class Progress(NamedTuple):
     in_play: Any
     tally: Any
     over: Any
+    on: Any
 
 
 class Episodes:
@@ -131,7 +135,8 @@ class Episodes:
         potted_before: (m, n) bool: balls off the table before the last shot.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         plan: The layout at the start of an episode.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the task "place", none in the others.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks of `tasks.GOAL_RADIUS`, none in the others.
+        on: See `Progress`.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
     """
@@ -149,8 +154,9 @@ class Episodes:
         self.potted_before = np.zeros((count, n), np.bool_)
         self.miscues = np.zeros(count, np.bool_)
         self.plan = layouts.plan(settings.layout, scene)
-        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task == "place" else None
+        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task in GOAL_RADIUS else None
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
+        self.on = np.zeros((count, n if settings.task in RUN_OUTS else 0), np.bool_)
         # The arguments of the kernels, as plain tuples: numba unpacks them faster than NamedTuples. The arrays are
         # those of the attributes above, also after a deep copy.
         shots = self.shots
@@ -164,12 +170,13 @@ class Episodes:
             settings.max_shots,
             settings.scratch_penalty,
             *scene.half_extents,
+            settings.layout in BREAKS,
         )
         self._starts = *shots[:4], self.start, self.potted_before
-        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over
+        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over, self.on
         self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
         self._struck = shots.velocities, shots.spins, self.miscues
-        self._hits = shots.cushions, shots.cushions_before_hit
+        self._hits = shots.cushions, shots.cushions_before_hit, shots.first_hit
 
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
@@ -257,10 +264,10 @@ def cue_ball_alone(scene: Scene) -> Scene:
 def observe(k, rules, progress, observations):
     """Writes the observation of episode k.
 
-    It holds the positions of the balls and goals, divided by `Scene.half_extents`. If there is room for one more
-    number, this is the fraction of the shots that are left.
+    It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
+    ball is on. If there is room for one more number, this is the fraction of the shots that are left.
     """
-    positions, goals = progress.positions, progress.goals
+    positions, goals, on = progress.positions, progress.goals, progress.on
     n, n_goals = positions.shape[1], goals.shape[1]
     for i in range(n):
         observations[k, 2 * i] = min(max(positions[k, i, X] / rules.half_length, -1.0), 1.0)
@@ -268,8 +275,12 @@ def observe(k, rules, progress, observations):
     for i in range(n_goals):
         observations[k, 2 * (n + i)] = goals[k, i, X] / rules.half_length
         observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / rules.half_width
-    if observations.shape[1] > 2 * (n + n_goals):
-        observations[k, 2 * (n + n_goals)] = progress.tally[k, SHOTS_LEFT] / rules.max_shots
+    last = 2 * (n + n_goals)
+    for i in range(1, on.shape[1]):
+        observations[k, last] = 1.0 if on[k, i] else 0.0
+        last += 1
+    if observations.shape[1] > last:
+        observations[k, last] = progress.tally[k, SHOTS_LEFT] / rules.max_shots
 
 
 @entry_point
@@ -284,6 +295,7 @@ def begin_episodes(begin, end, mask, rules, progress, observations):
             tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
             tally[k, SHOTS_LEFT] = rules.max_shots
             progress.over[k] = False
+            begin_on(rules.task, k, rules.is_break, progress.on)
         observe(k, rules, progress, observations)
 
 
@@ -316,13 +328,22 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
         skip: (m,) bool, the episodes without a shot.
         rules: `Rules`, as a plain tuple.
         progress: `Progress`, as a plain tuple.
-        hits: `cushions` and `cushions_before_hit` of `engine.Shots`, and `potted_before`.
+        hits: `cushions`, `cushions_before_hit` and `first_hit` of `engine.Shots`, and `potted_before`.
         results: `rewards`, `potted` and `observations` of `Episodes.shoot`.
     """
     rules, progress = Rules(*rules), Progress(*progress)
-    cushions, cushions_before_hit, potted_before = hits
+    cushions, cushions_before_hit, first_hit, potted_before = hits
     rewards, potted, observations = results
-    outcome = Outcome(progress.positions, progress.goals, potted_before, potted, cushions, cushions_before_hit)
+    outcome = Outcome(
+        progress.positions,
+        progress.goals,
+        potted_before,
+        potted,
+        cushions,
+        cushions_before_hit,
+        first_hit,
+        progress.on,
+    )
     tally = progress.tally
     for k in range(begin, end):
         for i in range(progress.in_play.shape[1]):

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
-from billiards_env.envs.tasks import PLACE_RADIUS
+from billiards_env.envs.tasks import GOAL_RADIUS
 from billiards_env.scene import Scene
 from billiards_env.simulation import run_shot
 
@@ -84,7 +84,7 @@ def balls_at_rest(
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
     shots = episodes.shots
-    circles = _goal_circles(episodes.goals[k])
+    circles = _goal_circles(episodes.settings.task, episodes.goals[k])
     return balls_at_rest(shots.positions[k], episodes.settings.task, shots.in_play[k], circles)
 
 
@@ -113,12 +113,12 @@ def drawn_shot(
     shot = ShotInput(episodes.start[k].copy(), velocities, spins, ~episodes.potted_before[k], limit)
     number = settings.max_shots - int(tally[SHOTS_LEFT])
     left = f"{settings.task}   shot {number} of {settings.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-    return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", _goal_circles(goals))
+    return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", _goal_circles(settings.task, goals))
 
 
-def _goal_circles(goals: NDArray[np.float64]) -> Circles:
+def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:
     """Returns the circles in which the cue ball has to come to rest, for (g, 2) goals."""
-    return [(x, y, PLACE_RADIUS) for x, y in goals.tolist()]
+    return [(x, y, GOAL_RADIUS[task]) for x, y in goals.tolist()]
 
 
 class Renderer:

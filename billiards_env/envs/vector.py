@@ -45,7 +45,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     | Option       | Shape              | Description                                                             |
     |--------------|--------------------|-------------------------------------------------------------------------|
     | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
-    | `goal`       | `(num_envs, 2)`    | goals of the task `"place"`, in metres from the centre of the table     |
+    | `goal`       | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table      |
     | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
 
     ## Autoreset
@@ -157,8 +157,13 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
     @property
     def goals(self) -> NDArray[np.float64]:
-        """(num_envs, g, 2) goals, m, a copy: one per environment in the task "place", none in the others."""
+        """(num_envs, g, 2) goals, m, a copy: one per environment in a task with a goal, none in the others."""
         return self._episodes.goals.copy()
+
+    @property
+    def on(self) -> Bools:
+        """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
+        return self._episodes.on.copy()
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -261,7 +266,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.draw(begin, end, over, self._streams)
                 episodes.begin(begin, end, over, observations)
 
-        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, episodes.tally)]
+        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, episodes.tally, episodes.on)]
         if resets or same_step:
             before += [(array, array.copy()) for array in (self._streams, episodes.goals)]
         try:

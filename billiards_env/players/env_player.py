@@ -28,29 +28,30 @@ Floats = NDArray[np.float64]
 
 def situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
+    targets = env.on if env.on.size else env.targets
     return Situation(
-        env.scene, env.positions, env.potted, env.targets, env.max_speed, lambda actions: rewards(env, actions)
+        env.scene, env.positions, env.potted, targets, env.max_speed, lambda actions: rewards(env, actions)
     )
 
 
 class Tables(NamedTuple):
-    """The balls of m tables.
+    """The state of m episodes.
 
     Attributes:
         positions: (m, n, 2) m.
         potted: (m, n) bool, the balls off the table.
         goals: (m, g, 2) m; see `BilliardsEnv.goals`.
+        on: (m, n) or (m, 0) bool; see `BilliardsEnv.on`.
     """
 
     positions: Floats
     potted: NDArray[np.bool_]
     goals: Floats
+    on: NDArray[np.bool_]
 
     def repeat(self, times: int) -> Tables:
         """Returns each table `times` times, one after the other."""
-        return Tables(
-            self.positions.repeat(times, axis=0), self.potted.repeat(times, axis=0), self.goals.repeat(times, axis=0)
-        )
+        return Tables._make(array.repeat(times, axis=0) for array in self)
 
 
 def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) -> Floats:
@@ -65,13 +66,13 @@ def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) ->
         (m,) rewards.
     """
     m, n = len(actions), env.scene.n_balls
-    positions, potted, goals = (env.positions, env.potted, env.goals) if tables is None else tables
+    positions, potted, goals, on = (env.positions, env.potted, env.goals, env.on) if tables is None else tables
     episodes, found = env.episodes(m), np.empty(m)
     episodes.shots.positions[:] = positions
     episodes.shots.in_play[:] = ~potted
-    episodes.goals[:] = goals
+    episodes.goals[:], episodes.on[:] = goals, on
     no_skip, off = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
-    observations = np.empty((m, 2 * (n + len(env.goals))), np.float32)
+    observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, no_skip, actions, found, off, observations)

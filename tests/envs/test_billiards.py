@@ -14,7 +14,7 @@ from gymnasium.wrappers import OrderEnforcing
 
 from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, episodes
-from billiards_env.envs.tasks import OPENING_LAYOUTS, PLACE_RADIUS, TASKS
+from billiards_env.envs.tasks import GOAL_RADIUS, OPENING_LAYOUTS, RUN_OUTS, TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene, check_positions
 from tests.helpers.environments import VARIANTS
@@ -82,8 +82,9 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = BilliardsEnv(**kwargs)
     n = env.scene.n_balls
     last = env.observe_shots_left
-    places = 2 * (n + (env.task == "place"))
-    assert env.observation_space.shape == (places + last,)
+    places = 2 * (n + (env.task in GOAL_RADIUS))
+    flags = n - 1 if env.task in RUN_OUTS else 0
+    assert env.observation_space.shape == (places + flags + last,)
     assert env.observation_space.dtype == np.float32
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
     env.action_space.seed(0)
@@ -110,6 +111,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             assert info["shots_left"] == env.max_shots - shots
             on_table = np.abs(observation[: 2 * n]).reshape(n, 2).max(axis=1) < 1
             assert np.array_equal(on_table, ~info["potted"])
+            assert np.array_equal(observation[places : places + flags], env.on[1 : 1 + flags])
             if last:
                 assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]
@@ -397,7 +399,7 @@ def test_place_scores_within_its_radius_of_the_goal(n_object_balls):
     env.reset(options={"positions": balls, "goal": [0.9, 0.4]})
     env.step([0.3, 0.0])
     ended = env.positions[0]
-    for off, points in ((PLACE_RADIUS - 1e-9, 1), (PLACE_RADIUS + 1e-9, 0)):
+    for off, points in ((GOAL_RADIUS["place"] - 1e-9, 1), (GOAL_RADIUS["place"] + 1e-9, 0)):
         goal = ended + np.array([0.0, off])
         observation, _ = env.reset(options={"positions": balls, "goal": goal})
         assert np.array_equal(observation[-2:], (goal / [1.27, 0.635]).astype(np.float32))
@@ -443,6 +445,10 @@ def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
     assert BilliardsEnv(layout=None, scene="carom", task="three_cushion").layout == "carom_opening"
     assert BilliardsEnv(layout=None, scene="sum_to_three", task="sum_to_three").layout == "line"
     assert BilliardsEnv(layout=None, task="place").layout == "random"
+    assert BilliardsEnv(layout=None, task="position").layout == "random"
+    assert BilliardsEnv(layout=None, task="clear").layout == "rack"
+    assert BilliardsEnv(layout=None, task="nine_ball", n_object_balls=9).layout == "nine_ball"
+    assert BilliardsEnv(layout=None, task="eight_ball", n_object_balls=15).layout == "eight_ball"
     assert BilliardsEnv().layout == "random"
     assert OPENING_LAYOUTS.keys() == set(TASKS)
 

@@ -4,12 +4,20 @@ import numpy as np
 import pytest
 
 from billiards_env.envs.tasks import (
-    PLACE_RADIUS,
+    EIGHT_BALL,
+    GOAL_RADIUS,
+    NINE_BALL,
+    RUN_OUTS,
     TASKS,
     Outcome,
+    begin_on,
     judge,
     judge_carom,
+    judge_clear,
+    judge_eight_ball,
+    judge_nine_ball,
     judge_place,
+    judge_position,
     judge_pot,
     judge_sum_to_three,
     judge_three_cushion,
@@ -24,6 +32,7 @@ SAMPLE: dict[str, Any] = {
     "cushions": (0, 0, 0),
     "before_hit": (-1, -1, -1),
     "cue": (9.0, 9.0),
+    "first_hit": -1,
 }
 
 
@@ -34,7 +43,9 @@ def one(task, targets=BOTH, **changes: Any):
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
     goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
-    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit))
+    first_hit = np.array([1, 1, shot["first_hit"]])
+    on = np.zeros((3, 0), np.bool_)
+    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit, first_hit, on))
 
 
 def balls(*numbers):
@@ -122,8 +133,8 @@ def test_sum_to_three(cushions, before_hit, points):
     )
 
 
-ON_THE_EDGE = (GOAL[0] + PLACE_RADIUS - 1e-12, GOAL[1])
-BEYOND = (GOAL[0], GOAL[1] - PLACE_RADIUS - 1e-12)
+ON_THE_EDGE = (GOAL[0] + GOAL_RADIUS["place"] - 1e-12, GOAL[1])
+BEYOND = (GOAL[0], GOAL[1] - GOAL_RADIUS["place"] - 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +159,39 @@ def test_place_needs_no_touch_without_object_balls():
     assert one(judge_place, NONE, cue=GOAL) == (1, True, True)
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize(
+    ("cue", "before", "after", "points", "over"),
+    [
+        (GOAL, (), (1,), 1, True),
+        ((GOAL[0] + GOAL_RADIUS["position"] - 1e-12, GOAL[1]), (), (1,), 1, True),
+        ((GOAL[0], GOAL[1] - GOAL_RADIUS["position"] - 1e-12), (), (1,), 0, False),
+        (BEYOND, (), (), 0, False),
+        (GOAL, (), (), 0, False),
+        (GOAL, (1,), (1,), 0, False),
+        (GOAL, (), (0, 1), 0, True),
+        ((9.0, 9.0), (1,), (1, 2), 0, True),
+    ],
+)
+def test_position(cue, before, after, points, over):
+    shot = {"cue": cue, "before": balls(*before), "after": balls(*after)}
+    assert one(judge_position, **shot) == (points, over, points == 1)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "points", "over"),
+    [
+        ((), (1,), 0, False),
+        ((1,), (1, 2), 1, True),
+        ((), (1, 2), 1, True),
+        ((1,), (0, 1, 2), 0, True),
+        ((), (0,), 0, True),
+    ],
+)
+def test_clear(before, after, points, over):
+    assert one(judge_clear, before=balls(*before), after=balls(*after)) == (points, over, points == 1)
+
+
+@pytest.mark.parametrize("task", [task for task in TASKS if task not in RUN_OUTS])
 def test_judge_calls_the_kernel_of_the_task(task):
     kernel = {
         "pot": judge_pot,
@@ -156,6 +199,8 @@ def test_judge_calls_the_kernel_of_the_task(task):
         "three_cushion": judge_three_cushion,
         "sum_to_three": judge_sum_to_three,
         "place": judge_place,
+        "position": judge_position,
+        "clear": judge_clear,
     }[task]
     shots: list[dict[str, Any]] = [
         {"after": balls(1)},
@@ -163,10 +208,106 @@ def test_judge_calls_the_kernel_of_the_task(task):
         {"before_hit": (-1, 3, 3)},
         {"before_hit": (-1, 0, -1), "cushions": (1, 2, 0)},
         {"before_hit": (-1, 0, -1), "cue": GOAL},
+        {"after": balls(1), "cue": GOAL},
+        {"after": balls(1, 2)},
     ]
-    all_points = set()
+    all_points: set[int] = set()
     for shot in shots:
         outcome = one(lambda *shot: judge(TASKS.index(task), *shot), **shot)
         assert outcome == one(kernel, **shot)
         all_points.add(outcome[0])
-    assert all_points == {0, 1}
+    assert all_points >= {0, 1}
+
+
+# --- run-outs ---------------------------------------------------------------------------------------------------------
+
+
+def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
+    """Returns the result of a shot of a run-out, and the balls that are on after it.
+
+    `cushion` is the ball that touches a cushion after the hit, or -1.
+    """
+    n = RUN_OUTS[task] + 1
+    targets, was, off, now_on = (np.zeros((1, n), np.bool_) for _ in range(4))
+    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = now_on[0, list(on)] = True
+    cushions = np.zeros((1, n), np.int32)
+    if cushion >= 0:
+        cushions[0, cushion] = 1
+    before_hit = np.full((1, n), -1)
+    if first >= 0:
+        before_hit[0, first] = 0
+    arrays = np.zeros((1, n, 2)), np.zeros((1, 0, 2)), was, off, cushions, before_hit, np.array([first]), now_on
+    kernel = {"nine_ball": judge_nine_ball, "eight_ball": judge_eight_ball}[task]
+    outcome = Outcome(*arrays)
+    same = judge(TASKS.index(task), 0, targets[0], Outcome(*arrays[:-1], now_on.copy()))
+    result = kernel(0, targets[0], outcome)
+    assert result == same
+    return result, set(np.flatnonzero(now_on[0]).tolist())
+
+
+@pytest.mark.parametrize(
+    ("shot", "result", "on"),
+    [
+        ({"potted": [1]}, (1, False, False), {2}),
+        ({"potted": [1, 3]}, (2, False, False), {2}),
+        ({"potted": [4]}, (1, False, False), {1}),
+        ({}, (0, True, False), {1}),  # a miss
+        ({"potted": [2], "first": 2}, (0, True, False), {1}),  # the wrong ball first
+        ({"potted": [1, 0]}, (0, True, False), {2}),  # a scratch
+        ({"first": -1, "cushion": -1}, (0, True, False), {1}),
+        ({"cushion": -1}, (0, True, False), {1}),
+        ({"potted": [1], "cushion": -1}, (1, False, False), {2}),  # a potted ball needs no cushion
+        ({"potted": [9]}, (9, True, True), {1}),  # a combination
+        ({"potted": [9], "first": 5}, (0, True, False), {1}),
+        ({"potted": [9, 0]}, (0, True, False), {1}),
+        ({"before": range(1, 9), "potted": [9], "first": 9, "on": [9]}, (1, True, True), set()),
+    ],
+)
+def test_nine_ball(shot, result, on):
+    assert run_out("nine_ball", **{"on": [1], **shot}) == (result, on)
+
+
+ALL, SOLIDS, STRIPES = set(range(1, 16)), set(range(1, 8)), set(range(9, 16))
+
+
+@pytest.mark.parametrize(
+    ("shot", "result", "on"),
+    [
+        # The break
+        ({"on": ALL, "potted": [3, 11]}, (2, False, False), ALL - {3, 8, 11}),
+        ({"on": ALL}, (0, True, False), ALL - {8}),
+        ({"on": ALL, "potted": [3, 0]}, (0, True, False), ALL - {3, 8}),
+        ({"on": ALL, "potted": [8]}, (0, True, False), ALL - {8}),
+        # An open table
+        ({"potted": [2], "first": 2}, (1, False, False), SOLIDS - {2}),
+        ({"potted": [11], "first": 2}, (1, False, False), STRIPES - {11}),
+        ({"potted": [2, 3, 11], "first": 11}, (1, False, False), STRIPES - {11}),
+        ({"potted": [2, 3, 11], "first": 1}, (2, False, False), SOLIDS - {2, 3}),
+        ({"potted": [2], "first": 8}, (0, True, False), SOLIDS - {2}),
+        ({}, (0, True, False), ALL - {8}),
+        # A group
+        ({"on": SOLIDS, "potted": [2]}, (1, False, False), SOLIDS - {2}),
+        ({"on": SOLIDS, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
+        ({"on": SOLIDS, "potted": [11]}, (0, True, False), SOLIDS),
+        ({"on": SOLIDS, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
+        ({"on": SOLIDS, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
+        ({"on": {3}, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
+        # The eight ball
+        ({"on": {8}, "before": SOLIDS, "potted": [8], "first": 8}, (1, True, True), {8}),
+        ({"on": {8}, "before": SOLIDS, "potted": [8, 0], "first": 8}, (0, True, False), {8}),
+        ({"on": {8}, "before": SOLIDS, "first": 8}, (0, True, False), {8}),
+        ({"on": {8}, "before": SOLIDS, "potted": [8], "first": 9}, (0, True, False), {8}),
+    ],
+)
+def test_eight_ball(shot, result, on):
+    assert run_out("eight_ball", **{"on": ALL - {8}, **shot}) == (result, on)
+
+
+def test_the_balls_that_are_on_at_the_start():
+    on = np.zeros((2, 16), np.bool_)
+    begin_on(EIGHT_BALL, 0, True, on)
+    begin_on(EIGHT_BALL, 1, False, on)
+    assert [set(np.flatnonzero(row).tolist()) for row in on] == [ALL, ALL - {8}]
+    on = np.zeros((1, 10), np.bool_)
+    begin_on(NINE_BALL, 0, True, on)
+    assert np.flatnonzero(on[0]).tolist() == [1]

@@ -15,21 +15,12 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
-from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import VectorExecutionNoise
-from billiards_env.layouts import LAYOUTS
-from billiards_env.scene import SCENES, Scene
+from billiards_env.scene import Scene
+from tests.helpers.environments import FITTING, FREE_LAYOUTS, RACKS
 
 MODES = tuple(AutoresetMode)
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.value)
-FITTING = [
-    (s, t)
-    for s in SCENES
-    for t in TASKS
-    if (t != "pot" or Scene.named(s).table.pockets)
-    and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
-    and (t not in ("carom", "three_cushion") or Scene.named(s).n_balls <= 3)
-]
 VARIANTS = [
     *({"scene": scene, "task": task} for scene, task in FITTING),
     *(
@@ -43,7 +34,8 @@ VARIANTS = [
         for s, t in FITTING
     ),
     {"task": "place", "n_object_balls": 0, "max_shots": 2},
-    *({"layout": layout, "max_shots": 2} for layout in (*LAYOUTS, None) if layout not in ("snookered", "snooker")),
+    *({"layout": layout, "max_shots": 2} for layout in (*FREE_LAYOUTS, None)),
+    *RACKS,
     {"layout": "snooker", "scene": "snooker", "max_shots": 2},
     {"layout": "snookered", "scene": "blocked_pool", "max_shots": 2},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},

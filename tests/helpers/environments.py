@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from billiards_env.envs.tasks import TASKS
+from billiards_env.envs.tasks import RUN_OUTS, TASKS
 from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene
 
-# All valid pairs of a scene and a task.
+# All valid pairs of a scene and a task, but "position" and "clear" in two scenes only. The run-outs are separate.
 FITTING = [
     (s, t)
     for s in SCENES
     for t in TASKS
-    if (t != "pot" or Scene.named(s).table.pockets)
+    if t not in RUN_OUTS
+    and (t != "pot" or Scene.named(s).table.pockets)
+    and (t not in ("position", "clear") or s in ("pool", "real_pool"))
     and (t != "sum_to_three" or s in ("ideal", "sum_to_three"))
     and (t not in ("carom", "three_cushion") or Scene.named(s).n_balls <= 3)
 ]
+RACKS = [{"task": task, "n_object_balls": n, "layout": task, "max_shots": 3} for task, n in RUN_OUTS.items()]
+FREE_LAYOUTS = [name for name in LAYOUTS if name not in ("snookered", "snooker", *RUN_OUTS)]
 VARIANTS = [
     *({"scene": scene, "task": task} for scene, task in FITTING),
     *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
-    *({"layout": layout} for layout in (*LAYOUTS, None) if layout not in ("snookered", "snooker")),
+    *({"layout": layout} for layout in (*FREE_LAYOUTS, None)),
+    *RACKS,
+    {**RACKS[0], "layout": "random", "observe_shots_left": True},
     {"layout": "snooker", "scene": "snooker"},
     {"layout": "snookered", "scene": "blocked_pool"},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
