@@ -1,7 +1,7 @@
 """A policy over the velocity of the cue ball whose distribution is a mixture of Gaussians.
 
-It plays `Billiards-v0` without a wrapper: an action is the velocity vector of the environment. The head is the part of
-the policy that computes the mixture. `HEADS` lists the heads, which differ in their prior knowledge of the game.
+It plays `Billiards-v0` without a wrapper: an action is the velocity vector of the environment, or a strike with
+`action="strike"`. The head is the part of the policy that computes the mixture. `HEADS` lists the heads, which differ in their prior knowledge of the game.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
 import billiards_env  # noqa: F401  (registers the environment)
+from agents.cue_parts import NUMBERS, cue_of
 from agents.mixture import MixtureDistribution
 from agents.position_heads import BinAims, HitAims, PointAims, PositionHead, Reflected
 from agents.pot_head import PotFeatures, PotHead
@@ -30,7 +31,8 @@ A component is one Gaussian of the mixture, with axes along and across its direc
 * "mixture": several with learned directions.
 * "bins": one for each of equally spaced directions.
 * "hits": one for each of several hits on each ball, from thin on one side to thin on the other.
-* "pots": one for each pot that geometry finds, at each of several speeds. The task must be "pot".
+* "pots": one for each pot that geometry finds, at each of several speeds. The task must be "pot", "clear" or
+  "position".
 """
 
 
@@ -86,10 +88,10 @@ class MixturePolicy(ActorCriticPolicy):
         super().__init__(*args, net_arch=list(net_arch), **kwargs)
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
-        others = int(self.action_space.shape[0]) - 2  # pyright: ignore[reportOptionalSubscript]
+        cue = cue_of(self.game)
         name, k, layers = self.own["head"], self.own["components"], (cast(Any, self.net_arch), self.activation_fn)
         if name == "pots":
-            head: Any = PotHead(self.features_dim, k, *layers, others)
+            head: Any = PotHead(self.features_dim, k, *layers, cue)
         else:
             inputs = self.features_dim - 2
             aims = {
@@ -98,9 +100,9 @@ class MixturePolicy(ActorCriticPolicy):
                 "bins": lambda: BinAims(k),
                 "hits": lambda: HitAims(self.game, k),
             }[name]()
-            head = PositionHead(self.features_dim, aims, self.own["speeds"], *layers, others)
+            head = PositionHead(self.features_dim, aims, self.own["speeds"], *layers, cue)
         self.mlp_extractor = head
-        self.action_dist = MixtureDistribution(others)  # pyright: ignore[reportAttributeAccessIssue]
+        self.action_dist = MixtureDistribution(0 if cue is None else NUMBERS)  # pyright: ignore[reportAttributeAccessIssue]
         self.value_net = nn.Linear(head.latent_dim_vf, 1)
         optimizer: Any = self.optimizer_class
         self.optimizer = optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)

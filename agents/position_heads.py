@@ -12,8 +12,10 @@ import torch
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
 from torch import Tensor, nn
 
+from agents.cue_parts import NUMBERS, cue_parts, turned
 from agents.mixture import NEVER, Components
 from billiards_env.envs import BilliardsEnv
+from billiards_env.physics.strike import CueNumbers
 
 _CRITIC = 32  # units of each of the two hidden layers of the value function
 
@@ -173,7 +175,7 @@ class PositionHead(nn.Module):
         speeds: The smallest and the largest mean speed, over the largest speed of the environment.
         hidden: The number of units of each hidden layer.
         activation: The class of the activation function.
-        others: The length of an action minus 2.
+        cue: The cue, or None if actions are velocities.
     """
 
     def __init__(
@@ -183,10 +185,11 @@ class PositionHead(nn.Module):
         speeds: tuple[float, float],
         hidden: Sequence[int],
         activation: type[nn.Module],
-        others: int,
+        cue: CueNumbers | None,
     ) -> None:
         super().__init__()
-        self.aims, self.speeds, self.parts = aims, speeds, 2 + aims.outputs + others
+        others = 0 if cue is None else NUMBERS
+        self.aims, self.speeds, self.cue, self.parts = aims, speeds, cue, 2 + aims.outputs + others
         inputs, k = features_dim - 2, aims.count
         self.actor = nn.Sequential(*create_mlp(inputs, self.parts * k, list(hidden), activation))
         _shrink(self.actor)
@@ -206,12 +209,17 @@ class PositionHead(nn.Module):
         aims = self.aims(positions, *rest[: self.aims.outputs])
         slowest, fastest = self.speeds
         speed = slowest + (fastest - slowest) * faster.sigmoid()
-        others = rest[self.aims.outputs :]
-        more = torch.stack(others, 1) if others else speed[:, None][:, :0]
+        dx, dy, more = aims.dx, aims.dy, speed[:, None][:, :0]
+        if self.cue is not None:
+            cue = cue_parts(self.cue, *rest[self.aims.outputs :])
+            dx, dy = turned(dx, dy, cue.turn)
+            speed = (speed / cue.gain).clamp(max=1.0)
+            # A reflection changes the side.
+            more = torch.stack((signs.prod(1, keepdim=True) * cue.side, cue.top, cue.elevation), 1)
         return Components(
             torch.where(aims.exists, logit, NEVER),
-            signs[:, :1] * aims.dx,
-            signs[:, 1:] * aims.dy,
+            signs[:, :1] * dx,
+            signs[:, 1:] * dy,
             speed,
             self.log_along.expand_as(speed),
             self.log_across + speed.log() + aims.log_turn,

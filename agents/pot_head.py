@@ -9,18 +9,28 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from torch import Tensor, nn
 
+from agents.cue_parts import NUMBERS, cue_parts, turned
 from agents.mixture import NEVER
 from billiards_env.envs import BilliardsEnv
+from billiards_env.physics.strike import CueNumbers
 from billiards_env.players import pots
+
+Floats = NDArray[np.float64]
 
 _S = len(pots.SPEEDS)
 _FIRST_INPUT = 3 + 3 * _S  # first column of a pot's features that is an input of the networks
 _FIRST_SPEED = 8  # the first input that is a speed
+N_GOAL = 10  # numbers of `PotFeatures._goal`
+
+TASKS = ("pot", "clear", "position")
+"""The tasks of the head."""
+
 _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
 
 
@@ -35,14 +45,18 @@ class PotFeatures(BaseFeaturesExtractor):
         most: The largest number of pots.
 
     Raises:
-        ValueError: If the task of the environment is not "pot".
+        ValueError: If the task of the environment is not one of `TASKS`.
     """
 
     def __init__(self, space: gym.spaces.Box, env: BilliardsEnv, most: int) -> None:
-        if env.task != "pot":
-            raise ValueError(f"policy.head = 'pots' in the task {env.task!r}: expected the task 'pot' or another head")
+        if env.task not in TASKS:
+            raise ValueError(
+                f"policy.head = 'pots' in the task {env.task!r}: expected one of the tasks {', '.join(TASKS)}, or "
+                "another head"
+            )
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
-        others = int(np.prod(space.shape)) - 2 * self.scene.n_balls
+        self.goals = len(env.goals)
+        others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
         super().__init__(space, most * (_FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others))
         self.scale = np.array(self.scene.half_extents)
         self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
@@ -61,7 +75,9 @@ class PotFeatures(BaseFeaturesExtractor):
     def compute(self, observations: Tensor) -> Tensor:
         """Returns the features of observations (m, size)."""
         m, n = len(observations), self.scene.n_balls
-        balls = observations[:, : 2 * n].numpy().astype(np.float64).reshape(m, n, 2)
+        points = observations.numpy().astype(np.float64)
+        balls, goals = points[:, : 2 * n].reshape(m, n, 2), points[:, 2 * n : 2 * (n + self.goals)] * self.scale
+        rest = points[:, 2 * (n + self.goals) :]
         potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # a ball in play is inside
         positions = balls * self.scale
         found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most)
@@ -87,9 +103,10 @@ class PotFeatures(BaseFeaturesExtractor):
             rows[..., pots.WALL] >= 0,
             speed,
             gaps / (np.abs(gaps) + _NEAR),
-            # The same for all pots: the share of the balls left, and the rest of the observation.
+            # The same for all pots: the share of the balls left, and the rest of the observation after the goal.
             np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, self.most, 1)),
-            np.broadcast_to(observations[:, None, 2 * n :].numpy(), (m, self.most, observations.shape[1] - 2 * n)),
+            np.broadcast_to(rest[:, None], (m, self.most, rest.shape[1])),
+            *(self._goal(rows, positions[:, 0], goals),) * self.goals,
         )
         features = np.concatenate(
             [np.asarray(column, np.float32).reshape(m, self.most, -1) for column in columns], axis=-1
@@ -100,7 +117,33 @@ class PotFeatures(BaseFeaturesExtractor):
             features[alone, 0] = self._full_hits(positions[alone], potted[alone])
         return torch.from_numpy(features).flatten(1)
 
-    def _full_hits(self, positions: Any, potted: Any) -> Any:
+    def _goal(self, rows: Floats, cue_ball: Floats, goals: Floats) -> Floats:
+        """Returns the inputs about the goals (m, 2) for pots with `rows` (m, k, WIDTH), (m, k, N_GOAL).
+
+        They are the same for reflected tables: the goal as seen from the hit, ahead and on the side of the cut; and the
+        places of the hit and the goal, the direction of the cue ball and the side of the cut on a table that is
+        reflected so that the direction is positive.
+        """
+        ghost = rows[..., pots.GHOST_X : pots.GHOST_Y + 1]
+        hand = np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)[..., None]
+        ahead, way = ghost - cue_ball[:, None], goals[:, None] - ghost
+        ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True).clip(1e-9)
+        left = np.stack((-ahead[..., 1], ahead[..., 0]), -1)
+        signs = np.where(ahead < 0, -1.0, 1.0)
+        return np.concatenate(
+            (
+                (way * ahead).sum(-1, keepdims=True),
+                (way * left).sum(-1, keepdims=True) * hand,
+                np.linalg.norm(way, axis=-1, keepdims=True),
+                ghost * signs / self.scale,
+                goals[:, None] * signs / self.scale,
+                np.abs(ahead),
+                hand * signs.prod(-1, keepdims=True),
+            ),
+            axis=-1,
+        )
+
+    def _full_hits(self, positions: Floats, potted: NDArray[np.bool_]) -> Any:
         """Returns the features of full hits on the nearest ball at the largest speed, one for each table."""
         ways = positions - positions[:, :1]
         lengths = np.where(self.targets & ~potted, np.hypot(ways[..., 0], ways[..., 1]), np.inf)
@@ -184,14 +227,21 @@ class PotHead(nn.Module):
         components: The largest number of pots.
         hidden: The number of units of each hidden layer, at least one.
         activation: The class of the activation function.
-        others: The length of an action minus 2.
+        cue: The cue, or None if actions are velocities.
     """
 
     def __init__(
-        self, features_dim: int, components: int, hidden: Sequence[int], activation: type[nn.Module], others: int
+        self,
+        features_dim: int,
+        components: int,
+        hidden: Sequence[int],
+        activation: type[nn.Module],
+        cue: CueNumbers | None,
     ) -> None:
         super().__init__()
-        self.most, self.width, self.others, last = components, features_dim // components, others, hidden[-1]
+        others = 0 if cue is None else NUMBERS
+        self.most, self.width, self.cue, self.others = components, features_dim // components, cue, others
+        last = hidden[-1]
         layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
         self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
         self.output = nn.Linear(last, (3 + others) * _S)
@@ -213,13 +263,16 @@ class PotHead(nn.Module):
         weight, faster, aside, *others = self.output(hidden).chunk(3 + self.others, 1)
         gaps = pot.inputs[:, _FIRST_SPEED + _S :][:, : _S * pots.N_GAPS].unflatten(1, (_S, pots.N_GAPS))
         logit = weight + self.ease * pot.inputs[:, :1] - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
-        angle = aside * pot.tolerance * pot.turn
-        shorter = torch.rsqrt(1 + angle * angle)
-        speed = (pot.speed * torch.exp(0.5 * faster.tanh())).clamp(0.01, 1.0)
+        angle, speed = aside * pot.tolerance * pot.turn, pot.speed * torch.exp(0.5 * faster.tanh())
+        if self.cue is not None:
+            cue = cue_parts(self.cue, *others)
+            side = cue.side * pot.turn  # a reflection changes the side
+            angle, speed = angle + cue.turn * pot.turn, speed / cue.gain
+            others = [side, cue.top, cue.elevation]
+        speed = speed.clamp(0.01, 1.0)
         parts = (
             torch.where(pot.speed > 0, logit, NEVER),
-            (pot.dx - angle * pot.dy) * shorter,
-            (pot.dy + angle * pot.dx) * shorter,
+            *turned(pot.dx, pot.dy, angle),
             speed,
             self.log_along.expand_as(speed),
             self.log_across + torch.log(pot.tolerance * speed),

@@ -177,8 +177,14 @@ def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Co
     return config, policy
 
 
-def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
+def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) -> None:
     """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
+
+    Args:
+        policy: The policy, which changes.
+        path: The file.
+        extend: Whether the file may hold a policy of velocities if this is a policy of strikes. The weights of the
+            other numbers then do not change.
 
     Raises:
         OSError: If the file cannot be read.
@@ -194,6 +200,11 @@ def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
     ) as error:  # empty, incomplete or foreign
         why = str(error).split("\n", 1)[0] or type(error).__name__
         raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
+    if extend:
+        for name, own in policy.state_dict().items():
+            found = weights.get(name)
+            if found is not None and len(found.shape) == len(own.shape) > 0 and found.shape[1:] == own.shape[1:]:
+                weights[name] = torch.cat((found, own[len(found) :]))
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.threads import spread
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.actions import ACTIONS
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS, find_pots
 from billiards_env.players.strategies import Situation, anywhere
 
@@ -59,13 +60,15 @@ def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) ->
 
     Args:
         env: The environment; it does not change.
-        actions: (m, 2), as for `env.step`.
+        actions: (m, 2), or (m, 5) as for `env.step` with `action="strike"`, where two numbers are a level, central
+            strike.
         tables: The table before each action; None for the table of the environment.
 
     Returns:
         (m,) rewards.
     """
     m, n = len(actions), env.scene.n_balls
+    actions = np.pad(actions, ((0, 0), (0, ACTIONS[env.action] - actions.shape[1])))
     positions, potted, goals, on = (env.positions, env.potted, env.goals, env.on) if tables is None else tables
     episodes, found = env.episodes(m), np.empty(m)
     episodes.shots.positions[:] = positions
