@@ -14,10 +14,14 @@ from billiards_env.games.game import (
     play,
     replay,
 )
-from billiards_env.games.rules import RULES, Facts, RuleState, Verdict
+from billiards_env.games.facts import Facts
+from billiards_env.games.rules import RULES
+from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
 
 __all__ = [
+    "NO_CALL",
     "RULES",
+    "Call",
     "Facts",
     "GameState",
     "History",
