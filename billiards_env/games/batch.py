@@ -1,7 +1,7 @@
 """Judging many shots from one position. Each distinct outcome is judged once.
 
-The shots of a search have few distinct outcomes: the ball touched first, the potted balls, and a cushion contact after
-the hit. `judge_batch` finds them with array operations and calls the rules of the game only for them.
+The shots of a search have few distinct outcomes: the ball touched first, the potted balls, and whether a cushion was met
+after the hit. Compiled code finds them, and the rules of the game judge each of them once.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.games.facts import Facts
 from billiards_env.games.game import GameState, Setup
+from billiards_env.games.outcomes import group_rows, write_outcomes
 from billiards_env.games.rules import Rules
 from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
 from billiards_env.scene import Balls, Scene
@@ -24,7 +25,7 @@ _MOST_CUSHIONS = 3  # more cushion contacts before a hit make no difference
 
 def judge_batch(
     setup: Setup, game: GameState, velocities: ArrayLike, spins: ArrayLike | None = None, threads: int | None = None
-) -> tuple[list[Verdict], NDArray[np.intp]]:
+) -> tuple[list[Verdict], NDArray[np.int64]]:
     """Simulates m shots of the cue ball from one position and judges them.
 
     The verdict is that of `game.play`, with two differences: in a game with called shots the player calls the ball that
@@ -63,13 +64,12 @@ def judge_batch(
         in_play=lying,
         threads=threads,
     )
-    pockets = _pockets(setup.scene, batch, lying)
-    cushion_after = _cushion_after(batch, pockets)
-    index: dict[bytes, int] = {}
-    outcomes = _outcomes(setup.game_rules, state, batch, pockets, cushion_after)
-    which = np.array([index.setdefault(outcome, len(index)) for outcome in outcomes], np.intp)
-    shots = np.unique(which, return_index=True)[1].tolist()
-    facts = [_facts(batch, k, pockets[k].tolist(), bool(cushion_after[k]), order) for k in shots]
+    pockets, cushion_after = np.empty(batch.potted.shape, np.int8), np.empty(len(speeds), np.bool_)
+    counts = batch.cushions, batch.cushions_before_hit, batch.first_hit
+    centres = np.array([(p.x, p.y) for p in setup.scene.table.pockets]).reshape(-1, 2)
+    write_outcomes(centres, lying, batch.positions, batch.potted, *counts, pockets, cushion_after)
+    which, examples = _grouped(setup.game_rules, state, batch, pockets, cushion_after)
+    facts = [_facts(batch, k, pockets[k].tolist(), bool(cushion_after[k]), order) for k in examples]
     calls = [best_call(setup.game_rules, state, found) for found in facts]
     verdicts = [setup.game_rules.judge(state, found, call) for found, call in zip(facts, calls, strict=True)]
     return verdicts, which
@@ -92,39 +92,23 @@ def _reordered(scene: Scene, order: Sequence[int]) -> Scene:
     return dataclasses.replace(scene, balls=Balls(radius, mass, balls.colours, balls.shape))
 
 
-def _pockets(scene: Scene, batch: BatchResult, lying: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Returns the pocket (m, n) of each ball that a shot pots; -1 for the other balls."""
-    pockets = np.full(batch.potted.shape, -1, np.int8)
-    shots, balls = np.nonzero(batch.potted & lying)
-    centres = np.array([(p.x, p.y) for p in scene.table.pockets]).reshape(-1, 2)
-    if len(shots):  # a potted ball is at the centre of its pocket
-        away = batch.positions[shots, balls, None] - centres
-        pockets[shots, balls] = np.argmin(np.abs(away).sum(axis=-1), axis=1)
-    return pockets
-
-
-def _outcomes(
+def _grouped(
     rules: Rules,
     state: RuleState,
     batch: BatchResult,
     pockets: NDArray[np.int8],
     cushion_after: NDArray[np.bool_],
-) -> list[bytes]:
-    """Returns for each shot the bytes of all that its verdict depends on."""
+) -> tuple[NDArray[np.int64], list[int]]:
+    """Groups the shots with the same verdict-relevant outcome; returns the group of each shot and its first shot."""
     columns = [pockets, batch.first_hit[:, None], cushion_after[:, None]]
     if state.break_shot:
         columns.append(batch.cushions > 0)
     if not rules.pockets:
         columns.append(np.minimum(batch.cushions_before_hit, _MOST_CUSHIONS))
     rows = np.concatenate([column.astype(np.int8) for column in columns], axis=1)
-    return rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
-
-
-def _cushion_after(batch: BatchResult, pockets: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Returns for each shot whether a ball met a cushion or a pocket after the cue ball's first hit."""
-    before = batch.cushions_before_hit[np.arange(len(pockets)), batch.first_hit]
-    after = (batch.cushions[:, 1:] > 0).any(axis=1) | (batch.cushions[:, 0] > before) | (pockets >= 0).any(axis=1)
-    return after & (batch.first_hit >= 0)
+    group, examples = np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
+    count = group_rows(rows, group, examples)
+    return group, examples[:count].tolist()
 
 
 def _facts(batch: BatchResult, k: int, pockets: list[int], cushion_after: bool, order: list[int]) -> Facts:
