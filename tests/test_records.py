@@ -37,7 +37,7 @@ SHOTS = {
 
 
 def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
-    scene = Scene.named("pool" if RULES[rules].pockets else "carom", RULES[rules].n_object_balls[1])
+    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
     setup = Setup(rules, scene, **kwargs)
     rng = np.random.default_rng(seed)
     game = start = opening(setup, rng)
@@ -96,7 +96,7 @@ def test_files_are_strict_json_with_format_and_version(name):
     text = records.to_json(RECORDS[name]())
     data = json.loads(text, parse_constant=pytest.fail)
     assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
-    assert data["version"] == 1
+    assert data["version"] == 2
     assert data["written_by"] == f"billiards_env {__version__}"
 
 
@@ -219,7 +219,7 @@ SHOT_FAULTS = [
     ("format", "billiards_env/film", "format = 'billiards_env/film'"),
     ("format", ["billiards_env/shot"], "format = "),
     ("version", DROP, "version = None"),
-    ("version", 2, "version = 2: expected at most 1; the file was written by a newer version of billiards_env"),
+    ("version", 3, "version = 3: expected at most 2; the file was written by a newer version of billiards_env"),
     ("version", 0, "version = 0"),
     ("version", 1.0, "version = 1.0"),
     ("version", True, "version = True"),
@@ -275,7 +275,7 @@ SHOT_FAULTS = [
     ("end.positions", [], "end.positions = "),
 ]
 GAME_FAULTS = [
-    ("rules", "snooker", "rules = 'snooker'"),
+    ("rules", "ten_ball", "rules = 'ten_ball'"),
     ("rules", ["nine_ball"], "rules = "),
     ("rules", "eight_ball", "expected 15"),
     ("n_players", 1, "n_players = 1"),

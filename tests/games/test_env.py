@@ -223,7 +223,7 @@ def test_calls_out_of_order_are_rejected():
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
-        ({"rules": "snooker"}, "rules = 'snooker'"),
+        ({"rules": "ten_ball"}, "rules = 'ten_ball'"),
         ({"rules": "eight_ball", "n_players": 4}, "n_players = 4"),
         ({"rules": "eight_ball", "n_object_balls": 9}, "9 object balls: expected 15"),
         ({"rules": "nine_ball", "scene": Scene.named("pool", 8).to_dict()}, "8 object balls"),

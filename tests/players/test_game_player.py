@@ -18,7 +18,7 @@ RNG = np.random.default_rng
 
 def setup(rules, balls=None):
     game = RULES[rules]
-    return Setup(rules, Scene.named("pool" if game.pockets else "carom", balls or game.n_object_balls[1]))
+    return Setup(rules, Scene.named(game.scene, balls or game.n_object_balls[1]))
 
 
 def points_of(player, game, shots, seed=0):
