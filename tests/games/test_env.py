@@ -256,7 +256,7 @@ def test_a_shot_that_reaches_the_engine_limit_warns(monkeypatch):
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_continue_identically(duplicate):
-    env = billiards_v0.raw_env("nine_ball")
+    env = billiards_v0.raw_env("straight")
     env.reset(seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
     for action in actions[:5]:

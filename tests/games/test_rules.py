@@ -9,27 +9,7 @@ from billiards_env.games.facts import Facts, facts_of
 from billiards_env.games.pool import eight_ball, group_or_eight, lowest_ball, nine_ball, straight
 from billiards_env.games.rules import RULES
 from billiards_env.games.state import FOULS, IN_HAND, NO_CALL, RuleState, Verdict, next_state
-from billiards_env.shot import EVENT_DTYPE
-
-
-def events(*rows, times=None):
-    """Returns events one second apart from rows such as ("hit", a, b), ("cushion", ball) or ("pocket", ball)."""
-    log = np.zeros(len(rows), EVENT_DTYPE)
-    for k, (kind, ball, *other) in enumerate(rows):
-        log[k]["time"] = k if times is None else times[k]
-        log[k]["kind"] = "ball_ball" if kind == "hit" else kind
-        log[k]["ball"], log[k]["other"] = ball, other[0] if other else 0
-    return log
-
-
-def facts(*rows, cue=0):
-    return facts_of(events(*rows), cue)
-
-
-def state(rules, *, on_table=None, players=2, **fields):
-    n = 1 + RULES[rules].n_object_balls[1]
-    start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
-    return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
+from tests.helpers.games import events, facts, state
 
 
 # facts_of
