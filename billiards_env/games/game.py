@@ -427,7 +427,7 @@ def _after_shot(setup: Setup, game: GameState, shot: ShotResult, facts: Facts, v
         return GameState(positions, state)
     state = state._replace(free_ball=is_snookered(scene, positions, state))
     if setup.miss and is_miss(game.state, state, verdict.foul):
-        return GameState(positions, state._replace(choices=(*state.choices, "replace")), game)
+        return GameState(positions, state._replace(choices=(*state.choices, "replace")), game._replace(before=None))
     return GameState(positions, state)
 
 
