@@ -28,8 +28,9 @@ def judge_batch(
 ) -> tuple[list[Verdict], NDArray[np.int64]]:
     """Simulates m shots of the cue ball from one position and judges them.
 
-    The verdict is that of `game.play`, with two differences: in a game with called shots the player calls the ball that
-    the shot pots, and of several balls touched at the same instant one counts as touched first.
+    The verdict is that of `game.play`, with these differences: in a game with called shots the player calls the first
+    legal ball that the shot pots; potted balls count as potted in the order of their numbers; and of several balls
+    touched at the same instant one counts as touched first.
 
     Args:
         setup: The settings of the game.

@@ -26,7 +26,7 @@ from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose, finite, flag, missing, real, whole
-from billiards_env.envs.actions import cue_strike
+from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
 from billiards_env.games.game import (
@@ -85,6 +85,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|
     | 0, 1 | velocity of the cue ball along x and y, in units of `max_speed`; a vector longer than 1 is scaled to 1 |
     | 2, 3 | position of the cue ball in hand: x and y, from -1 to 1 over the placement area |
+
+    With `action="strike"` three numbers follow the first two, as in `Billiards-v0`: the offsets of the tip to the left
+    of the ball's centre and above it, and the elevation of the cue. The numbers after them move up by three.
 
     The placement area is the table, or the part behind the head string, without a margin of 1 mm at the cushions; in
     snooker it is the rectangle around the D. A point outside the D or within 1 mm of a ball or a pocket is replaced by
@@ -145,7 +148,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     The same for all players; empty after a reset. `shooter`, `foul` ("" for no foul), `points`, `potted`, `spotted` and
     `first_hit` (lists of balls), `choices` (of the next shot), `scores`, `winner` (an agent or None), `shot_time` (s),
-    `n_events` and `status`.
+    `n_events` and `status`. With `action="strike"` also `miscue`, whether the tip slipped.
 
     ## Arguments
 
@@ -156,6 +159,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for "pool", "snooker" or "carom" |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
+    | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
     | `calls` | bool | `False` | whether players call, see Action Space |
     | `miss` | bool | `False` | whether snooker has the miss rule; needs `calls=True` |
     | `layout` | str or None | `None` | the starting state |
@@ -183,6 +187,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         scene: str | Mapping[str, Any] | None = None,
         n_object_balls: int | None = None,
         target: int | None = None,
+        action: str = "velocity",
         calls: bool = False,
         miss: bool = False,
         layout: str | None = None,
@@ -202,6 +207,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
         called = calls and game_rules.can_call
         self.setup = Setup(rules, board, n_players, target, mode, dt, fix, called, miss)
+        self.action = check_action(action, board)
         self.calls = calls
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
@@ -222,7 +228,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         scores = players if self.setup.target is not None else 0
         low = np.zeros(_VALUES * n + 4 + 3 * calls + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
-        width = 2 + 2 * game_rules.pockets + 3 * calls
+        width = ACTIONS[action] + 2 * game_rules.pockets + 3 * calls
         # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
@@ -285,7 +291,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             self._was_dead_step(action)  # pyright: ignore[reportArgumentType]
             return
         self._cumulative_rewards[agent] = 0.0
-        stroke = self._stroke(action)
+        stroke, miscue = self._stroke(action)
         played = play(self.setup, self.game, stroke)
         shot, verdict = played.shot, played.verdict
         if shot.status in ("event_limit", "step_limit"):
@@ -322,7 +328,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
                 "shot_time": shot.time,
                 "n_events": shot.n_events,
                 "status": shot.status,
-            }
+            } | ({"miscue": miscue} if self.action == "strike" else {})
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
@@ -387,22 +393,21 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             parts.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
         return "   ".join(parts)
 
-    def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
-        """Converts an action to a stroke in the present state."""
+    def _stroke(self, action: NDArray[np.float32] | None) -> tuple[Stroke, bool]:
+        """Converts an action to a stroke in the present state; also returns whether the tip slips."""
         array = finite("action", action, self.action_space(self.agent_selection).shape)
-        state = self.game.state
+        state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action]
         call = self._call(array[-3:]) if self.calls else NO_CALL
         if call.kind in ("hand_back", "replace"):
-            return Stroke((0.0, 0.0), call=call)
-        vx, vy = cue_strike(array[:2], self.setup.scene, self.max_speed).velocity.tolist()
+            return Stroke((0.0, 0.0), call=Call(kind=call.kind)), False
+        struck = cue_strike(array[:size], scene, self.max_speed)
+        (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         place: Point | None = None
         if state.in_hand != "no":
-            x_low, x_high, y_low, y_high = placement_area(
-                self.setup.scene, state.cue_balls[0], state.in_hand == "behind"
-            )
-            x, y = np.minimum(np.maximum(array[2:4], -1.0), 1.0).tolist()
+            x_low, x_high, y_low, y_high = placement_area(scene, state.cue_balls[0], state.in_hand == "behind")
+            x, y = np.minimum(np.maximum(array[size : size + 2], -1.0), 1.0).tolist()
             place = (x_low + x_high) / 2 + (x_high - x_low) / 2 * x, (y_low + y_high) / 2 + (y_high - y_low) / 2 * y
-        return Stroke((vx, vy), place, call=call)
+        return Stroke((vx, vy), place, (wx, wy, wz), call), bool(struck.miscue)
 
     def _call(self, values: NDArray[np.float64]) -> Call:
         """Returns the call for the last three numbers of an action."""
