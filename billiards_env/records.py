@@ -329,9 +329,7 @@ def to_json(record: Record) -> str:
         data["positions"] = record.positions
         state = record.state._asdict()
         data["state"] = {name: state[name] for name in STATE_FIELDS} | {"on_table": sorted(state["on_table"])}
-        data["strokes"] = [
-            stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes
-        ]
+        data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
     data["end"] = dataclasses.asdict(record.end)
     lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in data.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"

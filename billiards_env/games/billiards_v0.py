@@ -224,7 +224,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self._half = np.array(self.setup.scene.half_extents)
         most = points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
         self._score_scale = float(self.setup.target or most)
-        self._observes_fouls = game_rules.counts_fouls and (bool(self.setup.target) if rules == "straight" else players == 2)
+        self._observes_fouls = game_rules.counts_fouls and (
+            bool(self.setup.target) if rules == "straight" else players == 2
+        )
         scores = players if self.setup.target is not None else 0
         low = np.zeros(_VALUES * n + 4 + 3 * calls + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
@@ -328,7 +330,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
                 "shot_time": shot.time,
                 "n_events": shot.n_events,
                 "status": shot.status,
-            } | ({"miscue": miscue} if self.action == "strike" else {})
+            }
+            if self.action == "strike":
+                self.infos[other]["miscue"] = miscue
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"

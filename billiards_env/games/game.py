@@ -352,7 +352,9 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         choose(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
 
     choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
-    values.update({name: tuple(values[name]) for name in ("scores", "cue_balls", "choices", "fouls")}, on_table=on_table)
+    values.update(
+        {name: tuple(values[name]) for name in ("scores", "cue_balls", "choices", "fouls")}, on_table=on_table
+    )
     rule_state = default._replace(**values)
     array = shaped("positions", positions, (n, 2))
     in_play = np.isin(np.arange(n), sorted(on_table if rule_state.in_hand == "no" else rule_state.object_balls))

@@ -258,9 +258,7 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
         others.add(ball)
 
 
-def rack_again(
-    scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int
-) -> str:
+def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> str:
     """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`.
 
     The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball

@@ -130,9 +130,7 @@ def straight(state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
     if state.target:
         won = scores[state.player] >= state.target
         rack = "rest" if len(state.object_balls) - len(balls) <= 1 and not won else ""
-        return Verdict(
-            points=len(balls), continues=True, over=won, winner=state.player if won else -1, rack=rack
-        )
+        return Verdict(points=len(balls), continues=True, over=won, winner=state.player if won else -1, rack=rack)
     cleared, best = state.object_balls == set(balls), max(scores)
     leader = scores.index(best) if cleared and scores.count(best) == 1 else -1
     return Verdict(points=len(balls), continues=True, over=cleared, winner=leader)
@@ -164,9 +162,7 @@ def nine_ball(state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
         foul = "illegal_break"
     if foul:
         lost = state.consecutive_fouls == 2 and len(state.scores) == 2
-        return Verdict(
-            foul, in_hand="anywhere", spotted=nine, over=lost, winner=1 - state.player if lost else -1
-        )
+        return Verdict(foul, in_hand="anywhere", spotted=nine, over=lost, winner=1 - state.player if lost else -1)
     choices = ("push_out",) if state.break_shot and not nine else ()
     winner = state.player if nine else -1
     return Verdict(continues=len(facts.potted) > 0, over=len(nine) > 0, winner=winner, choices=choices)

@@ -11,7 +11,8 @@ import numpy as np
 import pettingzoo
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate
+from billiards_env.envs.actions import cue_strike
 from billiards_env.games import RULES, Call, Stroke, billiards_v0, replay
 from billiards_env.layouts import MARGIN
 
@@ -28,9 +29,10 @@ VARIANTS = [
     {"rules": "eight_ball", "layout": "tight_rack", "mode": "pit", "dt": 1 / 120, "fix": "move_back"},
     {"rules": "straight", "layout": "random", "n_object_balls": 3, "max_shots": 7},
     {"rules": "straight", "target": 5, "calls": True},
+    {"rules": "carom", "target": 2, "action": "strike"},
     {"rules": "eight_ball", "calls": True},
     {"rules": "nine_ball", "calls": True},
-    {"rules": "snooker", "n_object_balls": 7, "calls": True, "miss": True},
+    {"rules": "snooker", "n_object_balls": 7, "calls": True, "miss": True, "action": "strike"},
 ]
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values())))
 
@@ -196,6 +198,38 @@ def test_the_last_numbers_of_an_action_are_the_call():
         assert env.history().strokes[0].call == call
 
 
+def test_a_strike_with_zeros_is_the_same_shot_as_a_velocity():
+    envs = [billiards_v0.raw_env("nine_ball", action=action) for action in ("velocity", "strike")]
+    for env, zeros in zip(envs, ([], [0, 0, -1]), strict=True):
+        env.reset(seed=0)
+        env.step(np.array([0.9, 0.1, *zeros, 0.2, -0.1], np.float32))
+    one, other = (env.game.positions.tobytes() for env in envs)
+    assert one == other
+    assert envs[0].history().strokes == envs[1].history().strokes
+
+
+def test_a_strike_gives_spin():
+    env = billiards_v0.raw_env("carom", action="strike")
+    env.reset(seed=0)
+    env.step(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32))
+    scene = env.setup.scene
+    velocity, spin, miscue = cue_strike(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32), scene, env.max_speed)
+    assert env.history().strokes[0] == Stroke(tuple(velocity), spin=tuple(spin))
+    assert env.infos["player_0"]["miscue"] is bool(miscue) is False
+    shot = simulate(scene, env._opening.positions, velocity, spins=spin)
+    assert shot.positions.tobytes() == env.game.positions.tobytes()
+    env.step(np.array([0.3, 0.1, 1.0, 1.0, 0.0], np.float32))
+    assert env.infos["player_0"]["miscue"] is True
+    assert "miscue" not in _infos_of_velocity()
+
+
+def _infos_of_velocity():
+    env = billiards_v0.raw_env("carom")
+    env.reset(seed=0)
+    env.step(np.zeros(2, np.float32))
+    return env.infos["player_0"]
+
+
 NINE = [[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))]
 
 
@@ -280,6 +314,7 @@ def test_calls_out_of_order_are_rejected():
         ({"max_shots": 0}, "max_shots = 0"),
         ({"rules": "carom", "calls": True}, "calls = True with rules = 'carom'"),
         ({"calls": 1}, "calls = 1"),
+        ({"action": "cut"}, "action = 'cut'"),
         ({"rules": "snooker", "miss": True}, "miss = True with calls = False"),
         ({"miss": True, "calls": True}, "miss = True with rules 'eight_ball'"),
         ({"max_speed": 0}, "max_speed = 0"),
