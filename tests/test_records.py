@@ -111,6 +111,7 @@ def test_the_options_of_a_game_survive_a_file(options):
     record = recorded_game("straight", **options)
     loaded = records.from_json(records.to_json(record))
     assert loaded == record
+    assert isinstance(loaded, records.GameRecord)
     assert records.replay(loaded).state.called
 
 

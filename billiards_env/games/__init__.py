@@ -3,6 +3,7 @@
 Only `games.billiards_v0` imports PettingZoo.
 """
 
+from billiards_env.games.facts import Facts
 from billiards_env.games.game import (
     GameState,
     History,
@@ -14,7 +15,6 @@ from billiards_env.games.game import (
     play,
     replay,
 )
-from billiards_env.games.facts import Facts
 from billiards_env.games.rules import RULES
 from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
 

@@ -1,7 +1,7 @@
 """Judging many shots from one position. Each distinct outcome is judged once.
 
-The shots of a search have few distinct outcomes: the ball touched first, the potted balls, and whether a cushion was met
-after the hit. Compiled code finds them, and the rules of the game judge each of them once.
+The shots of a search have few distinct outcomes: the ball touched first, the potted balls, and whether a cushion was
+met after the hit. Compiled code finds them, and the rules of the game judge each of them once.
 """
 
 from __future__ import annotations

@@ -73,9 +73,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `"three_cushion"` | 2 to 4 | 2 | `target` points |
 
     The rules follow the World Pool-Billiard Association, the World Professional Billiards and Snooker Association and
-    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker` and
-    `games.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A
-    player whose turn continues is selected again.
+    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker`
+    and `games.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    continues is selected again.
 
     ## Action Space
 
@@ -131,8 +131,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     ## Rewards
 
     The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"` and `"nine_ball"`
-    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, minus the penalty
-    points of the other player in snooker, so with two players the return is the lead.
+    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, in snooker minus
+    the penalty points for the other player, so with two players the return is the lead.
 
     ## Episode End
 
@@ -140,9 +140,10 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    `layout` is `"rack"` (the default), `"tight_rack"`, or `"random"`, which has no break. In carom games it is
-    `"carom_opening"` (the default) or `"random"`, in snooker `"snooker"` (the default) or `"random"`. `reset(options={"positions": [[x, y], ...], "state": {...}})` sets
-    the state, see `games.game.custom_opening`. Other options are ignored, as PettingZoo's API test requires.
+    `layout` is one of `RULES[rules].layouts`, by default the first: `"rack"`, `"tight_rack"` or `"random"` in the pool
+    games, `"snooker"` or `"random"` in snooker, `"carom_opening"` or `"random"` in carom games. "random" has no break.
+    `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the state, see `games.game.custom_opening`. Other
+    options are ignored, as PettingZoo's API test requires.
 
     ## Info
 
@@ -156,7 +157,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for "pool", "snooker" or "carom" |
+    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for that of the game |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
@@ -230,12 +231,14 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         scores = players if self.setup.target is not None else 0
         low = np.zeros(_VALUES * n + 4 + 3 * calls + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
-        width = ACTIONS[action] + 2 * game_rules.pockets + 3 * calls
+        self._width = ACTIONS[action] + 2 * game_rules.pockets + 3 * calls
         # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
         }
-        self.action_spaces = {agent: gym.spaces.Box(-1.0, 1.0, (width,), np.float32) for agent in self.possible_agents}
+        self.action_spaces = {
+            agent: gym.spaces.Box(-1.0, 1.0, (self._width,), np.float32) for agent in self.possible_agents
+        }
         self._rng: np.random.Generator | None = None
         self._opening: GameState | None = None
         self._strokes: list[Stroke] = []
@@ -399,7 +402,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     def _stroke(self, action: NDArray[np.float32] | None) -> tuple[Stroke, bool]:
         """Converts an action to a stroke in the present state; also returns whether the tip slips."""
-        array = finite("action", action, self.action_space(self.agent_selection).shape)
+        array = finite("action", action, (self._width,))
         state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action]
         call = self._call(array[-3:]) if self.calls else NO_CALL
         if call.kind in ("hand_back", "replace"):

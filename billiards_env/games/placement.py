@@ -1,8 +1,7 @@
 """Placement of balls during a game: spotted balls, racks and the cue ball in hand.
 
-A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, and a gap of `SPOT_GAP` on the spots
-of snooker. The computation uses only `+ - * /`
-and `sqrt` of doubles, so a point has the same bits on every machine.
+A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots of
+snooker. The computation uses only `+ - * /` and `sqrt` of doubles, so a point has the same bits on every machine.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The games by name: `RULES[name].judge(state, facts, call)` judges a shot.
 
-`facts.facts_of` computes the facts from the recorded events of a shot. A game's `judge` is a plain function that returns
-a `Verdict`, and `state.next_state(state, facts, verdict)` returns the state for the next shot. The modules `pool`,
-`snooker` and `carom` hold the rules, with their sources and simplifications.
+`facts.facts_of` computes the facts from the recorded events of a shot. A game's `judge` is a plain function that
+returns a `Verdict`, and `state.next_state(state, facts, verdict)` returns the state for the next shot. The modules
+`pool`, `snooker` and `carom` hold the rules, with their sources and simplifications.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def _after(state: RuleState, verdict: Verdict, facts: Facts, spotted: Iterable[i
 
 
 def points_left(state: RuleState) -> int:
-    """Returns the points that the balls on the table are worth to one player: a black after each red, and the colours."""
+    """Returns the most points that a player can score: a black after each red, then the colours."""
     balls = colours(state)
     reds = len(state.object_balls) - len(balls)
     return reds * (1 + MOST_PENALTY) + MOST_PENALTY * state.colour + sum(ball_value(state, ball) for ball in balls)
@@ -153,7 +153,7 @@ def is_miss(before: RuleState, after: RuleState, foul: str) -> bool:
 
 
 def is_snookered(scene: Scene, positions: NDArray[np.float64], state: RuleState) -> bool:
-    """Returns whether the cue ball is snookered on all balls on, so that after a foul there is a free ball (WPBSA 3.12).
+    """Returns whether the cue ball is snookered on all balls on, which after a foul gives a free ball (WPBSA 3.12).
 
     A ball on is snookered if another ball, which is not on, obstructs a straight path of the cue ball to one of its two
     edges. A cue ball in hand is snookered if it is so from all places of a grid in the D.

@@ -1,10 +1,10 @@
-"""Called shots, push outs, consecutive fouls and racks of the pool games, case by case. Numbers are those of the WPA."""
+"""Calls, push outs, consecutive fouls and racks of the pool games, case by case. Numbers are rules of the WPA."""
 
 import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.facts import Facts
 from billiards_env.games.placement import rack_again
 from billiards_env.games.pool import eight_ball, nine_ball, straight
@@ -166,7 +166,7 @@ def test_a_shot_that_is_handed_back_must_not_move_the_cue_ball():
 
 @pytest.mark.parametrize("rules", ["nine_ball", "carom", "snooker"])
 def test_only_eight_ball_and_straight_pool_are_called(rules):
-    scene = Scene.named({"nine_ball": "pool"}.get(rules, rules), {"nine_ball": 9}.get(rules))
+    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
     with pytest.raises(ValueError, match=f"called = True with rules '{rules}'"):
         Setup(rules, scene, called=True)
 

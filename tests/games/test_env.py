@@ -216,7 +216,7 @@ def test_a_strike_gives_spin():
     velocity, spin, miscue = cue_strike(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32), scene, env.max_speed)
     assert env.history().strokes[0] == Stroke(tuple(velocity), spin=tuple(spin))
     assert env.infos["player_0"]["miscue"] is bool(miscue) is False
-    shot = simulate(scene, env._opening.positions, velocity, spins=spin)
+    shot = simulate(scene, env.history().opening.positions, velocity, spins=spin)
     assert shot.positions.tobytes() == env.game.positions.tobytes()
     env.step(np.array([0.3, 0.1, 1.0, 1.0, 0.0], np.float32))
     assert env.infos["player_0"]["miscue"] is True

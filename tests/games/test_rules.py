@@ -11,7 +11,6 @@ from billiards_env.games.rules import RULES
 from billiards_env.games.state import FOULS, IN_HAND, NO_CALL, RuleState, Verdict, next_state
 from tests.helpers.games import events, facts, state
 
-
 # facts_of
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games.facts import facts_of
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
 from billiards_env.games.snooker import ball_value, balls_on, is_miss, is_snookered, points_left, snooker
 from billiards_env.games.state import next_state
 from billiards_env.layouts import plan
-from billiards_env.games.facts import facts_of
 from tests.helpers.games import events, facts, state
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
@@ -20,7 +20,6 @@ SCENE = Scene.named("snooker")
 SETUP = Setup("snooker", SCENE)
 SPOTS = plan("snooker", SCENE).spots
 R = SCENE.balls.radius[0]
-FOUL = {"choices": ("hand_back",)}
 
 
 def frame(**fields):
@@ -153,8 +152,8 @@ def test_balls_touched_at_the_same_instant():  # 3.6
         return facts_of(events(("hit", 0, a), ("hit", 0, b), times=[1.0, 1.0]))
 
     assert snooker(frame(), both(1, 2)).foul == ""
-    assert snooker(frame(), both(1, PINK)) == Verdict("wrong_ball", penalty=6, **FOUL)
-    assert snooker(frame(colour=True), both(PINK, BLUE)) == Verdict("wrong_ball", penalty=7, **FOUL)
+    assert snooker(frame(), both(1, PINK)) == Verdict("wrong_ball", penalty=6, choices=("hand_back",))
+    assert snooker(frame(colour=True), both(PINK, BLUE)) == Verdict("wrong_ball", penalty=7, choices=("hand_back",))
     assert snooker(frame(free_ball=True), both(1, PINK), Call(PINK)).foul == ""
 
 
@@ -182,7 +181,7 @@ def test_a_free_ball_as_a_colour_scores_the_value_of_the_ball_on():  # 3.12 a, d
 
 def test_a_nominated_free_ball_must_be_touched_first():  # 3.12 b
     before = frame(free_ball=True)
-    assert snooker(before, facts(("hit", 0, 1)), Call(BLUE)) == Verdict("wrong_ball", penalty=4, **FOUL)
+    assert snooker(before, facts(("hit", 0, 1)), Call(BLUE)) == Verdict("wrong_ball", penalty=4, choices=("hand_back",))
     assert snooker(before, facts(("hit", 0, 1))).foul == ""  # plays a red
     assert snooker(before, facts()).penalty == 4
 

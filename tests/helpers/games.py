@@ -9,7 +9,7 @@ from billiards_env.shot import EVENT_DTYPE
 
 
 def events(*rows, times=None):
-    """Returns events one second apart from rows such as ("hit", a, b), ("cushion", ball) or ("pocket", ball, pocket)."""
+    """Returns events one second apart from rows: ("hit", a, b), ("cushion", ball) or ("pocket", ball, pocket)."""
     log = np.zeros(len(rows), EVENT_DTYPE)
     for k, (kind, ball, *other) in enumerate(rows):
         log[k]["time"] = k if times is None else times[k]
