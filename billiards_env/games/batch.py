@@ -7,7 +7,7 @@ met after the hit. Compiled code finds them, and the rules of the game judge eac
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import functools
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,7 @@ from billiards_env.games.game import GameState, Setup
 from billiards_env.games.outcomes import group_rows, write_outcomes
 from billiards_env.games.rules import Rules
 from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
-from billiards_env.scene import Balls, Scene
+from billiards_env.scene import Scene
 from billiards_env.simulation import BatchResult, simulate_batch
 
 _MOST_CUSHIONS = 3  # more cushion contacts before a hit make no difference
@@ -43,34 +43,32 @@ def judge_batch(
         The distinct verdicts, and the index (m,) of the verdict of each shot.
 
     Example:
+        >>> from billiards_env.games import opening
         >>> setup = Setup("nine_ball", Scene.named("pool", 9))
-        >>> from billiards_env.games.game import opening
         >>> game = opening(setup, np.random.default_rng(0))
         >>> verdicts, which = judge_batch(setup, game, [[0.0, 1.0], [2.0, 0.0], [-1.0, 0.0]])
-        >>> [verdicts[k].foul for k in which]
-        ['no_hit', 'illegal_break', 'no_hit']
+        >>> [verdict.foul for verdict in verdicts], which.tolist()
+        (['no_hit', 'wrong_ball'], [0, 1, 0])
     """
-    state, cue, n = game.state, game.state.cue_balls[0], setup.scene.n_balls
-    order = [cue, *(ball for ball in range(n) if ball != cue)]  # the engine strikes the first ball
-    lying = np.isin(order, sorted(state.on_table))
+    state = game.state
+    balls = (state.cue_balls[0], *sorted(state.object_balls))  # the engine strikes the first ball
     speeds = np.asarray(velocities, np.float64)
     batch = simulate_batch(
-        setup.scene if cue == 0 else _reordered(setup.scene, order),
-        np.broadcast_to(game.positions[order], (len(speeds), n, 2)),
+        _scene_of(setup.scene, balls),
+        np.broadcast_to(game.positions[list(balls)], (len(speeds), len(balls), 2)),
         speeds,
         mode=setup.mode,
         dt=setup.dt,
         fix=setup.fix,
         spins=spins,
-        in_play=lying,
         threads=threads,
     )
     pockets, cushion_after = np.empty(batch.potted.shape, np.int8), np.empty(len(speeds), np.bool_)
     counts = batch.cushions, batch.cushions_before_hit, batch.first_hit
     centres = np.array([(p.x, p.y) for p in setup.scene.table.pockets]).reshape(-1, 2)
-    write_outcomes(centres, lying, batch.positions, batch.potted, *counts, pockets, cushion_after)
+    write_outcomes(centres, batch.positions, batch.potted, *counts, pockets, cushion_after)
     which, examples = _grouped(setup.game_rules, state, batch, pockets, cushion_after)
-    facts = [_facts(batch, k, pockets[k].tolist(), bool(cushion_after[k]), order) for k in examples]
+    facts = [_facts(batch, k, pockets[k].tolist(), bool(cushion_after[k]), balls) for k in examples]
     calls = [best_call(setup.game_rules, state, found) for found in facts]
     verdicts = [setup.game_rules.judge(state, found, call) for found, call in zip(facts, calls, strict=True)]
     return verdicts, which
@@ -86,11 +84,11 @@ def best_call(rules: Rules, state: RuleState, facts: Facts) -> Call:
     return NO_CALL
 
 
-def _reordered(scene: Scene, order: Sequence[int]) -> Scene:
-    """Returns the scene with its balls in another order."""
-    balls = scene.balls
-    radius, mass = (tuple(values[i] for i in order) for values in (balls.radius, balls.mass))
-    return dataclasses.replace(scene, balls=Balls(radius, mass, balls.colours, balls.shape))
+@functools.lru_cache(maxsize=64)
+def _scene_of(scene: Scene, balls: tuple[int, ...]) -> Scene:
+    """Returns the scene with some of its balls in a given order."""
+    radius, mass = (tuple(values[i] for i in balls) for values in (scene.balls.radius, scene.balls.mass))
+    return dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, radius=radius, mass=mass))
 
 
 def _grouped(
@@ -100,7 +98,7 @@ def _grouped(
     pockets: NDArray[np.int8],
     cushion_after: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], list[int]]:
-    """Groups the shots with the same verdict-relevant outcome; returns the group of each shot and its first shot."""
+    """Groups shots with the same outcome; returns the group of each shot, and the first shot of each group."""
     columns = [pockets, batch.first_hit[:, None], cushion_after[:, None]]
     if state.break_shot:
         columns.append(batch.cushions > 0)
@@ -112,18 +110,18 @@ def _grouped(
     return group, examples[:count].tolist()
 
 
-def _facts(batch: BatchResult, k: int, pockets: list[int], cushion_after: bool, order: list[int]) -> Facts:
-    """Returns the facts of shot k. The potted balls are in the order of their numbers, not of time."""
+def _facts(batch: BatchResult, k: int, pockets: list[int], cushion_after: bool, balls: tuple[int, ...]) -> Facts:
+    """Returns the facts of shot k of `balls`. The potted balls are in the order of their numbers, not of time."""
     first, cushions = int(batch.first_hit[k]), batch.cushions[k].tolist()
     before = batch.cushions_before_hit[k].tolist()
-    touched = sorted((ball for ball in range(len(order)) if before[ball] >= 0), key=lambda i: (before[i], i != first))
-    potted = sorted((order[i], pocket) for i, pocket in enumerate(pockets) if pocket >= 0)
+    touched = sorted((ball for ball in range(len(balls)) if before[ball] >= 0), key=lambda i: (before[i], i != first))
+    potted = sorted((balls[i], pocket) for i, pocket in enumerate(pockets) if pocket >= 0)
     return Facts(
-        () if first < 0 else (order[first],),
-        tuple((order[i], before[i]) for i in touched),
+        () if first < 0 else (balls[first],),
+        tuple((balls[i], before[i]) for i in touched),
         tuple(ball for ball, _ in potted),
         cushion_after,
-        frozenset(order[i] for i in range(1, len(order)) if cushions[i] > 0 or pockets[i] >= 0),
+        frozenset(balls[i] for i in range(1, len(balls)) if cushions[i] > 0 or pockets[i] >= 0),
         tuple(pocket for _, pocket in potted),
         cushions[0] > 0,
     )

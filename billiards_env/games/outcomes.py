@@ -11,14 +11,13 @@ CUE_BALL = 0
 
 
 @entry_point
-def write_outcomes(centres, lying, positions, potted, cushions, cushions_before_hit, first_hit, pockets, after):
+def write_outcomes(centres, positions, potted, cushions, cushions_before_hit, first_hit, pockets, after):
     """Writes the pocket of each potted ball, and whether a cushion or a pocket was met after the cue ball's first hit.
 
     Args:
         centres: (p, 2) float64, the centres of the pockets, m.
-        lying: (n,) bool, the balls on the table before the shots.
         positions: (m, n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
-        potted: (m, n) bool.
+        potted: (m, n) bool; all balls are on the table before the shots.
         cushions: (m, n) int32.
         cushions_before_hit: (m, n) int32.
         first_hit: (m,) int64.
@@ -28,9 +27,9 @@ def write_outcomes(centres, lying, positions, potted, cushions, cushions_before_
     for k in range(len(first_hit)):
         first = first_hit[k]
         met = first >= 0 and cushions[k, CUE_BALL] > cushions_before_hit[k, first]
-        for i in range(len(lying)):
+        for i in range(potted.shape[1]):
             pockets[k, i] = -1
-            if potted[k, i] and lying[i]:
+            if potted[k, i]:
                 nearest = np.inf
                 for p in range(len(centres)):
                     away = abs(positions[k, i, 0] - centres[p, 0]) + abs(positions[k, i, 1] - centres[p, 1])
