@@ -44,7 +44,7 @@ VERSION = 2
 have no calls, and straight pool had other fouls."""
 
 MAX_BYTES = 4 * 2**20
-"""The largest file that is read. The parsed data can take thirty times as much memory. A stroke takes about 100
+"""The largest file that is read. The parsed data can take thirty times as much memory. A stroke takes about 150
 bytes."""
 
 MAX_BALLS = 1000
