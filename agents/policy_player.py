@@ -14,7 +14,7 @@ import numpy as np
 
 from billiards_env.checks import missing
 from billiards_env.games import RULES, GameState, Setup, Stroke
-from billiards_env.players.game_player import Player, make_stroke, place_cue_ball
+from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
 from billiards_env.scene import Scene
 
 
@@ -62,7 +62,8 @@ def policy(setup: Setup, argument: str) -> Player:
         balls = [_nearest(setup, game)] if setup.game_rules.pockets else sorted(game.state.object_balls)
         observation, _ = env.reset(options={"positions": game.positions[[cue, *balls]]})
         action, _ = model.predict(observation, deterministic=True)
-        return make_stroke(base.max_speed * np.asarray(action, np.float64), max_speed, place)
+        velocity = base.max_speed * np.asarray(action, np.float64)
+        return with_call(setup, game, make_stroke(velocity, max_speed, place))
 
     return stroke
 
@@ -70,9 +71,9 @@ def policy(setup: Setup, argument: str) -> Player:
 def playable(run_dir: Path) -> str | None:
     """Returns the rules of a game that the policy of a run can play; None if it can play no game."""
     for rules in ("straight", "carom"):
-        pockets, (_, balls) = RULES[rules].pockets, RULES[rules].n_object_balls
+        name, (_, balls) = RULES[rules].scene, RULES[rules].n_object_balls
         with contextlib.suppress(ValueError):
-            policy(Setup(rules, Scene.named("pool" if pockets else "carom", balls)), str(run_dir))
+            policy(Setup(rules, Scene.named(name, balls)), str(run_dir))
             return rules
     return None
 

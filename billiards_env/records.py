@@ -33,17 +33,18 @@ from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.modes import MAX_EVENTS, check_mode
 from billiards_env.engine.shots import STATUS
 from billiards_env.files import replacing
-from billiards_env.games.game import GameState, History, Setup, Stroke, custom_opening, play
-from billiards_env.games.rules import RuleState
+from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.state import CALLS, Call, RuleState
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
 
-VERSION = 1
-"""The version of the format that is written, and the newest version that is read."""
+VERSION = 2
+"""The version of the format that is written, and the newest version that is read. Games of version 1 are not read; they
+have no calls, and straight pool had other fouls."""
 
 MAX_BYTES = 4 * 2**20
-"""The largest file that is read. The parsed data can take thirty times as much memory. A stroke takes about 100
+"""The largest file that is read. The parsed data can take thirty times as much memory. A stroke takes about 150
 bytes."""
 
 MAX_BALLS = 1000
@@ -327,8 +328,8 @@ def to_json(record: Record) -> str:
         data["scene"] = setup.scene.to_dict()
         data["positions"] = record.positions
         state = record.state._asdict()
-        data["state"] = {name: state[name] for name in _STATE} | {"on_table": sorted(state["on_table"])}
-        data["strokes"] = [stroke._asdict() for stroke in record.strokes]
+        data["state"] = {name: state[name] for name in STATE_FIELDS} | {"on_table": sorted(state["on_table"])}
+        data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
     data["end"] = dataclasses.asdict(record.end)
     lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in data.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -363,6 +364,8 @@ def from_json(text: str) -> Record:
             f"version = {version}: expected at most {VERSION}; the file was written by a newer version of "
             f"billiards_env ({short(data.get('written_by'))})"
         )
+    if kind == GAME and version < VERSION:
+        raise ValueError(f"version = {version}: expected {VERSION} for a game; the file has older rules and no calls")
     try:
         return _shot(data) if kind == SHOT else _game(data)
     except (TypeError, OverflowError, RecursionError) as error:  # a wrong type, or a number too large for a float
@@ -372,8 +375,7 @@ def from_json(text: str) -> Record:
 # The keys of a file.
 _HEAD = ("format", "version", "written_by", "scene", "mode", "dt", "fix", "positions", "end")
 _SHOT_FIELDS = (*_HEAD, "velocities", "spins", "in_play", "max_time", "max_events")
-_GAME_FIELDS = (*_HEAD, "rules", "n_players", "target", "state", "strokes")
-_STATE = ("player", "scores", "on_table", "break_shot", "in_hand", "cue_balls", "solids")
+_GAME_FIELDS = (*_HEAD, "rules", "n_players", "target", "called", "miss", "state", "strokes")
 _SHOT_END = tuple(field.name for field in dataclasses.fields(ShotEnd))
 _GAME_END = tuple(field.name for field in dataclasses.fields(GameEnd))
 
@@ -416,15 +418,17 @@ def _game(data: dict[str, Any]) -> GameRecord:
     _fields("the file", data, _GAME_FIELDS)
     scene, mode, dt, fix = _head(data)
     n = scene.n_balls
-    setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix)
+    setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["called"], data["miss"])
     positions = _numbers("positions", data["positions"], n, 2)
-    state = custom_opening(setup, positions, _fields("state", data["state"], _STATE)).state
+    state = custom_opening(setup, positions, _fields("state", data["state"], STATE_FIELDS)).state
     strokes = []
     for i, item in enumerate(_list("strokes", data["strokes"])):
         stroke = _fields(f"strokes[{i}]", item, Stroke._fields)
         velocity = _pair(f"strokes[{i}].velocity", stroke["velocity"], "speed")
         place = None if stroke["place"] is None else _pair(f"strokes[{i}].place", stroke["place"], "coordinate")
-        strokes.append(Stroke(velocity, place))
+        spin = _list(f"strokes[{i}].spin", stroke["spin"], 3)
+        x, y, z = (real(f"strokes[{i}].spin[{k}]", value, "spin") for k, value in enumerate(spin))
+        strokes.append(Stroke(velocity, place, (x, y, z), _call(f"strokes[{i}].call", stroke["call"])))
     end = _fields("end", data["end"], _GAME_END)
     ball, score = Range(0, n - 1), Range(-(2**62), 2**62)
     on_table = [whole(f"end.on_table[{i}]", v, ball) for i, v in enumerate(_list("end.on_table", end["on_table"]))]
@@ -442,6 +446,14 @@ def _game(data: dict[str, Any]) -> GameRecord:
             over=flag("end.over", end["over"]),
             winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
         ),
+    )
+
+
+def _call(name: str, value: Any) -> Call:
+    call, number = _fields(name, value, Call._fields), Range(-1, 2**31 - 1)
+    choose(f"{name}.kind", call["kind"], CALLS)
+    return Call(
+        whole(f"{name}.ball", call["ball"], number), whole(f"{name}.pocket", call["pocket"], number), call["kind"]
     )
 
 
@@ -495,8 +507,9 @@ def _compare(recorded: ShotEnd | GameEnd, now: ShotEnd | GameEnd) -> None:
 
 def _plain(stroke: Stroke) -> Stroke:
     """Returns the stroke with its numbers as Python floats."""
-    (vx, vy), place = stroke
-    return Stroke((float(vx), float(vy)), None if place is None else (float(place[0]), float(place[1])))
+    (vx, vy), place, (wx, wy, wz), call = stroke
+    place = None if place is None else (float(place[0]), float(place[1]))
+    return Stroke((float(vx), float(vy)), place, (float(wx), float(wy), float(wz)), call)
 
 
 def _rows(array: Any) -> Rows:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import Scene, __version__, records, simulate
-from billiards_env.games import RULES, History, Setup, Stroke, opening, play
+from billiards_env.games import NO_CALL, RULES, Call, History, Setup, Stroke, opening, play
 from billiards_env.scene import SCENES, Balls
 
 POOL = [[-0.635, 0.0], [0.635, 0.3]]
@@ -37,14 +37,16 @@ SHOTS = {
 
 
 def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
-    scene = Scene.named("pool" if RULES[rules].pockets else "carom", RULES[rules].n_object_balls[1])
+    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
     setup = Setup(rules, scene, **kwargs)
     rng = np.random.default_rng(seed)
     game = start = opening(setup, rng)
     strokes = []
     while len(strokes) < shots and not game.state.over:
         place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
-        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place))
+        spin, ball, pocket = 40 * rng.random(3) - 20, int(rng.integers(-1, 3)), int(rng.integers(-1, 6))
+        call = Call(ball, pocket) if RULES[rules].pockets else NO_CALL
+        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place, tuple(spin.tolist()), call))
         game = play(setup, game, strokes[-1]).game
     return records.record_game(History(setup, start, tuple(strokes)))
 
@@ -96,8 +98,21 @@ def test_files_are_strict_json_with_format_and_version(name):
     text = records.to_json(RECORDS[name]())
     data = json.loads(text, parse_constant=pytest.fail)
     assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
-    assert data["version"] == 1
+    assert data["version"] == 2
     assert data["written_by"] == f"billiards_env {__version__}"
+
+
+def test_a_shot_of_version_1_is_read():
+    assert records.from_json(changed(SHOT_TEXT, "version", 1)) == SHOTS["plain"]()
+
+
+@pytest.mark.parametrize("options", [{"called": True}, {"target": 40, "called": True}])
+def test_the_options_of_a_game_survive_a_file(options):
+    record = recorded_game("straight", **options)
+    loaded = records.from_json(records.to_json(record))
+    assert loaded == record
+    assert isinstance(loaded, records.GameRecord)
+    assert records.replay(loaded).state.called
 
 
 def test_an_infinite_mass_is_written_as_text():
@@ -219,7 +234,7 @@ SHOT_FAULTS = [
     ("format", "billiards_env/film", "format = 'billiards_env/film'"),
     ("format", ["billiards_env/shot"], "format = "),
     ("version", DROP, "version = None"),
-    ("version", 2, "version = 2: expected at most 1; the file was written by a newer version of billiards_env"),
+    ("version", 3, "version = 3: expected at most 2; the file was written by a newer version of billiards_env"),
     ("version", 0, "version = 0"),
     ("version", 1.0, "version = 1.0"),
     ("version", True, "version = True"),
@@ -275,7 +290,7 @@ SHOT_FAULTS = [
     ("end.positions", [], "end.positions = "),
 ]
 GAME_FAULTS = [
-    ("rules", "snooker", "rules = 'snooker'"),
+    ("rules", "ten_ball", "rules = 'ten_ball'"),
     ("rules", ["nine_ball"], "rules = "),
     ("rules", "eight_ball", "expected 15"),
     ("n_players", 1, "n_players = 1"),
@@ -293,6 +308,17 @@ GAME_FAULTS = [
     ("strokes.3", [1, 2], r"strokes\[3\] = \[1, 2\]: expected a mapping"),
     ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
     ("strokes.3.velocity.0", "1", r"strokes\[3\].velocity\[0\] = '1'"),
+    ("strokes.3.spin", [0.0, 1.0], r"strokes\[3\].spin = \[0.0, 1.0\]: expected a list of 3"),
+    ("strokes.3.spin.2", 1e9, r"strokes\[3\].spin\[2\] = 1000000000.0"),
+    ("strokes.3.call", None, r"strokes\[3\].call = None: expected a mapping"),
+    ("strokes.3.call.kind", "jump", r"strokes\[3\].call.kind = 'jump'"),
+    ("strokes.3.call.ball", 0.5, r"strokes\[3\].call.ball = 0.5"),
+    ("called", True, "called = True with rules 'nine_ball'"),
+    ("miss", 0, "miss = 0: expected True or False"),
+    ("state.choices", ["replace"], r"state.choices\[0\] = 'replace'"),
+    ("state.fouls", [1], r"state.fouls = \[1\]: expected 2 fouls"),
+    ("state.colour", True, "state.colour = True with rules 'nine_ball'"),
+    ("version", 1, "version = 1: expected 2 for a game; the file has older rules"),
     ("strokes.3.place", DROP, r"key 'place' of strokes\[3\] is missing"),
     ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),
     ("end.winner", 2, "end.winner = 2"),

@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, shaped
+from billiards_env.checks import choose, finite, shaped
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
@@ -35,6 +35,17 @@ ACTIONS = {"velocity": 2, "strike": 5}
 SIDE, TOP, ELEVATION = 2, 3, 4
 # The first two columns of the errors of `perturb`; the others are those of the action.
 TURN, SPEED = 0, 1
+
+
+def check_action(action: str, scene: Scene) -> str:
+    """Returns the kind of action of an environment. Raises a ValueError unless the scene allows it."""
+    choose("action", action, tuple(ACTIONS))
+    if action == "strike" and scene.physics.motion != "sliding":
+        raise ValueError(
+            f"action = 'strike' with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "
+            "a strike gives spin"
+        )
+    return action
 
 
 def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:

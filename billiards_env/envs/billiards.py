@@ -15,7 +15,7 @@ from billiards_env import layouts
 from billiards_env.checks import choose, finite, flag, real, whole
 from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -271,13 +271,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.mode = mode
         self.dt = dt
         self.fix = fix
-        choose("action", action, tuple(ACTIONS))
-        if action == "strike" and self.scene.physics.motion != "sliding":
-            raise ValueError(
-                f"action = 'strike' with physics.motion = {self.scene.physics.motion!r}: expected motion 'sliding', "
-                "a strike gives spin"
-            )
-        self.action = action
+        self.action = check_action(action, self.scene)
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = OPENING_LAYOUTS[task] if layout is None else layout

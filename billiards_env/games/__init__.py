@@ -3,6 +3,7 @@
 Only `games.billiards_v0` imports PettingZoo.
 """
 
+from billiards_env.games.facts import Facts
 from billiards_env.games.game import (
     GameState,
     History,
@@ -14,10 +15,13 @@ from billiards_env.games.game import (
     play,
     replay,
 )
-from billiards_env.games.rules import RULES, Facts, RuleState, Verdict
+from billiards_env.games.rules import RULES
+from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
 
 __all__ = [
+    "NO_CALL",
     "RULES",
+    "Call",
     "Facts",
     "GameState",
     "History",

@@ -25,13 +25,25 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, finite, missing, real, whole
-from billiards_env.envs.actions import cue_strike
+from billiards_env.checks import choose, finite, flag, missing, real, whole
+from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
-from billiards_env.games.game import GameState, History, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games.game import (
+    GameState,
+    History,
+    PlayedShot,
+    Setup,
+    Stroke,
+    custom_opening,
+    opening,
+    opening_state,
+    play,
+)
 from billiards_env.games.placement import Point, placement_area
 from billiards_env.games.rules import RULES
+from billiards_env.games.snooker import points_left
+from billiards_env.games.state import NO_CALL, Call
 from billiards_env.scene import Scene
 
 try:
@@ -53,15 +65,17 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     | `rules` | Players | Object balls | Won by |
     |---|---|---|---|
-    | `"straight"` | 2 to 4 | 1 to 15 | most points when no object ball is left, or `target` points |
+    | `"straight"` | 2 to 4 | 1 to 15 | `target` points, or without a target most points in one rack |
     | `"eight_ball"` | 2 | 15 | potting one group of balls, then the eight ball |
     | `"nine_ball"` | 2 to 4 | 9 | potting the nine ball |
+    | `"snooker"` | 2 | 6 to 21 | most points when the black ball is potted last |
     | `"carom"` | 2 to 4 | 2 | `target` points |
     | `"three_cushion"` | 2 to 4 | 2 | `target` points |
 
-    The rules follow the World Pool-Billiard Association and the Union Mondiale de Billard, with the simplifications
-    listed in the docstring of `games.rules`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A
-    player whose turn continues is selected again.
+    The rules follow the World Pool-Billiard Association, the World Professional Billiards and Snooker Association and
+    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker`
+    and `games.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    continues is selected again.
 
     ## Action Space
 
@@ -72,13 +86,31 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 0, 1 | velocity of the cue ball along x and y, in units of `max_speed`; a vector longer than 1 is scaled to 1 |
     | 2, 3 | position of the cue ball in hand: x and y, from -1 to 1 over the placement area |
 
-    The placement area is the table, or the part behind the head string, without a margin of 1 mm at the cushions. A
-    point within 1 mm of a ball or a pocket is replaced by the nearest free point, so every action is valid. When the
-    cue ball is not in hand, actions 2 and 3 have no effect.
+    With `action="strike"` three numbers follow the first two, as in `Billiards-v0`: the offsets of the tip to the left
+    of the ball's centre and above it, and the elevation of the cue. The numbers after them move up by three.
+
+    The placement area is the table, or the part behind the head string, without a margin of 1 mm at the cushions; in
+    snooker it is the rectangle around the D. A point outside the D or within 1 mm of a ball or a pocket is replaced by
+    the nearest free point, so every action is valid. When the cue ball is not in hand, actions 2 and 3 have no effect.
+
+    By default any ball potted on a legal shot counts, and a player makes no choices, so an action needs no call. With
+    `calls=True` eight ball and straight pool have called shots, and three numbers follow:
+
+    | Num | Action |
+    |---|---|
+    | 4 | the called ball, in snooker the nominated ball: -1 to 1 in equal parts for the object balls 1, 2, ... |
+    | 5 | the called pocket: -1 to 1 in equal parts for the pockets 0, 1, ... |
+    | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
+
+    The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
+    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. Without another choice the
+    shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
 
     ## Observation Space
 
-    `Box(float32)` of `4 * n_balls + 4` values, followed by one score per player in the games won by points.
+    `Box(float32)` of `4 * n_balls + 4` values. With `calls=True` three values follow; then one per player in the games
+    that penalise three consecutive fouls (nine ball with two players, straight pool with a target); then one score per
+    player in the games won by points.
 
     | Num | Observation | Min | Max |
     |---|---|---|---|
@@ -89,7 +121,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 4 n + 1 | 1 if the next shot is the break | 0 | 1 |
     | 4 n + 2 | 1 if the cue ball is in hand behind the head string | 0 | 1 |
     | 4 n + 3 | 1 if the cue ball is in hand anywhere | 0 | 1 |
-    | last | scores over the target, or over the number of object balls; the observing player's first | -1 | 1 |
+    | 4 n + 4 to 6 | with `calls=True`: 1 if "push_out", "hand_back", "replace" is a choice of the next shot | 0 | 1 |
+    | then | consecutive fouls / 3; the observing player's first | 0 | 1 |
+    | last | scores over the target, or over the points on a full table; the observing player's first | -1 | 1 |
 
     The ball to be struck next comes first, then the others by number. In eight ball, value 4 i + 3 marks the player's
     group.
@@ -97,8 +131,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     ## Rewards
 
     The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"` and `"nine_ball"`
-    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, so with two
-    players the return is the lead.
+    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, in snooker minus
+    the penalty points for the other player, so with two players the return is the lead.
 
     ## Episode End
 
@@ -106,14 +140,16 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    `layout` is `"rack"` (the default), `"tight_rack"`, or `"random"`, which has no break. In carom games it is
-    `"carom_opening"` (the default) or `"random"`. `reset(options={"positions": [[x, y], ...], "state": {...}})` sets
-    the state, see `games.game.custom_opening`. Other options are ignored, as PettingZoo's API test requires.
+    `layout` is one of `RULES[rules].layouts`, by default the first: `"rack"`, `"tight_rack"` or `"random"` in the pool
+    games, `"snooker"` or `"random"` in snooker, `"carom_opening"` or `"random"` in carom games. "random" has no break.
+    `reset(options={"positions": [[x, y], ...], "state": {...}})` sets the state, see `games.game.custom_opening`. Other
+    options are ignored, as PettingZoo's API test requires.
 
     ## Info
 
     The same for all players; empty after a reset. `shooter`, `foul` ("" for no foul), `points`, `potted`, `spotted` and
-    `first_hit` (lists of balls), `scores`, `winner` (an agent or None), `shot_time` (s), `n_events` and `status`.
+    `first_hit` (lists of balls), `choices` (of the next shot), `scores`, `winner` (an agent or None), `shot_time` (s),
+    `n_events` and `status`. With `action="strike"` also `miscue`, whether the tip slipped.
 
     ## Arguments
 
@@ -121,9 +157,12 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for "pool" or "carom" |
+    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for that of the game |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
-    | `target` | int or None | `None` | the score that wins, or 0; None for 0 in `straight` and 10 in carom games |
+    | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
+    | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
+    | `calls` | bool | `False` | whether players call, see Action Space |
+    | `miss` | bool | `False` | whether snooker has the miss rule; needs `calls=True` |
     | `layout` | str or None | `None` | the starting state |
     | `max_shots` | int | `200` | the largest number of shots of a game |
     | `max_speed` | float | `8.0` | speed of the fastest shot, m/s |
@@ -149,6 +188,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         scene: str | Mapping[str, Any] | None = None,
         n_object_balls: int | None = None,
         target: int | None = None,
+        action: str = "velocity",
+        calls: bool = False,
+        miss: bool = False,
         layout: str | None = None,
         max_shots: int = 200,
         max_speed: float = 8.0,
@@ -158,7 +200,16 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         super().__init__()
-        self.setup = Setup(rules, _make_scene(rules, scene, n_object_balls), n_players, target, mode, dt, fix)
+        if flag("miss", miss) and not calls:
+            raise ValueError("miss = True with calls = False: expected calls = True, the miss rule gives a choice")
+        board = _make_scene(rules, scene, n_object_balls)
+        game_rules = RULES[rules]
+        if flag("calls", calls) and not game_rules.pockets:
+            raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
+        called = calls and game_rules.can_call
+        self.setup = Setup(rules, board, n_players, target, mode, dt, fix, called, miss)
+        self.action = check_action(action, board)
+        self.calls = calls
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
         self.max_shots = whole("max_shots", max_shots, "max_shots")
@@ -172,17 +223,22 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.possible_agents = [f"player_{i}" for i in range(players)]
         self.agents = []
         self._half = np.array(self.setup.scene.half_extents)
-        keeps_score = self.setup.target is not None
-        self._score_scale = float(self.setup.target or n - 1) if keeps_score else 0.0
-        low = np.zeros(_VALUES * n + 4 + (players if keeps_score else 0), np.float32)
-        low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[_VALUES * n + 4 :] = -1.0
-        self._size = len(low)
-        width = 4 if self.setup.game_rules.pockets else 2
+        most = points_left(opening_state(self.setup)) if rules == "snooker" else n - 1
+        self._score_scale = float(self.setup.target or most)
+        self._observes_fouls = game_rules.counts_fouls and (
+            bool(self.setup.target) if rules == "straight" else players == 2
+        )
+        scores = players if self.setup.target is not None else 0
+        low = np.zeros(_VALUES * n + 4 + 3 * calls + players * self._observes_fouls + scores, np.float32)
+        low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
+        self._width = ACTIONS[action] + 2 * game_rules.pockets + 3 * calls
         # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
         }
-        self.action_spaces = {agent: gym.spaces.Box(-1.0, 1.0, (width,), np.float32) for agent in self.possible_agents}
+        self.action_spaces = {
+            agent: gym.spaces.Box(-1.0, 1.0, (self._width,), np.float32) for agent in self.possible_agents
+        }
         self._rng: np.random.Generator | None = None
         self._opening: GameState | None = None
         self._strokes: list[Stroke] = []
@@ -240,7 +296,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             self._was_dead_step(action)  # pyright: ignore[reportArgumentType]
             return
         self._cumulative_rewards[agent] = 0.0
-        stroke = self._stroke(action)
+        stroke, miscue = self._stroke(action)
         played = play(self.setup, self.game, stroke)
         shot, verdict = played.shot, played.verdict
         if shot.status in ("event_limit", "step_limit"):
@@ -257,7 +313,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if self.setup.target is None:
             worth = 0.0 if state.winner < 0 else 1.0 if state.winner == shooter else -1.0
         else:
-            worth = float(verdict.points)
+            worth = float(verdict.points - verdict.penalty)
         for other in self.agents:
             self.rewards[other] = worth if other == agent else -worth / (len(self.agents) - 1)
         self._accumulate_rewards()
@@ -271,12 +327,15 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
                 "potted": list(played.facts.potted),
                 "spotted": list(verdict.spotted),
                 "first_hit": list(played.facts.first),
+                "choices": list(state.choices),
                 "scores": list(state.scores),
                 "winner": None if state.winner < 0 else self.possible_agents[state.winner],
                 "shot_time": shot.time,
                 "n_events": shot.n_events,
                 "status": shot.status,
             }
+            if self.action == "strike":
+                self.infos[other]["miscue"] = miscue
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
@@ -284,27 +343,24 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     def observe(self, agent: str) -> NDArray[np.float32]:
         """Returns the observation of `agent`, see the class's docstring."""
-        positions, state = self.game
+        positions, state, _ = self.game
         n, viewer = len(positions), self.possible_agents.index(agent)
         cue = state.cue_balls[0]
         order = [cue, *(ball for ball in range(n) if ball != cue)]
         on_table = state.on_table if state.in_hand == "no" else state.object_balls
         legal = self.setup.game_rules.legal(state, viewer)
-        observation = np.empty(self._size, np.float32)
-        balls = observation[: _VALUES * n].reshape(n, _VALUES)
+        balls = np.empty((n, _VALUES), np.float32)
         balls[:, :2] = np.minimum(np.maximum(positions[order] / self._half, -1.0), 1.0)
         balls[:, 2] = [ball in on_table for ball in order]
         balls[:, 3] = [ball in legal for ball in order]
-        observation[_VALUES * n : _VALUES * n + 4] = (
-            viewer == state.player,
-            state.break_shot,
-            state.in_hand == "behind",
-            state.in_hand == "anywhere",
-        )
-        if self._score_scale:
-            scores = state.scores[viewer:] + state.scores[:viewer]
-            observation[_VALUES * n + 4 :] = [min(max(score / self._score_scale, -1.0), 1.0) for score in scores]
-        return observation
+        values = [viewer == state.player, state.break_shot, state.in_hand == "behind", state.in_hand == "anywhere"]
+        if self.calls:
+            values += [choice in state.choices for choice in ("push_out", "hand_back", "replace")]
+        if self._observes_fouls:
+            values += [min(fouls / 3, 1.0) for fouls in _from(viewer, state.fouls)]
+        if self.setup.target is not None:
+            values += [min(max(score / self._score_scale, -1.0), 1.0) for score in _from(viewer, state.scores)]
+        return np.concatenate((balls.ravel(), np.array(values, np.float32)))
 
     def history(self) -> History:
         """Returns the game up to now, for `games.replay` and `records.record_game`."""
@@ -344,20 +400,40 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             parts.append("nobody wins" if state.winner < 0 else f"{self.possible_agents[state.winner]} wins")
         return "   ".join(parts)
 
-    def _stroke(self, action: NDArray[np.float32] | None) -> Stroke:
-        """Converts an action to a stroke in the present state."""
-        width = 4 if self.setup.game_rules.pockets else 2
-        array = finite("action", action, (width,))
-        state = self.game.state
-        vx, vy = cue_strike(array[:2], self.setup.scene, self.max_speed).velocity.tolist()
+    def _stroke(self, action: NDArray[np.float32] | None) -> tuple[Stroke, bool]:
+        """Converts an action to a stroke in the present state; also returns whether the tip slips."""
+        array = finite("action", action, (self._width,))
+        state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action]
+        call = self._call(array[-3:]) if self.calls else NO_CALL
+        if call.kind in ("hand_back", "replace"):
+            return Stroke((0.0, 0.0), call=Call(kind=call.kind)), False
+        struck = cue_strike(array[:size], scene, self.max_speed)
+        (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         place: Point | None = None
         if state.in_hand != "no":
-            x_low, x_high, y_low, y_high = placement_area(
-                self.setup.scene, state.cue_balls[0], state.in_hand == "behind"
-            )
-            x, y = np.minimum(np.maximum(array[2:], -1.0), 1.0).tolist()
+            x_low, x_high, y_low, y_high = placement_area(scene, state.cue_balls[0], state.in_hand == "behind")
+            x, y = np.minimum(np.maximum(array[size : size + 2], -1.0), 1.0).tolist()
             place = (x_low + x_high) / 2 + (x_high - x_low) / 2 * x, (y_low + y_high) / 2 + (y_high - y_low) / 2 * y
-        return Stroke((vx, vy), place)
+        return Stroke((vx, vy), place, (wx, wy, wz), call), bool(struck.miscue)
+
+    def _call(self, values: NDArray[np.float64]) -> Call:
+        """Returns the call for the last three numbers of an action."""
+        state, scene = self.game.state, self.setup.scene
+        ball, pocket, choice = values.tolist()
+        safety = ("safety",) if state.called else ()
+        choices = (*safety, *state.choices)
+        kind = choices[_part(2 * choice - 1, len(choices))] if choice > 0 and choices else "shot"
+        return Call(1 + _part(ball, scene.n_balls - 1), _part(pocket, len(scene.table.pockets)), kind)
+
+
+def _part(value: float, count: int) -> int:
+    """Returns in which of `count` equal parts of -1 to 1 a value lies."""
+    return min(max(int((value + 1) / 2 * count), 0), count - 1)
+
+
+def _from(viewer: int, values: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns the values of all players, beginning with those of one player."""
+    return values[viewer:] + values[:viewer]
 
 
 def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_balls: int | None) -> Scene:
@@ -365,7 +441,7 @@ def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_ball
     choose("rules", rules, tuple(RULES))
     game_rules = RULES[rules]
     if scene is None:
-        scene = "pool" if game_rules.pockets else "carom"
+        scene = game_rules.scene
     if isinstance(scene, str) and n_object_balls is None:
         n_object_balls = game_rules.n_object_balls[1]
     return make_scene(scene, n_object_balls)

@@ -17,19 +17,42 @@ from billiards_env import layouts
 from billiards_env.checks import Range, choose, flag, real, shaped, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import check_mode
-from billiards_env.games.placement import Point, cue_ball_point, spotted_point
-from billiards_env.games.rules import IN_HAND, RULES, Facts, Rules, RuleState, Verdict, facts_of, next_state
+from billiards_env.games.facts import Facts, facts_of
+from billiards_env.games.placement import Point, cue_ball_point, rack_again
+from billiards_env.games.rules import RULES, Rules
+from billiards_env.games.snooker import is_miss, is_snookered
+from billiards_env.games.state import (
+    IN_HAND,
+    NO_CALL,
+    Call,
+    RuleState,
+    Verdict,
+    handed_back,
+    next_state,
+)
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import run_shot
-
-LAYOUTS = ("rack", "tight_rack", "random")
-"""The opening layouts of the games with pockets."""
 
 _DECIDING_BALLS = {"eight_ball": (8,), "nine_ball": (9,)}
 
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
+
+STATE_FIELDS = (
+    "player",
+    "scores",
+    "on_table",
+    "break_shot",
+    "in_hand",
+    "cue_balls",
+    "solids",
+    "choices",
+    "fouls",
+    "colour",
+    "free_ball",
+)
+"""The fields of `RuleState` that a custom opening may set. The setup of the game sets the others."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -45,6 +68,9 @@ class Setup:
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
+        called: Whether eight ball or straight pool is played with called balls and pockets, as the WPA's rules require.
+            By default any ball potted on a legal shot counts, and a player need not call.
+        miss: Whether snooker is played with the miss rule.
     """
 
     rules: str
@@ -54,6 +80,8 @@ class Setup:
     mode: str = "pic"
     dt: float | None = None
     fix: str | None = None
+    called: bool = False
+    miss: bool = False
 
     def __post_init__(self) -> None:
         choose("rules", self.rules, tuple(RULES))
@@ -89,6 +117,11 @@ class Setup:
         else:
             target = rules.target if self.target is None else self.target
             object.__setattr__(self, "target", whole("target", target, Range(0, MAX_SCORE)))
+        if self.rules == "snooker":
+            layouts.plan("snooker", self.scene)  # raises if the scene does not suit snooker
+        for name, possible in (("called", rules.can_call), ("miss", "replace" in rules.choices)):
+            if flag(name, getattr(self, name)) and not possible:
+                raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
         check_mode(self.mode, self.dt, self.fix)
         if self.dt is not None:
             object.__setattr__(self, "dt", float(self.dt))
@@ -106,10 +139,12 @@ class GameState(NamedTuple):
         positions: (n, 2) float64, m. A potted ball is at the centre of its pocket. A cue ball in hand is at its last
             position.
         state: The state of the rules.
+        before: The state before the last shot, if the player may let the opponent play it again (the call "replace").
     """
 
     positions: NDArray[np.float64]
     state: RuleState
+    before: GameState | None = None
 
 
 class Stroke(NamedTuple):
@@ -118,10 +153,14 @@ class Stroke(NamedTuple):
     Attributes:
         velocity: x and y of the cue ball's initial velocity, m/s.
         place: x and y of the point at which to place the cue ball in hand, m; None if it is not in hand.
+        spin: x, y and z of the cue ball's initial angular velocity, rad/s.
+        call: The call.
     """
 
     velocity: Point
     place: Point | None = None
+    spin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    call: Call = NO_CALL
 
 
 class PlayedShot(NamedTuple):
@@ -165,6 +204,9 @@ def opening_state(setup: Setup) -> RuleState:
         in_hand="behind" if setup.game_rules.pockets else "no",
         cue_balls=setup.game_rules.cue_balls,
         target=setup.target or 0,
+        called=setup.called,
+        reds=setup.scene.n_balls - 7 if setup.rules == "snooker" else 0,
+        fouls=(0,) * setup.n_players,
     )
 
 
@@ -209,8 +251,8 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     Args:
         setup: The settings of the game.
         rng: The generator to draw from.
-        layout: In games with pockets one of `LAYOUTS`, by default "rack". In carom games "carom_opening", the default,
-            or "random". With "random" the first shot is not a break and the cue ball is not in hand.
+        layout: One of `Rules.layouts`; None for the first of them. With "random" the first shot is not a break and the
+            cue ball is not in hand.
 
     Returns:
         The state.
@@ -223,7 +265,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
         >>> float(game.positions[9, 1].round(2)), game.state.in_hand
         (0.0, 'behind')
     """
-    names = LAYOUTS if setup.game_rules.pockets else ("carom_opening", "random")
+    names = setup.game_rules.layouts
     layout = names[0] if layout is None else layout
     if layout not in names:
         raise ValueError(
@@ -234,7 +276,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     if layout == "random":
         return GameState(drawn, state._replace(break_shot=False, in_hand="no"))
     positions = drawn.copy()
-    if setup.game_rules.pockets:
+    if layout in ("rack", "tight_rack"):
         for row, ball in enumerate(rack_order(setup.rules, setup.scene.n_balls - 1, rng), start=1):
             positions[ball] = drawn[row]
     return GameState(positions, state)
@@ -246,8 +288,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Args:
         setup: The settings of the game.
         positions: (n, 2) m.
-        state: Fields of `RuleState` to set. By default player 0 is to shoot, all balls are on the table, the shot is
-            not a break and the cue ball is not in hand. The fields `target`, `over` and `winner` cannot be set.
+        state: Fields of `RuleState` to set, of `STATE_FIELDS`. By default player 0 is to shoot, all balls are on the
+            table, the shot is not a break and the cue ball is not in hand.
 
     Returns:
         The state.
@@ -255,14 +297,13 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Raises:
         ValueError: If a field is unknown or impossible, or the positions are invalid.
     """
-    fields = {"player", "scores", "on_table", "break_shot", "in_hand", "cue_balls", "solids"}
     default = opening_state(setup)._replace(break_shot=False, in_hand="no")
     changes = {} if state is None else state
     if not isinstance(changes, Mapping):
         raise ValueError(f"state = {state!r}: expected a mapping")
     for key in changes:
-        choose("key of state", key, tuple(sorted(fields)))
-    values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in fields}
+        choose("key of state", key, tuple(sorted(STATE_FIELDS)))
+    values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in STATE_FIELDS}
     n, players = setup.scene.n_balls, setup.n_players
     whole("state.player", values["player"], Range(0, players - 1))
     whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
@@ -270,14 +311,16 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         ("scores", (list, tuple)),
         ("on_table", (list, tuple, set, frozenset)),
         ("cue_balls", (list, tuple)),
+        ("fouls", (list, tuple)),
     ):
         if not isinstance(values[name], kind):
             raise ValueError(f"state.{name} = {values[name]!r}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
-            limits = (-MAX_SCORE, MAX_SCORE) if name == "scores" else (0, n - 1)
+            limits = {"scores": (-MAX_SCORE, MAX_SCORE), "fouls": (0, MAX_SCORE)}.get(name, (0, n - 1))
             whole(f"state.{name}[{i}]", value, Range(*limits))
-    if len(values["scores"]) != players:
-        raise ValueError(f"state.scores = {values['scores']!r}: expected {players} scores, one per player")
+    for name in ("scores", "fouls"):
+        if len(values[name]) != players:
+            raise ValueError(f"state.{name} = {values[name]!r}: expected {players} {name}, one per player")
     if setup.target and max(values["scores"]) >= setup.target:
         raise ValueError(f"state.scores = {values['scores']!r}: expected scores below the target, {setup.target}")
     on_table = frozenset(values["on_table"])
@@ -290,19 +333,40 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
     if setup.game_rules.pockets:
-        required = {*setup.game_rules.cue_balls, *_DECIDING_BALLS.get(setup.rules, ())}
+        deciding = (n - 1,) if setup.rules == "snooker" else _DECIDING_BALLS.get(setup.rules, ())
+        required = {*setup.game_rules.cue_balls, *deciding}
     if not required <= on_table or len(on_table) < 2:
         raise ValueError(
             f"state.on_table = {sorted(on_table)}: expected the balls {sorted(required)} and at least one object ball"
         )
-    flag("state.break_shot", values["break_shot"])
+    for name in ("break_shot", "colour", "free_ball"):
+        flag(f"state.{name}", values[name])
+    for name in ("colour", "free_ball"):
+        if values[name] and setup.rules != "snooker":
+            raise ValueError(f"state.{name} = True with rules {setup.rules!r}: expected False")
+    if setup.rules == "snooker":
+        _check_colours(default.reds, on_table, values["colour"])
+    if not isinstance(values["choices"], (list, tuple)):
+        raise ValueError(f"state.choices = {values['choices']!r}: expected a list of names")
+    for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
+        choose(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
 
     choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
-    values.update(scores=tuple(map(int, values["scores"])), on_table=on_table, cue_balls=tuple(values["cue_balls"]))
+    values.update(
+        {name: tuple(values[name]) for name in ("scores", "cue_balls", "choices", "fouls")}, on_table=on_table
+    )
     rule_state = default._replace(**values)
     array = shaped("positions", positions, (n, 2))
     in_play = np.isin(np.arange(n), sorted(on_table if rule_state.in_hand == "no" else rule_state.object_balls))
     return GameState(check_positions(setup.scene, array, in_play=in_play), rule_state)
+
+
+def _check_colours(reds: int, on_table: frozenset[int], colour: bool) -> None:
+    """Raises unless the colours on the table are all of them or, without reds, the highest ones."""
+    lying = sorted(ball for ball in on_table if ball > reds)
+    count = 6 if colour or len(on_table) > 1 + len(lying) else len(lying)
+    if lying != list(range(reds + 7 - count, reds + 7)):
+        raise ValueError(f"state.on_table = {sorted(on_table)}: expected all colours, or without reds the highest ones")
 
 
 def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
@@ -312,50 +376,98 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         setup: The settings of the game.
         game: The state before the shot.
         stroke: The stroke. A cue ball in hand is placed at the free point nearest to `stroke.place`, see
-            `placement.nearest_free_point`.
+            `placement.nearest_free_point`. With the calls "hand_back" and "replace" the velocity and the spin must be
+            zero and the place None; the balls do not move.
 
     Returns:
         The shot, with the state after it.
 
     Raises:
         ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), `stroke.place` is None
-            with the cue ball in hand, or it is not None otherwise.
+            with the cue ball in hand, or it is not None otherwise, or the call is not possible.
     """
     state = game.state
     if state.over:
         raise ValueError("the game is over: expected no further shot")
-    if (stroke.place is None) != (state.in_hand == "no"):
-        expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
-        raise ValueError(f"stroke.place = {stroke.place!r}: expected {expected}")
-    for name, pair, within in zip(stroke._fields, stroke, ("speed", "coordinate"), strict=True):
-        if pair is not None:
-            if len(pair) != 2:
-                raise ValueError(f"stroke.{name} = {pair!r}: expected two numbers")
-            for i, value in enumerate(pair):
-                real(f"stroke.{name}[{i}]", value, within)
+    _check_stroke(setup, state, stroke)
     scene, cue, n = setup.scene, state.cue_balls[0], setup.scene.n_balls
     positions = game.positions.copy()
     if stroke.place is not None:
         positions[cue] = cue_ball_point(
             scene, positions, state.object_balls, cue, stroke.place, state.in_hand == "behind"
         )
-    velocities = np.zeros((n, 2))
-    velocities[cue] = stroke.velocity
-    in_play = np.isin(np.arange(n), sorted(state.on_table))
-    shot_input = ShotInput(positions, velocities, np.zeros((n, 3)), in_play, scene.physics.max_time or math.inf)
+    velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
+    velocities[cue], spins[cue] = stroke.velocity, stroke.spin
+    no_shot = stroke.call.kind in ("hand_back", "replace")
+    lying = state.object_balls if no_shot and state.in_hand != "no" else state.on_table
+    in_play = np.isin(np.arange(n), sorted(lying))
+    shot_input = ShotInput(positions, velocities, spins, in_play, scene.physics.max_time or math.inf)
     shot = run_shot(scene, shot_input, setup.mode, setup.dt, setup.fix, record=True)
+    if no_shot:
+        return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, Facts(), Verdict())
     assert shot.events is not None
     facts = facts_of(shot.events, cue)
-    verdict = setup.game_rules.judge(state, facts)
-    state = next_state(state, facts, verdict)
-    positions = shot.positions.copy()
+    verdict = setup.game_rules.judge(state, facts, stroke.call)
+    return PlayedShot(_after_shot(setup, game, shot, facts, verdict), shot_input, shot, facts, verdict)
+
+
+def _after_shot(setup: Setup, game: GameState, shot: ShotResult, facts: Facts, verdict: Verdict) -> GameState:
+    """Returns the state after a shot, with the balls spotted or racked."""
+    scene, cue = setup.scene, game.state.cue_balls[0]
+    state, positions = next_state(game.state, facts, verdict), shot.positions.copy()
     obstacles = state.on_table - set(verdict.spotted)
     if state.in_hand != "no":  # a cue ball in hand does not block a spot
         obstacles -= {cue}
-    for ball in verdict.spotted:
-        positions[ball] = spotted_point(scene, positions, obstacles, ball)
-        obstacles |= {ball}
-    return PlayedShot(GameState(positions, state), shot_input, shot, facts, verdict)
+    setup.game_rules.spot(scene, positions, obstacles, verdict.spotted)
+    if verdict.rack:
+        lying = state.on_table if verdict.rack == "rest" else frozenset({cue})
+        in_hand = rack_again(scene, positions, lying, cue)
+        state = state._replace(
+            on_table=frozenset(range(scene.n_balls)), in_hand=in_hand if verdict.rack == "rest" else "behind"
+        )
+    if setup.rules != "snooker" or not verdict.foul or state.over:
+        return GameState(positions, state)
+    state = state._replace(free_ball=is_snookered(scene, positions, state))
+    if setup.miss and is_miss(game.state, state, verdict.foul):
+        return GameState(positions, state._replace(choices=(*state.choices, "replace")), game._replace(before=None))
+    return GameState(positions, state)
+
+
+def _without_shot(game: GameState, call: Call) -> GameState:
+    """Returns the state after a player has played no shot, by the call "hand_back" or "replace"."""
+    if call.kind == "hand_back":
+        return GameState(game.positions, handed_back(game.state))
+    assert game.before is not None
+    positions, state, _ = game.before
+    return GameState(positions, state._replace(scores=game.state.scores, fouls=game.state.fouls, choices=()))
+
+
+def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
+    """Raises a ValueError if a stroke is not possible, see `play`."""
+    call, n = stroke.call, setup.scene.n_balls
+    safety = ("safety",) if state.called else ()
+    choose("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
+    whole("stroke.call.ball", call.ball, Range(-1, n - 1))
+    whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
+    if call.kind in ("hand_back", "replace"):
+        if any(stroke.velocity) or any(stroke.spin) or stroke.place is not None:
+            raise ValueError(f"stroke = {stroke!r}: expected no motion and no place, the call is {call.kind!r}")
+        return
+    if (stroke.place is None) != (state.in_hand == "no"):
+        expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
+        raise ValueError(f"stroke.place = {stroke.place!r}: expected {expected}")
+    checks = (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin"))
+    for name, count, within in checks:
+        values = getattr(stroke, name)
+        if values is not None:
+            if len(values) != count:
+                raise ValueError(f"stroke.{name} = {values!r}: expected {('two', 'three')[count - 2]} numbers")
+            for i, value in enumerate(values):
+                real(f"stroke.{name}[{i}]", value, within)
+    if any(stroke.spin) and setup.scene.physics.motion != "sliding":
+        raise ValueError(
+            f"stroke.spin = {stroke.spin!r} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"
+        )
 
 
 def replay(history: History) -> Iterator[PlayedShot]:

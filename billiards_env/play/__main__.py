@@ -90,7 +90,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     rules = args.rules or "eight_ball"
     game_rules, mode = RULES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
-    scene = Scene.named("pool" if game_rules.pockets else "carom", balls)
+    scene = Scene.named(game_rules.scene, balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     setup = Setup(rules, scene, n_players, args.target, mode, args.dt if mode == "pit" else None)
     return History(setup, opening(setup, rng, args.layout), ())

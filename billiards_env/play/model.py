@@ -289,7 +289,7 @@ def _first_angle(model: Model) -> float:
 
 
 def _free_point(model: Model, point: Point) -> Point:
-    positions, state = model.game
+    positions, state, _ = model.game
     return cue_ball_point(model.setup.scene, positions, state.object_balls, model.cue, point, state.in_hand == "behind")
 
 

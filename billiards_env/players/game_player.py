@@ -11,6 +11,9 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 
 A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
 
+In a game with called shots, a strategy calls the first legal ball that its shot pots, which a simulation shows. No
+strategy plays a safety or a push out, or hands a shot back.
+
 With the cue ball in hand, a geometric or search player draws some places and chooses the one with the easiest pot.
 """
 
@@ -24,7 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games import GameState, PlayedShot, Setup, Stroke, play
+from billiards_env.games import GameState, Setup, Stroke, Verdict, play
+from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_point, placement_area
 from billiards_env.players.pots import Shots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
@@ -85,26 +89,26 @@ def _strategic(text: str, setup: Setup) -> Player:
             velocity, place = strategy(situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
         else:
             game, place = place_cue_ball(setup, game, max_speed, rng)
-            velocity = strategy(situation(setup, game, max_speed, place), rng)
-        return make_stroke(velocity, max_speed, place)
+            velocity = strategy(situation(setup, game, max_speed), rng)
+        return with_call(setup, game, make_stroke(velocity, max_speed, place))
 
     return stroke
 
 
-def situation(setup: Setup, game: GameState, max_speed: float, place: Point | None = None) -> Situation:
+def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
     """Returns the situation of a player. The rules rate its shots.
 
     Args:
         setup: The setup of the game.
-        game: The state of the game.
+        game: The state of the game; a cue ball in hand is at the place from which it is struck.
         max_speed: Speed of the fastest shot, m/s.
-        place: The point at which a cue ball in hand was placed; None if it was not in hand.
     """
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:
-        strokes = [make_stroke(max_speed * action, max_speed, place) for action in actions]
-        return np.array([_rating(game, play(setup, game, stroke)) for stroke in strokes])
+        lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
+        verdicts, which = judge_batch(setup, game, max_speed * actions / lengths[:, None])
+        return np.array([_rating(state.player, verdict) for verdict in verdicts])[which]
 
     found = Situation(
         setup.scene,
@@ -122,6 +126,13 @@ def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stro
     """Returns a stroke with a velocity (2,), m/s, whose speed is limited to `max_speed`."""
     x, y = (velocity * min(1.0, max_speed / max(np.hypot(*velocity), 1e-9))).tolist()
     return Stroke((x, y), place)
+
+
+def with_call(setup: Setup, game: GameState, stroke: Stroke) -> Stroke:
+    """Returns a stroke with the call of the first legal ball that it pots, if the game has called shots."""
+    if not game.state.called:
+        return stroke
+    return stroke._replace(call=best_call(setup.game_rules, game.state, play(setup, game, stroke).facts))
 
 
 def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point | None:
@@ -160,8 +171,8 @@ def _ease(pots: Shots) -> tuple[bool, float]:
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
-def _rating(game: GameState, played: PlayedShot) -> float:
+def _rating(player: int, verdict: Verdict) -> float:
     """Returns the value of a shot for its player, from the win, the points, another turn and a foul."""
-    player, verdict = game.state.player, played.verdict
-    won = 0.0 if played.game.state.winner < 0 else 100.0 if played.game.state.winner == player else -100.0
-    return won + 2.0 * verdict.points + verdict.continues - 5.0 * bool(verdict.foul)
+    won = 0.0 if verdict.winner < 0 else 100.0 if verdict.winner == player else -100.0
+    points = 2.0 * (verdict.points - verdict.penalty)
+    return won + points + verdict.continues - 5.0 * bool(verdict.foul)

@@ -11,8 +11,9 @@ import numpy as np
 import pettingzoo
 import pytest
 
-from billiards_env import Scene
-from billiards_env.games import RULES, billiards_v0, replay
+from billiards_env import Scene, simulate
+from billiards_env.envs.actions import cue_strike
+from billiards_env.games import RULES, Call, Stroke, billiards_v0, replay
 from billiards_env.layouts import MARGIN
 
 with warnings.catch_warnings():
@@ -27,6 +28,11 @@ VARIANTS = [
     {"rules": "carom", "n_players": 3, "target": 2, "layout": "random"},
     {"rules": "eight_ball", "layout": "tight_rack", "mode": "pit", "dt": 1 / 120, "fix": "move_back"},
     {"rules": "straight", "layout": "random", "n_object_balls": 3, "max_shots": 7},
+    {"rules": "straight", "target": 5, "calls": True},
+    {"rules": "carom", "target": 2, "action": "strike"},
+    {"rules": "eight_ball", "calls": True},
+    {"rules": "nine_ball", "calls": True},
+    {"rules": "snooker", "n_object_balls": 7, "calls": True, "miss": True, "action": "strike"},
 ]
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values())))
 
@@ -179,6 +185,83 @@ def test_the_cue_ball_is_observed_first():
     assert seen[[8, 9]].tolist() == red
 
 
+def test_the_last_numbers_of_an_action_are_the_call():
+    env = billiards_v0.raw_env("eight_ball", calls=True)
+    for numbers, call in [
+        ((-1, -1, 0), Call(1, 0)),
+        ((1, 1, -1), Call(15, 5)),
+        ((0, 0, 1), Call(8, 3, "safety")),
+        ((-0.99 + 2 / 15, -0.99 + 2 / 6, 0.01), Call(2, 1, "safety")),
+    ]:
+        env.reset(seed=0)
+        env.step(np.array([0, 0, 0, 0, *numbers], np.float32))
+        assert env.history().strokes[0].call == call
+
+
+def test_a_strike_with_zeros_is_the_same_shot_as_a_velocity():
+    envs = [billiards_v0.raw_env("nine_ball", action=action) for action in ("velocity", "strike")]
+    for env, zeros in zip(envs, ([], [0, 0, -1]), strict=True):
+        env.reset(seed=0)
+        env.step(np.array([0.9, 0.1, *zeros, 0.2, -0.1], np.float32))
+    one, other = (env.game.positions.tobytes() for env in envs)
+    assert one == other
+    assert envs[0].history().strokes == envs[1].history().strokes
+
+
+def test_a_strike_gives_spin():
+    env = billiards_v0.raw_env("carom", action="strike")
+    env.reset(seed=0)
+    env.step(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32))
+    scene = env.setup.scene
+    velocity, spin, miscue = cue_strike(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32), scene, env.max_speed)
+    assert env.history().strokes[0] == Stroke(tuple(velocity), spin=tuple(spin))
+    assert env.infos["player_0"]["miscue"] is bool(miscue) is False
+    shot = simulate(scene, env.history().opening.positions, velocity, spins=spin)
+    assert shot.positions.tobytes() == env.game.positions.tobytes()
+    env.step(np.array([0.3, 0.1, 1.0, 1.0, 0.0], np.float32))
+    assert env.infos["player_0"]["miscue"] is True
+    assert "miscue" not in _infos_of_velocity()
+
+
+def _infos_of_velocity():
+    env = billiards_v0.raw_env("carom")
+    env.reset(seed=0)
+    env.step(np.zeros(2, np.float32))
+    return env.infos["player_0"]
+
+
+NINE = [[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))]
+
+
+def test_a_push_out_and_a_shot_that_is_handed_back():
+    env = billiards_v0.raw_env("nine_ball", calls=True)
+    env.reset(options={"positions": NINE, "state": {"choices": ["push_out"]}})
+    assert env.observe("player_0")[44:47].tolist() == [1, 0, 0]
+    env.step(np.array([0, -0.1, 0, 0, 0, 0, 1], np.float32))
+    assert (env.infos["player_0"]["foul"], env.infos["player_0"]["choices"]) == ("", ["hand_back"])
+    assert env.agent_selection == "player_1"
+    assert env.observe("player_1")[44:47].tolist() == [0, 1, 0]
+    env.step(np.array([0.5, 0, 0, 0, 0, 0, 1], np.float32))
+    assert env.agent_selection == "player_0"
+    assert env.history().strokes[1] == Stroke((0.0, 0.0), call=Call(kind="hand_back"))
+    assert env.infos["player_0"]["shot_time"] == 0.0
+
+
+def test_consecutive_fouls_are_observed():
+    env = billiards_v0.raw_env("nine_ball")
+    env.reset(options={"positions": NINE, "state": {"fouls": [1, 2]}})
+    assert env.observe("player_0")[-2:].tolist() == pytest.approx([1 / 3, 2 / 3])
+    assert env.observe("player_1")[-2:].tolist() == pytest.approx([2 / 3, 1 / 3])
+
+
+def test_a_penalty_in_snooker_is_a_reward_for_the_other_player():
+    env = billiards_v0.raw_env("snooker")
+    env.reset(seed=0)
+    env.step(np.zeros(4, np.float32))
+    assert env.rewards == {"player_0": -4.0, "player_1": 4.0}
+    assert env.observe("player_1")[-2:].tolist() == pytest.approx([4 / 147, 0.0])
+
+
 def test_actions_cover_the_whole_placement_area():
     env = billiards_v0.raw_env("nine_ball")
     r = env.setup.scene.balls.radius[0]
@@ -223,12 +306,17 @@ def test_calls_out_of_order_are_rejected():
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
-        ({"rules": "snooker"}, "rules = 'snooker'"),
+        ({"rules": "ten_ball"}, "rules = 'ten_ball'"),
         ({"rules": "eight_ball", "n_players": 4}, "n_players = 4"),
         ({"rules": "eight_ball", "n_object_balls": 9}, "9 object balls: expected 15"),
         ({"rules": "nine_ball", "scene": Scene.named("pool", 8).to_dict()}, "8 object balls"),
         ({"layout": "line"}, "layout = 'line'"),
         ({"max_shots": 0}, "max_shots = 0"),
+        ({"rules": "carom", "calls": True}, "calls = True with rules = 'carom'"),
+        ({"calls": 1}, "calls = 1"),
+        ({"action": "cut"}, "action = 'cut'"),
+        ({"rules": "snooker", "miss": True}, "miss = True with calls = False"),
+        ({"miss": True, "calls": True}, "miss = True with rules 'eight_ball'"),
         ({"max_speed": 0}, "max_speed = 0"),
         ({"max_speed": math.inf}, "max_speed = inf"),
         ({"mode": "pot"}, "mode = 'pot'"),
@@ -256,7 +344,7 @@ def test_a_shot_that_reaches_the_engine_limit_warns(monkeypatch):
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_continue_identically(duplicate):
-    env = billiards_v0.raw_env("nine_ball")
+    env = billiards_v0.raw_env("straight")
     env.reset(seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
     for action in actions[:5]:

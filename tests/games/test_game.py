@@ -6,11 +6,12 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play, replay
-from billiards_env.games.game import LAYOUTS, rack_order
+from billiards_env.games.game import rack_order
 from billiards_env.layouts import MARGIN
 from billiards_env.scene import check_positions
 
 PIT = {"mode": "pit", "dt": 1 / 240}
+TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach
 TRIANGLE = Scene.from_dict(
     {
         "balls": {"radius": [0.03, 0.03], "mass": [0.2, 0.2]},
@@ -26,7 +27,7 @@ TRIANGLE = Scene.from_dict(
 
 def make_setup(rules, **kwargs):
     setup = RULES[rules]
-    scene = Scene.named("pool" if setup.pockets else "carom", setup.n_object_balls[1])
+    scene = Scene.named(setup.scene, setup.n_object_balls[1])
     return Setup(rules, **{"scene": scene, **kwargs})
 
 
@@ -87,7 +88,7 @@ def test_every_other_ball_can_be_at_every_other_position_of_the_rack():
 @pytest.mark.parametrize("rules", RULES)
 def test_openings(rules):
     setup = make_setup(rules)
-    layouts = LAYOUTS if setup.game_rules.pockets else ("carom_opening", "random")
+    layouts = setup.game_rules.layouts
     for layout in layouts:
         game = opening(setup, np.random.default_rng(3), layout)
         again = opening(setup, np.random.default_rng(3), layout)
@@ -116,7 +117,7 @@ def test_a_game_on_a_table_with_jaws():
 @pytest.mark.parametrize(
     ("kwargs", "message"),
     [
-        ({"rules": "snooker"}, "rules = 'snooker'"),
+        ({"rules": "ten_ball"}, "rules = 'ten_ball'"),
         ({"rules": 3}, "rules = 3"),
         ({"rules": "nine_ball", "scene": Scene.named("pool", 8)}, "8 object balls: expected 9"),
         ({"rules": "straight", "scene": Scene.named("ideal", 16)}, "expected 1 to 15"),
@@ -277,7 +278,7 @@ def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
 
 
 def test_balls_are_spotted_one_behind_the_other(monkeypatch):
-    everything_back = RULES["straight"]._replace(judge=lambda state, facts: Verdict(spotted=(1, 2, 3)))
+    everything_back = RULES["straight"]._replace(judge=lambda state, facts, call: Verdict(spotted=(1, 2, 3)))
     monkeypatch.setitem(RULES, "straight", everything_back)
     setup = make_setup("straight", scene=Scene.named("pool", 4))
     game = custom_opening(setup, [[-0.6, 0.1 * i] for i in range(5)], {"on_table": [0, 4]})
@@ -325,7 +326,7 @@ def test_carom_players_alternate_cue_balls():
 def test_random_games_end_and_keep_all_balls(rules, engine):
     ended = 0
     for seed in range(3):
-        setup = make_setup(rules, **engine, **({"target": 2} if rules == "carom" else {}))
+        setup = make_setup(rules, **engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
         history, log = random_game(setup, seed)
         down = Counter()
         game = history.opening
@@ -335,7 +336,7 @@ def test_random_games_end_and_keep_all_balls(rules, engine):
             down.subtract(verdict.spotted)
             down[0] = 0
             assert state.on_table == {ball for ball in range(setup.scene.n_balls) if down[ball] == 0}
-            assert sum(state.scores) == sum(game.state.scores) + verdict.points
+            assert sum(state.scores) == sum(game.state.scores) + verdict.points + verdict.penalty
             assert (state.player == game.state.player) == verdict.continues
             assert state.over == verdict.over
             if not engine:
@@ -344,8 +345,8 @@ def test_random_games_end_and_keep_all_balls(rules, engine):
                 check_positions(setup.scene, played.game.positions, in_play=in_play)
             game = played.game
         if rules == "straight":
-            scratches = sum(played.verdict.foul == "scratch" for played in log)
-            assert sum(game.state.scores) + scratches == 16 - len(game.state.on_table)
+            penalties = sum(min(played.verdict.points, 0) for played in log)
+            assert sum(game.state.scores) - penalties == 16 - len(game.state.on_table)
         ended += game.state.over
     assert ended or rules == "three_cushion"
 

@@ -4,45 +4,12 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games.rules import (
-    FOULS,
-    IN_HAND,
-    RULES,
-    Facts,
-    RuleState,
-    Verdict,
-    carom,
-    eight_ball,
-    facts_of,
-    group_or_eight,
-    lowest_ball,
-    next_state,
-    nine_ball,
-    straight,
-    three_cushion,
-)
-from billiards_env.shot import EVENT_DTYPE
-
-
-def events(*rows, times=None):
-    """Returns events one second apart from rows such as ("hit", a, b), ("cushion", ball) or ("pocket", ball)."""
-    log = np.zeros(len(rows), EVENT_DTYPE)
-    for k, (kind, ball, *other) in enumerate(rows):
-        log[k]["time"] = k if times is None else times[k]
-        log[k]["kind"] = "ball_ball" if kind == "hit" else kind
-        log[k]["ball"], log[k]["other"] = ball, other[0] if other else 0
-    return log
-
-
-def facts(*rows, cue=0):
-    return facts_of(events(*rows), cue)
-
-
-def state(rules, *, on_table=None, players=2, **fields):
-    n = 1 + RULES[rules].n_object_balls[1]
-    start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
-    return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
-
+from billiards_env.games.carom import carom, three_cushion
+from billiards_env.games.facts import Facts, facts_of
+from billiards_env.games.pool import eight_ball, group_or_eight, lowest_ball, nine_ball, straight
+from billiards_env.games.rules import RULES
+from billiards_env.games.state import FOULS, IN_HAND, NO_CALL, RuleState, Verdict, next_state
+from tests.helpers.games import events, facts, state
 
 # facts_of
 
@@ -86,7 +53,7 @@ def test_potted_balls_are_in_order_and_count_as_driven():
 
 def test_the_cue_ball_may_have_another_number():
     found = facts(("cushion", 2), ("hit", 0, 2), ("cushion", 0), ("hit", 1, 2), cue=2)
-    assert found == Facts((0,), ((0, 1), (1, 1)), (), True, frozenset({0}))
+    assert found == Facts((0,), ((0, 1), (1, 1)), (), True, frozenset({0}), cue_driven=True)
 
 
 def test_other_events_have_no_effect():
@@ -156,7 +123,7 @@ def test_eight_ball_requires_the_group_and_then_the_eight_ball():
     ],
 )
 def test_fouls(rules, fields, log, foul):
-    verdict = RULES[rules].judge(state(rules, **fields), facts(*log))
+    verdict = RULES[rules].judge(state(rules, **fields), facts(*log), NO_CALL)
     assert verdict.foul == foul
     assert verdict.in_hand == ("anywhere" if foul else "no")
     assert not (foul and verdict.continues)
@@ -214,8 +181,8 @@ def test_nine_ball_break_needs_a_pot_or_four_balls_at_cushions():
     before = state("nine_ball", break_shot=True, in_hand="behind")
     three = [("hit", 0, 1), ("cushion", 2), ("cushion", 3), ("cushion", 4), ("cushion", 4), ("cushion", 0)]
     assert nine_ball(before, facts(*three)) == Verdict("illegal_break", in_hand="anywhere")
-    assert nine_ball(before, facts(*three, ("cushion", 9))) == Verdict()
-    assert nine_ball(before, facts(*three, ("pocket", 5))) == Verdict(continues=True)
+    assert nine_ball(before, facts(*three, ("cushion", 9))) == Verdict(choices=("push_out",))
+    assert nine_ball(before, facts(*three, ("pocket", 5))) == Verdict(continues=True, choices=("push_out",))
     assert nine_ball(before, facts(*three, ("pocket", 9))) == Verdict(continues=True, over=True, winner=0)
     assert nine_ball(before._replace(break_shot=False), facts(*three)) == Verdict()
 
@@ -345,9 +312,9 @@ def test_straight_a_miss_passes_the_turn():
     assert next_state(before, Facts(), Verdict()).player == 0
 
 
-def test_straight_has_no_foul_except_a_scratch():
-    assert straight(state("straight"), facts()) == Verdict()
-    assert straight(state("straight"), facts(("hit", 0, 8))) == Verdict()
+@pytest.mark.parametrize(("log", "foul"), [((), "no_hit"), ((("hit", 0, 8),), "no_cushion")])
+def test_straight_a_foul_costs_a_point_and_the_cue_ball_stays(log, foul):  # WPA 4.9
+    assert straight(state("straight"), facts(*log)) == Verdict(foul, points=-1)
 
 
 def test_straight_a_scratch_costs_a_point_and_balls_are_spotted():
@@ -476,7 +443,7 @@ def test_verdicts_of_random_facts_are_valid():
                 kind = ["hit", "cushion", "pocket"][rng.integers(3 if rules.pockets else 2)]
                 ball, other = rng.permutation(sorted(lying))[:2].tolist()
                 rows.append((kind, ball, other))
-            verdict = rules.judge(before, facts(*rows))
+            verdict = rules.judge(before, facts(*rows), NO_CALL)
             assert verdict.foul in FOULS, name
             assert verdict.in_hand in IN_HAND
             assert (verdict.in_hand == "no") or verdict.foul

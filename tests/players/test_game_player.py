@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games import RULES, Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.players.game_player import GROUP, find_player
 
 EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
@@ -18,7 +18,7 @@ RNG = np.random.default_rng
 
 def setup(rules, balls=None):
     game = RULES[rules]
-    return Setup(rules, Scene.named("pool" if game.pockets else "carom", balls or game.n_object_balls[1]))
+    return Setup(rules, Scene.named(game.scene, balls or game.n_object_balls[1]))
 
 
 def points_of(player, game, shots, seed=0):
@@ -53,6 +53,23 @@ def test_the_geometric_player_pots_a_ball():
     game = setup("straight", 2)
     table = custom_opening(game, EASY)
     assert play(game, table, find_player("geometric", game)(game, table, 4.0, RNG(0))).verdict.points == 1
+
+
+def test_a_strategy_calls_the_ball_that_it_pots():
+    game = Setup("straight", Scene.named("pool", 2), called=True)
+    table = custom_opening(game, EASY)
+    for name in ("geometric", "search:20"):
+        stroke = find_player(name, game)(game, table, 4.0, RNG(0))
+        assert (stroke.call, play(game, table, stroke).verdict.points) == (Call(1, 3), 1)
+
+
+def test_search_avoids_penalty_points_in_snooker():
+    game = setup("snooker")
+    rng, penalties = RNG(0), 0
+    for _ in range(10):
+        table = opening(game, rng, "random")
+        penalties += play(game, table, find_player("search:50", game)(game, table, 4.0, rng)).verdict.penalty
+    assert penalties == 0
 
 
 def test_the_geometric_player_hits_a_legal_ball_first():

@@ -1,0 +1,86 @@
+"""Many shots are judged as one shot is."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import RULES, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games.batch import best_call, judge_batch
+from billiards_env.games.outcomes import group_rows
+
+GAMES = [(rules, layout) for rules, game in RULES.items() for layout in (game.layouts[0], "random")]
+
+
+def make_game(rules, layout, called=False):
+    setup = Setup(rules, Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1]), called=called)
+    game = opening(setup, np.random.default_rng(1), layout)
+    # A break shot with the cue ball on the table
+    return setup, game._replace(state=game.state._replace(in_hand="no"))
+
+
+def shots(m, seed=0):
+    rng = np.random.default_rng(seed)
+    angles, speeds = rng.uniform(-np.pi, np.pi, m), rng.uniform(0.5, 5.0, m)
+    spins = rng.uniform(-50.0, 50.0, (m, 3))
+    return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles))), spins
+
+
+def one_by_one(setup, game, velocities, spins):
+    verdicts = []
+    for velocity, spin in zip(velocities.tolist(), spins.tolist(), strict=True):
+        stroke = Stroke(tuple(velocity), spin=tuple(spin))
+        if setup.called:
+            found = play(setup, game, stroke).facts
+            by_number = sorted(zip(found.potted, found.pockets, strict=True))
+            numbered = found._replace(potted=[b for b, _ in by_number], pockets=[p for _, p in by_number])
+            stroke = stroke._replace(call=best_call(setup.game_rules, game.state, numbered))
+        verdicts.append(play(setup, game, stroke).verdict)
+    return verdicts
+
+
+@pytest.mark.parametrize(("rules", "layout"), GAMES)
+def test_a_batch_has_the_verdicts_of_single_shots(rules, layout):
+    setup, game = make_game(rules, layout)
+    velocities, spins = shots(60)
+    verdicts, which = judge_batch(setup, game, velocities, spins)
+    assert [verdicts[k] for k in which] == one_by_one(setup, game, velocities, spins)
+    assert len(set(which.tolist())) == len(verdicts) <= 60
+
+
+@pytest.mark.parametrize("rules", ["eight_ball", "straight"])
+def test_potted_balls_are_called(rules):
+    setup, game = make_game(rules, "random", called=True)
+    velocities, spins = shots(400)
+    verdicts, which = judge_batch(setup, game, velocities, spins)
+    found = [verdicts[k] for k in which]
+    assert found == one_by_one(setup, game, velocities, spins)
+    assert any(verdict.continues for verdict in found)
+
+
+def test_the_second_cue_ball_of_carom_is_struck():
+    setup, game = make_game("carom", "random")
+    game = game._replace(state=game.state._replace(cue_balls=(2, 0), player=1))
+    velocities, spins = shots(300)
+    verdicts, which = judge_batch(setup, game, velocities, spins)
+    found = [verdicts[k] for k in which]
+    assert found == one_by_one(setup, game, velocities, spins)
+    assert Verdict(points=1, continues=True) in found
+
+
+def test_balls_that_are_not_on_the_table_are_not_potted():
+    setup, game = make_game("eight_ball", "random")
+    game = custom_opening(setup, game.positions, {"on_table": [0, 3, 8], "solids": 0})
+    velocities, spins = shots(200)
+    verdicts, which = judge_batch(setup, game, velocities, spins)
+    assert [verdicts[k] for k in which] == one_by_one(setup, game, velocities, spins)
+
+
+def test_groups_of_equal_rows():
+    rng = np.random.default_rng(0)
+    rows = rng.integers(-1, 2, (500, 4)).astype(np.int8)
+    group, examples = np.empty(500, np.int64), np.empty(500, np.int64)
+    count = group_rows(rows, group, examples)
+    assert count == len(np.unique(rows, axis=0))
+    assert (rows == rows[examples[group]]).all()
+    assert (np.diff(examples[:count]) > 0).all()
+    assert group_rows(rows[:0], group[:0], examples[:0]) == 0

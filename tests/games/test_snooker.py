@@ -1,0 +1,444 @@
+"""Snooker, case by case. Numbers are rules of section 3 of the WPBSA's Official Rules."""
+
+import math
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games.facts import facts_of
+from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
+from billiards_env.games.snooker import ball_value, balls_on, is_miss, is_snookered, points_left, snooker
+from billiards_env.games.state import next_state
+from billiards_env.layouts import plan
+from tests.helpers.games import events, facts, state
+
+YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
+COLOURS = tuple(range(16, 22))
+SCENE = Scene.named("snooker")
+SETUP = Setup("snooker", SCENE)
+SPOTS = plan("snooker", SCENE).spots
+R = SCENE.balls.radius[0]
+
+
+def frame(**fields):
+    return state("snooker", **fields)
+
+
+def pot(ball, first=None):
+    return facts(("hit", 0, first or ball), ("pocket", ball, 0))
+
+
+# Balls on and their values.
+
+
+def test_values():  # 3.1
+    assert [ball_value(frame(), ball) for ball in (1, 15, *COLOURS)] == [1, 1, 2, 3, 4, 5, 6, 7]
+
+
+@pytest.mark.parametrize(
+    ("fields", "on"),
+    [
+        ({}, set(range(1, 16))),
+        ({"colour": True}, set(COLOURS)),
+        ({"on_table": COLOURS}, {YELLOW}),
+        ({"on_table": (BLUE, PINK, BLACK)}, {BLUE}),
+        ({"on_table": COLOURS, "colour": True}, set(COLOURS)),  # after the last red
+        ({"free_ball": True}, set(range(1, 22))),
+    ],
+)
+def test_the_balls_on(fields, on):  # 3.3
+    assert balls_on(frame(**fields), 0) == on
+
+
+def test_after_a_turn_a_red_is_on_for_the_other_player():  # 3.3
+    assert balls_on(frame(colour=True), 1) == set(range(1, 16))
+
+
+# Legal shots.
+
+
+def test_each_red_scores_one_and_a_colour_follows():  # 3.3 d
+    assert snooker(frame(), pot(4)) == Verdict(points=1, continues=True, colour=True)
+    two = facts(("hit", 0, 4), ("pocket", 4, 0), ("pocket", 9, 1))
+    assert snooker(frame(), two) == Verdict(points=2, continues=True, colour=True)
+
+
+@pytest.mark.parametrize(("ball", "points"), list(zip(COLOURS, range(2, 8), strict=True)))
+def test_a_colour_scores_its_value_and_is_spotted(ball, points):  # 3.3 e
+    before = frame(colour=True)
+    for call in (Call(), Call(ball)):
+        verdict = snooker(before, pot(ball), call)
+        assert verdict == Verdict(points=points, continues=True, spotted=(ball,))
+    assert balls_on(next_state(before, pot(ball), verdict), 0) == set(range(1, 16))
+
+
+def test_a_miss_passes_the_turn():
+    assert snooker(frame(), facts(("hit", 0, 3))) == Verdict()  # no cushion is needed
+    assert snooker(frame(colour=True), facts(("hit", 0, BLUE))) == Verdict()
+
+
+def test_the_colour_after_the_last_red_is_spotted_and_the_yellow_follows():  # 3.3 e, f
+    before = frame(on_table=(7, *COLOURS))
+    state_ = next_state(before, pot(7), snooker(before, pot(7)))
+    assert balls_on(state_, 0) == set(COLOURS)
+    verdict = snooker(state_, pot(BLACK))
+    assert verdict == Verdict(points=7, continues=True, spotted=(BLACK,))
+    assert balls_on(next_state(state_, pot(BLACK), verdict), 0) == {YELLOW}
+
+
+def test_the_colours_are_potted_in_order_and_stay_down():  # 3.3 f
+    now = frame(on_table=COLOURS)
+    for ball in COLOURS[:-1]:
+        verdict = snooker(now, pot(ball))
+        assert verdict == Verdict(points=ball_value(now, ball), continues=True)
+        now = next_state(now, pot(ball), verdict)
+    assert now.object_balls == {BLACK}
+
+
+# Fouls.
+
+
+@pytest.mark.parametrize(
+    ("fields", "log", "call", "foul", "penalty"),
+    [
+        ({}, (), Call(), "no_hit", 4),  # 3.10 a
+        ({}, (("hit", 0, 1), ("pocket", 0)), Call(), "scratch", 4),
+        ({}, (("hit", 0, YELLOW),), Call(), "wrong_ball", 4),
+        ({}, (("hit", 0, BLUE),), Call(), "wrong_ball", 5),  # 3.10 b
+        ({}, (("hit", 0, BLACK), ("pocket", 0)), Call(), "scratch", 7),
+        ({}, (("hit", 0, 1), ("pocket", PINK)), Call(), "wrong_pot", 6),
+        ({}, (("hit", 0, 1), ("pocket", 1), ("pocket", GREEN)), Call(), "wrong_pot", 4),
+        ({}, (("hit", 0, BLUE), ("pocket", BLACK)), Call(), "wrong_ball", 7),
+        ({"colour": True}, (("hit", 0, BLUE), ("pocket", 0)), Call(), "scratch", 5),
+        ({"colour": True}, (("hit", 0, YELLOW), ("pocket", 0)), Call(), "scratch", 4),
+        ({"colour": True}, (("hit", 0, BLUE), ("pocket", 3)), Call(), "wrong_pot", 5),
+        ({"colour": True}, (("hit", 0, BLUE),), Call(PINK), "wrong_ball", 6),
+        ({"colour": True}, (("hit", 0, BLACK),), Call(PINK), "wrong_ball", 7),
+        ({"colour": True}, (("hit", 0, PINK), ("pocket", BLUE)), Call(PINK), "wrong_pot", 6),
+        ({"colour": True}, (), Call(YELLOW), "no_hit", 4),
+        ({"colour": True}, (), Call(), "no_hit", 7),  # 3.10 d: a foul before a colour is nominated
+        ({"colour": True}, (("hit", 0, 3),), Call(), "wrong_ball", 7),  # 3.10 d: two reds in succession
+        ({"on_table": (PINK, BLACK)}, (), Call(), "no_hit", 6),
+        ({"on_table": (PINK, BLACK)}, (("hit", 0, PINK), ("pocket", BLACK)), Call(), "wrong_pot", 7),
+        ({"on_table": (BROWN, BLUE, PINK, BLACK)}, (("hit", 0, BLUE),), Call(), "wrong_ball", 5),
+    ],
+)
+def test_fouls_and_their_values(fields, log, call, foul, penalty):
+    verdict = snooker(frame(**fields), facts(*log), call)
+    assert (verdict.foul, verdict.penalty, verdict.points) == (foul, penalty, 0)
+    assert verdict.choices == ("hand_back",)
+    assert verdict.in_hand == ("behind" if foul == "scratch" else "no")
+    assert not verdict.continues
+
+
+def test_the_penalty_goes_to_the_other_player():  # 3.10
+    before = frame(scores=(10, 20))
+    now = next_state(before, facts(), snooker(before, facts()))
+    assert (now.player, now.scores) == (1, (10, 24))
+
+
+def test_potted_reds_stay_down_after_a_foul_and_colours_are_spotted():  # 3.3 h, 3.7
+    log = facts(("hit", 0, BLUE), ("pocket", 2), ("pocket", BLUE), ("pocket", BLACK))
+    before = frame()
+    verdict = snooker(before, log)
+    assert verdict.spotted == (BLACK, BLUE)
+    assert next_state(before, log, verdict).on_table == frozenset(range(22)) - {2}
+
+
+def test_balls_touched_at_the_same_instant():  # 3.6
+    def both(a, b):
+        return facts_of(events(("hit", 0, a), ("hit", 0, b), times=[1.0, 1.0]))
+
+    assert snooker(frame(), both(1, 2)).foul == ""
+    assert snooker(frame(), both(1, PINK)) == Verdict("wrong_ball", penalty=6, choices=("hand_back",))
+    assert snooker(frame(colour=True), both(PINK, BLUE)) == Verdict("wrong_ball", penalty=7, choices=("hand_back",))
+    assert snooker(frame(free_ball=True), both(1, PINK), Call(PINK)).foul == ""
+
+
+# Free ball.
+
+
+@pytest.mark.parametrize("call", [Call(), Call(GREEN)])
+def test_a_free_ball_counts_as_a_red_and_is_spotted(call):  # 3.12 a, c
+    verdict = snooker(frame(free_ball=True), pot(GREEN), call)
+    assert verdict == Verdict(points=1, continues=True, spotted=(GREEN,), colour=True)
+
+
+def test_a_free_ball_and_reds_all_score():  # 3.12 e
+    log = facts(("hit", 0, GREEN), ("pocket", GREEN), ("pocket", 4))
+    assert snooker(frame(free_ball=True), log) == Verdict(points=2, continues=True, spotted=(GREEN,), colour=True)
+
+
+def test_a_free_ball_as_a_colour_scores_the_value_of_the_ball_on():  # 3.12 a, d, e
+    before = frame(free_ball=True, on_table=(BLUE, PINK, BLACK))
+    assert snooker(before, pot(BLACK)) == Verdict(points=5, continues=True, spotted=(BLACK,))
+    assert snooker(before, pot(BLUE, first=BLACK)) == Verdict(points=5, continues=True)
+    both = facts(("hit", 0, BLACK), ("pocket", BLUE), ("pocket", BLACK))
+    assert snooker(before, both) == Verdict(points=5, continues=True, spotted=(BLACK,))
+
+
+def test_a_nominated_free_ball_must_be_touched_first():  # 3.12 b
+    before = frame(free_ball=True)
+    assert snooker(before, facts(("hit", 0, 1)), Call(BLUE)) == Verdict("wrong_ball", penalty=4, choices=("hand_back",))
+    assert snooker(before, facts(("hit", 0, 1))).foul == ""  # plays a red
+    assert snooker(before, facts()).penalty == 4
+
+
+def test_a_free_ball_lasts_for_one_shot():
+    before = frame(free_ball=True)
+    assert not next_state(before, facts(("hit", 0, 1)), Verdict()).free_ball
+
+
+# The end of the frame.
+
+
+@pytest.mark.parametrize(
+    ("scores", "log", "winner"),
+    [
+        ((50, 40), pot(BLACK), 0),
+        ((40, 46), pot(BLACK), 0),
+        ((30, 46), pot(BLACK), 1),
+        ((50, 40), facts(), 0),
+        ((43, 40), facts(), 1),
+        ((50, 40), facts(("hit", 0, BLACK), ("pocket", BLACK), ("pocket", 0)), 0),
+    ],
+)
+def test_the_first_pot_or_foul_on_the_last_black_ends_the_frame(scores, log, winner):  # 3.4 a
+    verdict = snooker(frame(on_table=(BLACK,), scores=scores), log)
+    assert (verdict.over, verdict.winner) == (True, winner)
+
+
+def test_a_miss_of_the_last_black_goes_on():
+    assert not snooker(frame(on_table=(BLACK,)), facts(("hit", 0, BLACK))).over
+
+
+@pytest.mark.parametrize(("scores", "log"), [((40, 47), pot(BLACK)), ((47, 40), facts())])
+def test_after_a_tie_the_black_is_spotted(scores, log):  # 3.4 b
+    before = frame(on_table=(BLACK,), scores=scores)
+    verdict = snooker(before, log)
+    assert (verdict.over, verdict.spotted, verdict.in_hand, verdict.choices) == (False, (BLACK,), "behind", ())
+    now = next_state(before, log, verdict)
+    assert (now.scores, now.object_balls, now.player) == ((47, 47), {BLACK}, 1)
+    assert snooker(now, pot(BLACK)).winner == 1
+    assert snooker(now, facts()).winner == 0
+
+
+def test_points_left():
+    assert points_left(frame()) == 147
+    assert points_left(frame(on_table=(1, *COLOURS))) == 35
+    assert points_left(frame(on_table=COLOURS, colour=True)) == 34
+    assert points_left(frame(on_table=(PINK, BLACK))) == 13
+
+
+# Spotting colours.
+
+
+def spotted(balls, others):
+    """Returns the positions after spotting balls with others at given places."""
+    positions = np.full((22, 2), -1.0)
+    for ball, place in others.items():
+        positions[ball] = place
+    spot_colours(SCENE, positions, others, balls)
+    return positions
+
+
+def test_a_colour_is_placed_on_its_spot():  # 3.7 a
+    positions = spotted(COLOURS, {0: (-1.0, 0.5)})
+    assert positions[16:].tolist() == SPOTS[16:].tolist()
+
+
+def test_a_red_that_does_not_touch_leaves_the_spot_free():  # 3.7 i; the pink and the first red at the start
+    assert spotted((PINK,), {1: SPOTS[1]})[PINK].tolist() == SPOTS[PINK].tolist()
+
+
+def test_a_colour_goes_to_the_highest_free_spot():  # 3.7 e
+    assert spotted((YELLOW,), {1: SPOTS[YELLOW]})[YELLOW].tolist() == SPOTS[BLACK].tolist()
+    blocked = {1: SPOTS[YELLOW], 2: SPOTS[BLACK], 3: SPOTS[PINK]}
+    assert spotted((YELLOW,), blocked)[YELLOW].tolist() == SPOTS[BLUE].tolist()
+
+
+def test_the_colour_of_the_highest_value_is_first():  # 3.7 f
+    positions = spotted((YELLOW, BLUE), {1: SPOTS[YELLOW], 2: SPOTS[BLUE]})
+    assert positions[BLUE].tolist() == SPOTS[BLACK].tolist()
+    assert positions[YELLOW].tolist() == SPOTS[PINK].tolist()
+
+
+def test_without_a_free_spot_a_colour_goes_towards_the_top_cushion():  # 3.7 g
+    blocked = {ball: SPOTS[colour] for ball, colour in enumerate(COLOURS, start=1)}
+    x, y = spotted((YELLOW,), blocked)[YELLOW]
+    assert y == SPOTS[YELLOW][1]
+    assert x == pytest.approx(SPOTS[YELLOW][0] + 2 * R + SPOT_GAP, abs=1e-12)
+
+
+def test_without_room_above_its_spot_the_black_goes_below():  # 3.7 h
+    blocked = {ball: SPOTS[colour] for ball, colour in enumerate(COLOURS, start=1)}
+    blocked |= {7 + k: SPOTS[BLACK] + [(k + 1) * 2.2 * R, 0.0] for k in range(5)}
+    x, y = spotted((BLACK,), blocked)[BLACK]
+    assert (x, y) == pytest.approx((SPOTS[BLACK][0] - 2 * R - SPOT_GAP, 0.0), abs=1e-12)
+
+
+# The cue ball in the D.
+
+
+def test_a_cue_ball_in_hand_is_placed_in_the_d():  # 3.5
+    head, d = SCENE.table.head_x, SCENE.table.d_radius
+    positions = np.array(SPOTS)
+    assert placement_area(SCENE, 0, behind=True) == (head - d, head, -d, d)
+
+    def place(point, others=()):
+        return cue_ball_point(SCENE, positions, others, 0, point, True)
+
+    assert place((head - 0.1, 0.1)) == (head - 0.1, 0.1)
+    assert place((5.0, 0.1)) == (head, 0.1)
+    assert place((-5.0, 0.0)) == pytest.approx((head - d, 0.0))
+    assert place((head - 1.0, 1.0)) == pytest.approx((head - d / math.sqrt(2), d / math.sqrt(2)))
+    x, y = place((head - 0.01, 0.0), [BROWN])  # next to the brown
+    assert math.hypot(x - head, y) == pytest.approx(2 * R + 1e-3)
+    x, y = place((head - d, 0.0), [1])
+    assert math.hypot(x - head, y) <= d + 1e-9
+
+
+# Snookered after a foul.
+
+
+def positions_of(**places):
+    """Returns positions with the balls at given places, and the balls."""
+    positions = np.zeros((22, 2))
+    names = {"cue": 0, "red": 1, "red2": 2, "blue": BLUE, "pink": PINK, "black": BLACK}
+    for name, place in places.items():
+        positions[names[name]] = place
+    return positions, frozenset(names[name] for name in places)
+
+
+@pytest.mark.parametrize(
+    ("places", "snookered"),
+    [
+        ({"red": (1.0, 0.0)}, False),
+        ({"red": (1.0, 0.0), "blue": (0.5, 0.0)}, True),
+        ({"red": (1.0, 0.0), "blue": (0.5, 0.06)}, True),  # the left edge is covered
+        ({"red": (1.0, 0.0), "blue": (0.5, 0.08)}, False),
+        ({"red": (1.0, 0.0), "blue": (1.2, 0.0)}, False),  # behind the red
+        ({"red": (1.0, 0.0), "blue": (-0.2, 0.0)}, False),
+        ({"red": (1.0, 0.0), "red2": (0.0, 0.5), "blue": (0.5, 0.0)}, False),  # the other red is clear
+        ({"red": (1.0, 0.0), "red2": (0.5, 0.0), "blue": (0.0, 0.5)}, False),  # a red does not hide a red
+        ({"red": (2 * R, 0.0), "blue": (0.0, 2.1 * R)}, False),  # touching
+    ],
+)
+def test_a_snooker_hides_an_edge_of_every_ball_on(places, snookered):  # section 2, 17
+    positions, balls = positions_of(cue=(0.0, 0.0), **places)
+    assert is_snookered(SCENE, positions, frame(on_table=balls)) == snookered
+
+
+def test_a_cue_ball_in_hand_is_rarely_snookered():  # 3.12
+    positions, balls = positions_of(cue=(-0.5, 0.0), red=(1.0, 0.0), blue=(-0.2, 0.0))
+    assert is_snookered(SCENE, positions, frame(on_table=balls))
+    assert not is_snookered(SCENE, positions, frame(on_table=balls, in_hand="behind"))
+
+
+def lying(places, **fields):
+    """Returns a state of the game with these balls and the black on their places."""
+    positions, balls = positions_of(**places)
+    positions[16:] = np.where(positions[16:] == 0.0, SPOTS[16:], positions[16:])
+    return custom_opening(SETUP, positions, {"on_table": sorted(balls | set(COLOURS)), **fields})
+
+
+HIDDEN = {"cue": (0.4, 0.5), "red": (1.5, 0.5), "blue": (0.9, 0.5)}
+
+
+def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
+    played = play(SETUP, lying(HIDDEN), Stroke((0.0, 0.0)))
+    state_ = played.game.state
+    assert (played.verdict.foul, state_.free_ball, state_.player, state_.choices) == ("no_hit", True, 1, ("hand_back",))
+    back = play(SETUP, played.game, Stroke((0.0, 0.0), call=Call(kind="hand_back"))).game.state
+    assert (back.player, back.free_ball) == (0, False)  # 3.12 f
+    assert not play(SETUP, lying(HIDDEN | {"blue": (0.9, -0.5)}), Stroke((0.0, 0.0))).game.state.free_ball
+
+
+# The miss rule.
+
+
+MISS = Setup("snooker", SCENE, miss=True)
+OPEN = {"cue": (0.4, 0.5), "red": (1.5, 0.5)}
+
+
+def test_a_miss_can_be_replaced():  # 3.14
+    before = lying(OPEN)
+    missed = play(MISS, before, Stroke((0.0, 0.3))).game
+    assert missed.state.choices == ("hand_back", "replace")
+    again = play(MISS, missed, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
+    assert again.positions.tobytes() == before.positions.tobytes()
+    assert (again.state.player, again.state.scores, again.state.choices) == (0, (0, missed.state.scores[1]), ())
+
+
+def test_without_the_miss_rule_nothing_is_replaced():
+    assert play(SETUP, lying(OPEN), Stroke((0.0, 0.3))).game.state.choices == ("hand_back",)
+
+
+@pytest.mark.parametrize(
+    ("foul", "scores", "miss"),
+    [
+        ("no_hit", (0, 0), True),
+        ("wrong_ball", (0, 0), True),
+        ("scratch", (0, 0), False),
+        ("wrong_pot", (0, 0), False),
+        ("no_hit", (0, 40), False),  # the player needs penalty points
+    ],
+)
+def test_which_fouls_are_misses(foul, scores, miss):  # 3.14
+    before = frame(on_table=(1, *COLOURS), scores=scores)
+    assert is_miss(before, before, foul) == miss
+
+
+# On the table.
+
+
+def test_a_break_off_from_the_d():
+    game = opening(SETUP, np.random.default_rng(0))
+    played = play(SETUP, game, Stroke((4.0, 0.05), (-1.2, 0.1)))
+    assert played.verdict.foul == ""
+    assert played.facts.first[0] in range(1, 16)
+
+
+DRAW = Stroke((1.2, 1.2), spin=(60.0, -60.0, 0.0))  # the cue ball does not follow into the pocket
+
+
+def test_a_red_a_black_and_its_spot():
+    pocket = np.array([1.7845, 0.889])
+    places = {"red": pocket - 0.15, "cue": pocket - 0.5, "black": (0.1, 0.6)}
+    game = lying(places)
+    played = play(SETUP, game, DRAW)
+    assert (played.facts.potted, played.verdict.points, played.game.state.colour) == ((1,), 1, True)
+    positions = played.game.positions.copy()
+    positions[0], positions[BLACK] = pocket - 0.5, pocket - 0.15
+    game = custom_opening(SETUP, positions, {"on_table": [0, *COLOURS], "colour": True, "scores": [1, 0]})
+    played = play(SETUP, game, DRAW)
+    assert (played.facts.potted, played.game.state.scores) == ((BLACK,), (8, 0))
+    assert played.game.positions[BLACK].tolist() == SPOTS[BLACK].tolist()
+    assert balls_on(played.game.state, 0) == {YELLOW}
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"on_table": [0, 1, 21]}, "expected all colours"),
+        ({"on_table": [0, 16, 21]}, "expected all colours"),
+        ({"on_table": [0, 20, 21], "colour": True}, "expected all colours"),
+        ({"on_table": [0, 16, 17, 18, 19, 20]}, r"expected the balls \[0, 21\]"),
+        ({"choices": ["push_out"]}, r"state.choices\[0\] = 'push_out'"),
+        ({"choices": ["replace"]}, r"state.choices\[0\] = 'replace'"),
+    ],
+)
+def test_impossible_states_are_rejected(fields, message):
+    positions = SPOTS.copy()
+    positions[0] = -1.3, 0.1
+    with pytest.raises(ValueError, match=message):
+        custom_opening(SETUP, positions, fields)
+
+
+def test_snooker_needs_a_table_with_a_d():
+    with pytest.raises(ValueError, match="expected a table with a D"):
+        Setup("snooker", Scene.named("pool", 15))
+    with pytest.raises(ValueError, match="miss = True with rules 'nine_ball'"):
+        Setup("nine_ball", Scene.named("pool", 9), miss=True)

@@ -1,0 +1,31 @@
+"""States and facts of games, made by hand."""
+
+import numpy as np
+
+from billiards_env.games.facts import facts_of
+from billiards_env.games.rules import RULES
+from billiards_env.games.state import RuleState
+from billiards_env.shot import EVENT_DTYPE
+
+
+def events(*rows, times=None):
+    """Returns events one second apart from rows: ("hit", a, b), ("cushion", ball) or ("pocket", ball, pocket)."""
+    log = np.zeros(len(rows), EVENT_DTYPE)
+    for k, (kind, ball, *other) in enumerate(rows):
+        log[k]["time"] = k if times is None else times[k]
+        log[k]["kind"] = "ball_ball" if kind == "hit" else kind
+        log[k]["ball"], log[k]["other"] = ball, other[0] if other else 0
+    return log
+
+
+def facts(*rows, cue=0):
+    """Returns the facts of a shot with these events."""
+    return facts_of(events(*rows), cue)
+
+
+def state(rules, *, on_table=None, players=2, **fields):
+    """Returns a state in the middle of a game, with all balls or the cue ball and the object balls of `on_table`."""
+    n = 1 + RULES[rules].n_object_balls[1]
+    start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
+    start = start._replace(reds=15 if rules == "snooker" else 0)
+    return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
