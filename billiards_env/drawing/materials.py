@@ -28,7 +28,7 @@ Images = NDArray[np.float32]
 ZOOM = 3
 """Enlargement of the shapes before they are reduced."""
 
-GRAIN, WEAVE, GLOW, SHADE = 0.16, 0.022, 0.03, 0.42
+GRAIN, WEAVE, GLOW, SHADE = 0.16, 0.03, 0.02, 0.42
 """Relative brightness: the amplitudes of the grain of the wood, of the threads of the cloth and of the lamp above its
 middle, and the darkness of the shadow next to the cushions."""
 
@@ -85,7 +85,7 @@ def paint_table(
 
     middle, half = ((left + right) / 2, (top + bottom) / 2), ((right - left) / 2, (bottom - top) / 2)
     far = ((x - middle[0]) / half[0]) ** 2 + ((y - middle[1]) / half[1]) ** 2
-    light = 1.0 + GLOW * (0.6 - np.minimum(far, 2.0)) + WEAVE * rng.standard_normal(size, np.float32)
+    light = 1.0 + GLOW * (0.6 - np.minimum(far, 2.0)) + WEAVE * (2.0 * rng.random(size, np.float32) - 1.0)
     scale = (right - left) / table.length
     wall = _shifted(_blurred(1.0 - cloth - 0.6 * pockets, 0.008 * scale), 0.006 * scale)
     image *= (1.0 + cloth * (light * (1.0 - SHADE * np.clip(wall, 0.0, 1.0)) - 1.0))[..., None]

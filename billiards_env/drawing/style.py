@@ -40,7 +40,7 @@ DOTS = tuple(
 )
 """Directions of the dots: the axes of a cube that stands on a corner."""
 
-LIGHT, AMBIENT, DIFFUSE, DARKEST = (-0.37, 0.45, 0.81), 0.30, 0.87, 0.25
+LIGHT, AMBIENT, DIFFUSE, DARKEST = (-0.37, 0.45, 0.81), 0.34, 0.9, 0.25
 """The direction to the light, and the brightness ambient + diffuse cos(angle to the light), from `DARKEST` to 1."""
 
 SHINE, SHINE_POWER, SHINE_LIGHT = (-0.4, 0.45, 0.8), 90, 0.8
