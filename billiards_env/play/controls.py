@@ -55,9 +55,9 @@ class Controls(NamedTuple):
         return next((name for name, box in self._asdict().items() if box.holds(pixel)), None)
 
     def tip(self, pixel: Pixel) -> tuple[float, float]:
-        """Returns the offset of the cue's tip (side, top) at a pixel of the cue ball's face, in ball radii."""
+        """Returns the offset of the cue's tip at a pixel of the cue ball's face, to the left and up, in ball radii."""
         half = self.ball.width / 2
-        return (pixel[0] - self.ball.x - half) / half, (self.ball.y + half - pixel[1]) / half
+        return (self.ball.x + half - pixel[0]) / half, (self.ball.y + half - pixel[1]) / half
 
 
 def height_of(size: tuple[int, int]) -> int:

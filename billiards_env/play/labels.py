@@ -92,7 +92,7 @@ def status(model: Model) -> str:
 def aim(model: Model) -> str:
     """Returns the speed of the aim and the offset of the cue's tip."""
     parts, (side, top) = [f"{model.speed:.2f} m/s"], model.tip
-    parts += [f"{abs(side):.2f} R {'right' if side > 0 else 'left'}"] if round(side, 2) else []
+    parts += [f"{abs(side):.2f} R {'left' if side > 0 else 'right'}"] if round(side, 2) else []
     parts += [f"{abs(top):.2f} R {'follow' if top > 0 else 'draw'}"] if round(top, 2) else []
     return "   ".join(parts)
 

@@ -62,14 +62,14 @@ class SetSpeed(NamedTuple):
 
 
 class SetTip(NamedTuple):
-    """Moves the point at which the cue meets the ball to an offset from its centre, in ball radii."""
+    """Moves the cue's tip to an offset from the centre of the ball to the left and up, in ball radii."""
 
     side: float
     top: float
 
 
 class MoveTip(NamedTuple):
-    """Moves this point by an offset, in ball radii."""
+    """Moves the cue's tip by an offset, in ball radii."""
 
     side: float
     top: float
@@ -131,7 +131,7 @@ class Model:
         phase: One of the phases in the module's docstring.
         angle: Direction of the aim, radians from the x axis.
         speed: Speed of the aim, m/s: that of the ball after a level stroke at its centre.
-        tip: Offset of the cue's tip from the centre of the ball to the right and up, in ball radii.
+        tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
         elevation: Elevation of the cue, degrees.
         place: Position of the cue ball in hand, m; None if it is not in hand.
         preview: The preview of the aimed shot; None in other phases.
@@ -359,7 +359,7 @@ def _first_angle(model: Model) -> float:
 
 
 def _free_point(model: Model, point: Point) -> Point:
-    positions, state = model.game
+    positions, state = model.game.positions, model.game.state
     return cue_ball_point(model.setup.scene, positions, state.object_balls, model.cue, point, state.in_hand == "behind")
 
 

@@ -16,8 +16,8 @@ from billiards_env.drawing.recording import Floats, Recording
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
 from billiards_env.play import controls, labels
-from billiards_env.play.controls import STEEPEST, Box, Controls
 from billiards_env.play.model import Model
+from billiards_env.play.panel import INK, LEVEL, PAPER, SOFT, Panel
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 
@@ -29,20 +29,20 @@ STEP = 1 / 60
 RESULT_SHOWN = 1.0
 """s. The result of a shot is shown for this time at its end."""
 
-PAPER, INK, SOFT = "#14181a", "#eceae2", "#9aa3a0"
-"""Colours of the window around the table, of its texts and of the hints."""
-
-PANEL, GROOVE, LEVEL, BUTTON = "#1e2427", "#0c0f10", "#d9a441", "#2f8163"
-"""Colours of the controls: a panel, an empty scale, a filled scale, and the button."""
-
 LEAST_STRIP, MOST_STRIP = 20, 36
 """Pixels. Limits of the height of the line with the keys."""
 
-ZOOM = 3
-"""Enlargement of the controls before they are reduced."""
-
 CUE_LENGTH, CUE_GAP = 1.45, 0.012
 """m, and m per m/s: the length of the cue, and how far it is drawn back over the speed of the shot."""
+
+CUE_PARTS = (
+    (0.0, 0.008, "#3b6ea5"),
+    (0.008, 0.025, "#f2efe6"),
+    (0.025, 0.60, "#d8ac6a"),
+    (0.60, 0.615, "#e9e4d4"),
+    (0.615, 1.0, "#4a2417"),
+)
+"""The tip, the ferrule, the shaft, a ring and the butt of the cue: begin and end over its length, and colour."""
 
 
 class View:
@@ -62,16 +62,16 @@ class View:
 
     def resize(self, scene: Scene, size: tuple[int, int]) -> None:
         """Prepares the drawing in frames of `size` (width, height), pixels, with the largest table that fits."""
-        self.size, self._strip, self._row = size, _strip(size[0]), controls.height_of(size)
-        height, width = size[1] - self._strip - self._row, max(160, size[0])
+        self.size, self._strip, rows = size, _strip(size[0]), controls.height_of(size)
+        height, width = size[1] - self._strip - rows, max(160, size[0])
         while (canvas := Canvas(scene, width, PAPER, INK)).size[1] > height and width > 160:
             width = max(160, min(width - 2, width * height // canvas.size[1]))
         self.canvas = canvas
         self._corner = (size[0] - canvas.size[0]) // 2, max(0, height - canvas.size[1]) // 2
         side = canvas.size[0] // 80
-        self.controls = controls.place(
-            self._corner[0] + side, self._corner[1] + canvas.size[1], canvas.size[0] - 2 * side, self._row
-        )
+        row = self._corner[0] + side, self._corner[1] + canvas.size[1], canvas.size[0] - 2 * side, rows
+        self.controls = controls.place(*row)
+        self._panel = Panel(self.controls, row)
         self._frame, self._table = Surface(size, 0, 32), Surface(canvas.size, 0, 32)
         self._shots: tuple[ShotResult, ShotResult | None] | None = None
 
@@ -97,7 +97,7 @@ class View:
         self._frame.fill(PAPER)
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)
         self._frame.blit(self._table, self._corner)
-        self._draw_controls(model)
+        self._panel.draw(self._frame, model)
         x, y = self._corner[0] + self.canvas.size[0] // 40, self.size[1] - self._strip
         text, colour = message or ("" if question else labels.key_hint(model)), INK if message else SOFT
         line = text_image(text, round(0.66 * self._strip), colour, self.canvas.size[0] * 38 // 40)
@@ -140,26 +140,16 @@ class View:
         canvas, radius = self.canvas, model.setup.scene.balls.radius[model.cue]
         along = np.array([math.cos(model.angle), math.sin(model.angle)])
         across, flat = np.array([-along[1], along[0]]), math.cos(math.radians(model.elevation))
-        tip = np.array(model.cue_position) - model.tip[0] * radius * across
+        tip = np.array(model.cue_position) + model.tip[0] * radius * across
         tip = tip - (radius * 1.15 + CUE_GAP * model.speed) * along
         length = max(CUE_LENGTH * flat, 0.12)
 
-        def quad(begin: float, end: float, colour: str, shift: float = 0.0) -> None:
-            shares, places = np.array([begin, end]), tip - np.outer([begin * length, end * length], along)
-            half = (0.0065 + 0.0085 * shares)[:, None] * across
-            corners = np.vstack((places + half, (places - half)[::-1])) + shift * np.array([0.4, -0.5]) * radius
-            points = canvas.pixels_of(corners).tolist()
+        for begin, end, colour in CUE_PARTS:
+            shares = np.array([begin, end])
+            places, half = tip - np.outer(length * shares, along), (0.0065 + 0.0085 * shares)[:, None] * across
+            points = canvas.pixels_of(np.vstack((places + half, (places - half)[::-1]))).tolist()
             pygame.draw.polygon(self._table, colour, points)
             pygame.draw.aalines(self._table, colour, True, points)
-
-        for begin, end, colour in (
-            (0.0, 0.008, "#3b6ea5"),
-            (0.008, 0.025, "#f2efe6"),
-            (0.025, 0.60, "#d8ac6a"),
-            (0.60, 0.615, "#e9e4d4"),
-            (0.615, 1.0, "#4a2417"),
-        ):
-            quad(begin, end, colour)
 
     def _draw_line(self, frame: Surface, points: Floats, colour: str, dashed: bool = False) -> None:
         """Draws a line through points (m, 2), m, in short pieces, which need only small surfaces."""
@@ -181,10 +171,10 @@ class View:
         if not same or time < self._steps * STEP:
             self._start_paths(model)
         while (self._steps + 1) * STEP <= time:
-            self._draw_paths(self._paths, self._steps, (self._steps + 1) * STEP)
+            self._draw_paths(self._paths, (self._steps + 1) * STEP)
             self._steps += 1
         frame.blit(self._paths, (0, 0))
-        self._draw_paths(frame, self._steps, time)
+        self._draw_paths(frame, time)
         for shot, _, ring in self._balls:
             places = canvas.pixels_of(shot.trajectory.at(min(time, shot.time)))
             shown = np.flatnonzero(shot.gone > time).tolist()
@@ -202,13 +192,14 @@ class View:
         canvas = self.canvas
         self._shots, self._steps, self._paths = model.shown_shots, 0, canvas.table.copy()
         shot, ghost = model.shown_shots
-        # Each shot with its moving balls, and whether it is drawn as rings; the ghost is drawn first.
-        self._balls: list[tuple[Recording, list[int], bool]] = []
+        # Each shot with the times and points of the paths of its moving balls, and whether it is drawn as rings; the
+        # ghost is drawn first.
+        self._balls: list[tuple[Recording, dict[int, tuple[Floats, Floats]], bool]] = []
         for shown, ring in ((ghost, True), (shot, False)):
             if shown is not None:
                 recording = shown.recording()
                 moving = [ball for ball in range(len(recording.gone)) if recording.moves(ball)]
-                self._balls.append((recording, moving, ring))
+                self._balls.append((recording, {ball: self._points(recording, ball) for ball in moving}, ring))
         recording, moving, _ = self._balls[-1]
         self._turning = turning(recording, model.first_faces, VISIBLE)
         for ball in moving:
@@ -217,19 +208,26 @@ class View:
         velocity = np.array(model.strokes[-1].velocity)
         canvas.draw_arrow(self._paths, cue, recording.path(cue, [0.0])[0], velocity)
 
-    def _draw_paths(self, surface: Surface, step: int, end: float) -> None:
-        """Draws the paths of the shown shots from the start of a step to a later time, s."""
-        start = step * STEP
-        for shot, moving, ring in self._balls:
-            if ring and step % 2 == 0:
+    def _points(self, shot: Recording, ball: int) -> tuple[Floats, Floats]:
+        """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
+        end = min(shot.time, shot.gone[ball])
+        times = np.union1d(np.arange(math.ceil(end * PATH_STEPS / STEP)) * (STEP / PATH_STEPS), shot.corners(ball))
+        times = np.append(times[times < end], end)
+        return times, self.canvas.pixels_of(shot.trajectory.path(ball, times, before=True))
+
+    def _draw_paths(self, surface: Surface, end: float) -> None:
+        """Draws the paths of the shown shots from the start of the present step to a later time, s."""
+        start = self._steps * STEP
+        for shot, paths, ring in self._balls:
+            if ring and self._steps % 2 == 0:
                 continue
-            for ball in moving:
-                corners = shot.corners(ball)
-                times = np.union1d(np.linspace(start, end, PATH_STEPS), corners[(corners > start) & (corners < end)])
-                times = times[(times <= shot.time) & (times < shot.gone[ball])]
-                if len(times):
-                    points = self.canvas.pixels_of(shot.path(ball, times))
-                    self.canvas.draw_path(surface, points, self.canvas.looks[ball].path)
+            for ball, (times, points) in paths.items():
+                first, last = np.searchsorted(times, (start - 1e-12, end + 1e-12)).tolist()
+                line = points[first:last]
+                if len(line) and times[last - 1] < end - 1e-12 and last < len(times):
+                    line = np.vstack((line, self.canvas.pixels_of(shot.path(ball, [end]))))
+                if len(line) > 1:
+                    self.canvas.draw_path(surface, line, self.canvas.looks[ball].path)
 
     def _draw_rows(self, rows: Sequence[tuple[str, str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""
@@ -255,80 +253,6 @@ class View:
             board.blit(image, image.get_rect(center=(board.get_width() // 2, round(share * board.get_height()))))
         middle = self._corner[0] + width // 2, self._corner[1] + round(self.canvas.pixels_of((0.0, 0.0))[1])
         self._frame.blit(board, board.get_rect(center=middle))
-
-    def _draw_controls(self, model: Model) -> None:
-        """Draws the row of controls; those that cannot be used are faint."""
-        places, corner = self.controls, (self._corner[0], self._corner[1] + self.canvas.size[1])
-        size = self.canvas.size[0], self._row
-        large = Surface((ZOOM * size[0], ZOOM * size[1]), 0, 32)
-        large.fill(PAPER)
-
-        def zoomed(box: Box) -> pygame.Rect:
-            return pygame.Rect([round(ZOOM * (v - o)) for v, o in zip(box, (*corner, 0, 0), strict=True)])
-
-        def knob(x: float, y: float, radius: float) -> None:
-            pygame.draw.circle(large, GROOVE, (x, y), 1.15 * radius)
-            pygame.draw.circle(large, INK, (x, y), radius)
-
-        ball, limit = zoomed(places.ball), model.setup.scene.cue.miscue_offset
-        radius = ball.width / 2
-        _draw_face(large, ball.center, radius, limit)
-        tip = ball.centerx + model.tip[0] * radius, ball.centery - model.tip[1] * radius
-        pygame.draw.circle(large, "#274f7d", tip, 0.19 * radius)
-        pygame.draw.circle(large, "#5a92cc", tip, 0.15 * radius)
-
-        scale = zoomed(places.elevation)
-        pygame.draw.rect(large, GROOVE, scale, border_radius=scale.width // 2)
-        filled = scale.height * model.elevation / STEEPEST
-        bar = pygame.Rect(scale.x, round(scale.bottom - filled), scale.width, round(filled))
-        pygame.draw.rect(large, LEVEL, bar, border_radius=scale.width // 2)
-        knob(scale.centerx, min(max(scale.bottom - filled, scale.y), scale.bottom), 0.62 * scale.width)
-
-        scale, share = zoomed(places.speed), model.speed / model.max_speed
-        pygame.draw.rect(large, GROOVE, scale, border_radius=scale.height // 2)
-        for k in range(round(share * scale.width)):  # from green to red
-            part = k / scale.width
-            colour = pygame.Color(LEVEL).lerp("#c8452f", part) if part > 0.4 else pygame.Color(BUTTON).lerp(LEVEL, part / 0.4)
-            inset = scale.height / 2 - math.sqrt(max(0.0, min(k, scale.height / 2) * (scale.height - min(k, scale.height / 2))))
-            pygame.draw.line(large, colour, (scale.x + k, scale.y + inset), (scale.x + k, scale.bottom - 1 - inset))
-        knob(scale.x + share * scale.width, scale.centery, 0.62 * scale.height)
-        button = zoomed(places.shoot)
-        pygame.draw.rect(large, BUTTON if model.phase in labels.BUTTONS else PANEL, button, border_radius=button.height // 5)
-        row = pygame.transform.smoothscale(large, size)
-        if model.phase != "aiming":
-            veil = Surface(size, pygame.SRCALPHA, 32)
-            veil.fill((*pygame.Color(PAPER)[:3], 150))
-            shown = places.shoot
-            veil.fill((0, 0, 0, 0), pygame.Rect(round(shown.x - corner[0]), 0, round(shown.width) + 2, size[1]))
-            row.blit(veil, (0, 0))
-        self._frame.blit(row, corner)
-        small = max(9, round(0.17 * self._row))
-
-        def write(text: str, x: float, y: float, colour: str, height: int, room: float) -> None:
-            image = text_image(text, height, colour, max(1, round(room)))
-            self._frame.blit(image, image.get_rect(center=(round(x), round(y))))
-
-        box, level = places.speed, places.elevation
-        write(f"{model.elevation:.0f}\u00b0", level.x + 2.6 * level.width, level.y + 0.8 * level.height, INK, small, 60)
-        write("cue", level.x + 2.6 * level.width, level.y + 0.2 * level.height, SOFT, small, 60)
-        write(labels.aim(model), box.x + box.width / 2, box.y - 0.17 * self._row, SOFT, small, box.width)
-        box = places.shoot
-        middle = box.x + box.width / 2, box.y + box.height / 2
-        write(labels.BUTTONS.get(model.phase, ""), *middle, INK, round(0.3 * self._row), 0.86 * box.width)
-
-
-def _draw_face(surface: Surface, centre: tuple[int, int], radius: float, limit: float) -> None:
-    """Draws the cue ball from behind, with a ring at the offset at which the cue slips."""
-    steps = 24
-    for k in range(steps):
-        light = 255 - 60 * (1 - k / steps) ** 2
-        shift = 0.25 * radius * k / steps
-        colour = (light, light, round(0.97 * light))
-        pygame.draw.circle(surface, colour, (centre[0] - shift, centre[1] - shift), radius * (1 - k / steps))
-    pygame.draw.circle(surface, "#c9b9b0", centre, limit * radius + 1, max(1, round(0.03 * radius)))
-    for x, y in ((1, 0), (0, 1)):
-        ends = [(centre[0] + s * 0.9 * radius * x, centre[1] + s * 0.9 * radius * y) for s in (-1, 1)]
-        pygame.draw.line(surface, "#d8d2cc", *ends, max(1, round(0.02 * radius)))
 
 
 def _strip(width: int) -> int:
