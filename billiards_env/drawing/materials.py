@@ -28,9 +28,9 @@ Images = NDArray[np.float32]
 ZOOM = 3
 """Enlargement of the shapes before they are reduced."""
 
-GRAIN, WEAVE, GLOW, SHADE = 0.16, 0.03, 0.02, 0.42
-"""Relative brightness: the amplitudes of the grain of the wood, of the threads of the cloth and of the lamp above its
-middle, and the darkness of the shadow next to the cushions."""
+GRAIN, WEAVE, GLOW, NOSE, SHADE = 0.16, 0.03, 0.02, 0.7, 0.42
+"""Relative brightness: the amplitudes of the grain of the wood, of the threads of the cloth, of the lamp above its middle
+and of the noses of the cushions, and the darkness of the shadow next to the cushions."""
 
 # The materials of the shapes, as the channels of a colour: cloth, wood, and pockets.
 _MATERIALS = {
@@ -66,8 +66,8 @@ def paint_table(
         points = (ZOOM * pixels_of(corners)).tolist()
         pygame.draw.polygon(flat, colour, points)
         pygame.draw.polygon(parts, _MATERIALS.get(colour, (0, 255, 0)), points)
-    image = _array(pygame.transform.smoothscale(flat, size))
-    cloth, wood, pockets = np.moveaxis(_array(pygame.transform.smoothscale(parts, size)) / 255, -1, 0)
+    image, shares = _reduced(flat), _reduced(parts) / 255
+    cloth, wood, pockets = np.moveaxis(shares, -1, 0)
 
     (left, bottom), (right, top) = pixels_of(np.array([[-0.5, -0.5], [0.5, 0.5]]) * [table.length, table.width])
     rail = rail_width(table) * (right - left) / table.length
@@ -87,18 +87,23 @@ def paint_table(
     far = ((x - middle[0]) / half[0]) ** 2 + ((y - middle[1]) / half[1]) ** 2
     light = 1.0 + GLOW * (0.6 - np.minimum(far, 2.0)) + WEAVE * (2.0 * rng.random(size, np.float32) - 1.0)
     scale = (right - left) / table.length
+    rubber = np.where(depth < 1.0, 1.0 - cloth - wood - pockets, 0.0)
+    image *= (1.0 + rubber * (NOSE * _blurred(cloth, 0.006 * scale) - 0.1))[..., None]
     wall = _shifted(_blurred(1.0 - cloth - 0.6 * pockets, 0.008 * scale), 0.006 * scale)
     image *= (1.0 + cloth * (light * (1.0 - SHADE * np.clip(wall, 0.0, 1.0)) - 1.0))[..., None]
     hole = _blurred(pockets, 0.012 * scale)
     image *= (1.0 - 0.4 * (cloth * np.clip(2.0 * hole - 0.1, 0.0, 1.0)))[..., None]
+    image += (pockets * 26.0 * np.clip(1.0 - _blurred(pockets, 0.01 * scale) - 0.1, 0.0, 1.0))[..., None]
     surface = pygame.Surface(size, 0, 32)
     pygame.surfarray.blit_array(surface, np.clip(image + 0.5, 0.0, 255.0).astype(np.uint8))
     return surface
 
 
-def _array(surface: pygame.Surface) -> Images:
-    """Returns the colours of a surface, (width, height, 3) from 0 to 255."""
-    return pygame.surfarray.array3d(surface).astype(np.float32)
+def _reduced(surface: pygame.Surface) -> Images:
+    """Returns the mean colours of squares of `ZOOM` pixels, (width, height, 3) from 0 to 255."""
+    large = pygame.surfarray.array3d(surface)
+    total = sum(large[i::ZOOM, j::ZOOM].astype(np.uint16) for i in range(ZOOM) for j in range(ZOOM))
+    return np.asarray(total, np.float32) / ZOOM**2
 
 
 def _streaks(rng: np.random.Generator, length: int, lines: int) -> Images:

@@ -18,6 +18,7 @@ from billiards_env.drawing.style import (
     AMBIENT,
     CHALK,
     CLOTH,
+    CUSHION,
     CUSHION_EDGE,
     DARKEST,
     DIFFUSE,
@@ -113,7 +114,7 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
         "balls": [
             {"radius": radius, **look._asdict()} for radius, look in zip(scene.balls.radius, looks(scene), strict=True)
         ],
-        "colours": {"cloth": CLOTH, "rail": RAIL, "edge": CUSHION_EDGE},
+        "colours": {"cloth": CLOTH, "rail": RAIL, "edge": CUSHION_EDGE, "rubber": CUSHION},
         "face": FACE,
         "kinds": KINDS,
         "cushions": cushion_names(scene.table),

@@ -41,8 +41,8 @@ class Panel:
 
     def _paint(self, model: Model) -> pygame.Surface:
         places, row = self._places, self._row
-        large = pygame.Surface((ZOOM * self._size[0], ZOOM * self._size[1]), 0, 32)
-        large.fill(PAPER)
+        large = pygame.Surface((ZOOM * self._size[0], ZOOM * self._size[1]), pygame.SRCALPHA, 32)
+        large.fill((*pygame.Color(PAPER)[:3], 0))
         ball, elevation, speed, button = (self._zoomed(box) for box in places)
         radius = ball.width / 2
         large.blit(_face(round(radius), model.setup.scene.cue.miscue_offset), ball)
@@ -63,7 +63,9 @@ class Panel:
 
         if model.phase in labels.BUTTONS:
             pygame.draw.rect(large, BUTTON, button, border_radius=button.height // 5)
-        image = pygame.transform.smoothscale(large, self._size)
+        image = pygame.Surface(self._size, 0, 32)
+        image.fill(PAPER)
+        image.blit(pygame.transform.smoothscale(large, self._size), (0, 0))
         if model.phase != "aiming":
             veil = pygame.Surface((round(places.shoot.x - row.x), self._size[1]))
             veil.fill(PAPER)

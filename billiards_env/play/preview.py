@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 
 CONTACTS = ("ball_ball", "cushion", "pocket")
 
-POINTS = 60
+POINTS = 240
 """Number of points of a path, in addition to its corners."""
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.drawing.canvas import GHOST, PATH_STEPS, RING, Canvas, Surface, pygame
+from billiards_env.drawing.canvas import GHOST, PATH_STEPS, PATH_ZOOM, RING, Canvas, Surface, pygame
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording
 from billiards_env.drawing.style import CHALK
@@ -144,12 +144,21 @@ class View:
         tip = tip - (radius * 1.15 + CUE_GAP * model.speed) * along
         length = max(CUE_LENGTH * flat, 0.12)
 
+        parts = []
         for begin, end, colour in CUE_PARTS:
             shares = np.array([begin, end])
             places, half = tip - np.outer(length * shares, along), (0.0065 + 0.0085 * shares)[:, None] * across
-            points = canvas.pixels_of(np.vstack((places + half, (places - half)[::-1]))).tolist()
-            pygame.draw.polygon(self._table, colour, points)
-            pygame.draw.aalines(self._table, colour, True, points)
+            parts.append((canvas.pixels_of(np.vstack((places + half, (places - half)[::-1]))), colour))
+        points = np.vstack([corners for corners, _ in parts])
+        corner = np.maximum(np.floor(points.min(0)) - 1, 0)
+        side = np.minimum(np.ceil(points.max(0)) + 2, canvas.size) - corner
+        if (side <= 0).any():
+            return
+        large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+        large.fill((*pygame.Color(CUE_PARTS[2][2])[:3], 0))
+        for corners, colour in parts:
+            pygame.draw.polygon(large, colour, (PATH_ZOOM * (corners - corner)).tolist())
+        self._table.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
 
     def _draw_line(self, frame: Surface, points: Floats, colour: str, dashed: bool = False) -> None:
         """Draws a line through points (m, 2), m, in short pieces, which need only small surfaces."""
