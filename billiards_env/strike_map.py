@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -86,8 +86,8 @@ def strike_map(
         The map. Pairs of offsets outside the ball count as slips.
 
     Raises:
-        ValueError: As in `strike` and `simulate_batch`, or if `grid` does not have two parameters, a parameter is unknown
-            or given twice, or `ball` is not an object ball.
+        ValueError: As in `strike` and `simulate_batch`, or if `grid` does not have two parameters, a parameter is
+            unknown or given twice, or `ball` is not an object ball.
 
     Example:
         >>> scene = Scene.named("pool")
@@ -123,7 +123,5 @@ def strike_map(
     ends = batch.positions[:, ball]
     nearest = ((ends[:, None] - pockets) ** 2).sum(-1).argmin(1)
     found = np.full(across.shape, -3)
-    found[held] = np.select(
-        [made.miscue, ~batch.potted[:, ball], batch.potted[:, 0]], [-3, -1, -2], nearest
-    )
+    found[held] = np.select([made.miscue, ~batch.potted[:, ball], batch.potted[:, 0]], [-3, -1, -2], nearest)
     return StrikeMap(scene, (first, second), (values[0], values[1]), found.reshape(len(values[1]), len(values[0])))

@@ -216,7 +216,9 @@ class Canvas:
             self.stamp(surface, ball, centre, SHADOW)
         turned = np.tile(UPRIGHT, (self.scene.n_balls, 1)) if faces is None else faces
         corners = np.floor(np.reshape(centres, (-1, 2))).astype(int)
-        keys = [np.append(centre - corner, turned[k]) for k, centre, corner in zip(balls, centres, corners, strict=True)]
+        keys = [
+            np.append(centre - corner, turned[k]) for k, centre, corner in zip(balls, centres, corners, strict=True)
+        ]
         stale = [k for k, key in enumerate(keys) if self._painted.get(balls[k], (b"",))[0] != key.tobytes()]
         if stale:
             shown = np.array([keys[k] for k in stale])

@@ -29,8 +29,8 @@ ZOOM = 3
 """Enlargement of the shapes before they are reduced."""
 
 GRAIN, WEAVE, GLOW, NOSE, SHADE = 0.16, 0.03, 0.02, 0.7, 0.42
-"""Relative brightness: the amplitudes of the grain of the wood, of the threads of the cloth, of the lamp above its middle
-and of the noses of the cushions, and the darkness of the shadow next to the cushions."""
+"""Relative brightness: the amplitudes of the grain of the wood, of the threads of the cloth, of the lamp above its
+middle and of the noses of the cushions, and the darkness of the shadow next to the cushions."""
 
 # The materials of the shapes, as the channels of a colour: cloth, wood, and pockets.
 _MATERIALS = {
@@ -102,13 +102,13 @@ def paint_table(
 def _reduced(surface: pygame.Surface) -> Images:
     """Returns the mean colours of squares of `ZOOM` pixels, (width, height, 3) from 0 to 255."""
     large = pygame.surfarray.array3d(surface)
-    total = sum(large[i::ZOOM, j::ZOOM].astype(np.uint16) for i in range(ZOOM) for j in range(ZOOM))
-    return np.asarray(total, np.float32) / ZOOM**2
+    parts = [large[i::ZOOM, j::ZOOM].astype(np.float32) for i in range(ZOOM) for j in range(ZOOM)]
+    return np.add.reduce(parts, dtype=np.float32) / np.float32(ZOOM**2)
 
 
 def _streaks(rng: np.random.Generator, length: int, lines: int) -> Images:
     """Returns wood grain along the first axis, (length, lines) of a size of about 1."""
-    total = np.zeros((length, lines), np.float32)
+    total: Images = np.zeros((length, lines), np.float32)
     for knots, share in ((3, 0.55), (14, 0.35), (60, 0.2)):
         fine = rng.standard_normal((knots + 2, lines), np.float32)
         if share > 0.3:  # broad bands and narrow lines
@@ -117,12 +117,12 @@ def _streaks(rng: np.random.Generator, length: int, lines: int) -> Images:
         low = at.astype(int)
         part = (at - low)[:, None]
         total += share * ((1.0 - part) * fine[low] + part * fine[low + 1])
-    return np.clip(total, -2.0, 2.0)
+    return np.clip(total, -2.0, 2.0).astype(np.float32)
 
 
 def _blurred(image: Images, sigma: float, axes: tuple[int, ...] = (0, 1)) -> Images:
     """Returns an image after three box filters, which are almost a Gaussian filter of `sigma` pixels."""
-    reach = max(1, round(sigma * 2.0 ** 0.5 - 0.5)) if sigma > 0.5 else 0
+    reach = max(1, round(sigma * 2.0**0.5 - 0.5)) if sigma > 0.5 else 0
     for axis in axes if reach else ():
         for _ in range(3):
             padded = np.concatenate(

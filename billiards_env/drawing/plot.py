@@ -1,9 +1,9 @@
 """Pictures with matplotlib: a shot, drawn to scale, and a map of strikes.
 
-The picture of a shot shows the initial positions as faint balls, the paths, the final positions, a ring for each ball in
-a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is the
-speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the ball
-turns counterclockwise.
+The picture of a shot shows the initial positions as faint balls, the paths, the final positions, a ring for each ball
+in a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is
+the speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the
+ball turns counterclockwise.
 """
 
 from __future__ import annotations
@@ -328,7 +328,9 @@ def draw_map(
         ax.invert_xaxis()
     share = np.bincount(index.ravel(), minlength=len(kinds)) / index.size
     handles = [
-        Rectangle((0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f} %")
+        Rectangle(
+            (0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f} %"
+        )
         for (colour, text), part in zip(styles, share, strict=True)
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False, fontsize=8.5)

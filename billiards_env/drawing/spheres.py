@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pygame
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.orientation import Floats, matrices
 from billiards_env.drawing.style import (
@@ -40,7 +40,7 @@ ZOOM = 2
 class Painter:
     """Paints balls of given looks and radii."""
 
-    def __init__(self, looks: Sequence[Look], radius: Sequence[float]) -> None:
+    def __init__(self, looks: Sequence[Look], radius: ArrayLike) -> None:
         """Prepares the faces of balls; the radii are in pixels."""
         self._radius = np.array(radius, np.float32)
         self._side = 2 * int(np.ceil(self._radius.max() + 1))
@@ -90,7 +90,7 @@ class Painter:
         for c, colours in enumerate(self._maps):
             flat[..., c] = np.minimum(colours[index] * light + shine, 255.0)
         flat[..., 3] = (255 * edge).reshape(m, -1)
-        large = pygame.image.frombuffer(image, (ZOOM * side, m * ZOOM * side), "RGBA")
+        large = pygame.image.frombuffer(image.data, (ZOOM * side, m * ZOOM * side), "RGBA")
         strip = pygame.transform.smoothscale(large, (side, m * side))
         return [strip.subsurface((0, k * side, side, side)) for k in range(m)]
 
@@ -145,9 +145,7 @@ def shadow(radius: float, dx: float, dy: float) -> pygame.Surface:
     """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
     side = 2 * int(np.ceil(1.7 * radius + 1))
     pixels = np.arange(side) + 0.5 - side / 2
-    far = np.hypot(
-        (pixels[:, None] - dx) / radius - SHADOW[0], (pixels[None, :] - dy) / radius + SHADOW[1]
-    )
+    far = np.hypot((pixels[:, None] - dx) / radius - SHADOW[0], (pixels[None, :] - dy) / radius + SHADOW[1])
     share = np.clip((SHADOW_REACH[1] - far) / (SHADOW_REACH[1] - SHADOW_REACH[0]), 0.0, 1.0)
     image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
     pygame.surfarray.pixels_alpha(image)[:] = 255 * SHADOW_DARK * share * share * (3.0 - 2.0 * share)

@@ -30,8 +30,8 @@ ARROW, ARROW_START = 0.09, 1.4
 """Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
 
 STRIPE, DISC, DOT, SPOT = 0.56, 0.5, 0.2, 0.12
-"""Marks on the face of a ball of radius 1: half the width of the band, and the radii of the white disc of the number, of
-the dots of a cue ball and of the white spots of a snooker ball."""
+"""Marks on the face of a ball of radius 1: half the width of the band, and the radii of the white disc of the number,
+of the dots of a cue ball and of the white spots of a snooker ball."""
 
 DOTS = tuple(
     (s * math.cos(angle) * math.sqrt(2 / 3), s * math.sin(angle) * math.sqrt(2 / 3), s * math.sqrt(1 / 3))

@@ -111,9 +111,7 @@ class Command(NamedTuple):
     name: str
 
 
-Input = (
-    TurnAim | ChangeSpeed | SetSpeed | SetTip | MoveTip | SetElevation | LookAt | AimAt | MoveTo | MoveBy | Command
-)
+Input = TurnAim | ChangeSpeed | SetSpeed | SetTip | MoveTip | SetElevation | LookAt | AimAt | MoveTo | MoveBy | Command
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)

@@ -122,7 +122,7 @@ def _face(radius: int, limit: float) -> pygame.Surface:
         pygame.draw.circle(image, (light, light, light - 6), (radius - away, radius - away), radius * share)
     for turn in (0.0, math.pi / 2):
         way = 0.92 * radius * math.cos(turn), 0.92 * radius * math.sin(turn)
-        ends = [(radius + s * way[0], radius + s * way[1]) for s in (-1, 1)]
-        pygame.draw.line(image, "#cfc9c0", *ends, max(1, radius // 50))
+        begin, end = ((radius + s * way[0], radius + s * way[1]) for s in (-1, 1))
+        pygame.draw.line(image, "#cfc9c0", begin, end, max(1, radius // 50))
     pygame.draw.circle(image, "#c0392b", (radius, radius), limit * radius, max(1, radius // 35))
     return image

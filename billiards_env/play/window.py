@@ -28,8 +28,8 @@ from billiards_env.play.model import (
     LookAt,
     Model,
     MoveBy,
-    MoveTo,
     MoveTip,
+    MoveTo,
     SetElevation,
     SetSpeed,
     SetTip,
@@ -244,7 +244,9 @@ class GameWindow:
         elif self.model.phase == "aiming":
             double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
             self._clicked = time.monotonic() if control == "ball" else -1.0
-            self._dragged = control or ("arrow" if self._on_arrow(pixel) else "table" if self._on_table(pixel) else None)
+            self._dragged = control or (
+                "arrow" if self._on_arrow(pixel) else "table" if self._on_table(pixel) else None
+            )
             if double:
                 self._dragged = None
                 self._do(Command("level"))

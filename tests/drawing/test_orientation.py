@@ -60,6 +60,7 @@ def test_the_angular_velocity_agrees_with_the_slip():
     """While a ball slides, its lowest point moves at v + R z x w; at the end of the slide it rests."""
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[-0.8, 0.0]], [2.0, 0.0], spins=[30.0, -40.0, 20.0], record=True)
+    assert shot.events is not None
     (end,) = shot.events["time"][shot.events["kind"] == "sliding_rolling"][:1]
     turns, radius = turning(shot.recording()), scene.balls.radius[0]
     assert turns.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])
