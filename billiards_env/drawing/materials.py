@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pygame
@@ -23,7 +24,7 @@ from billiards_env.drawing.style import (
 )
 from billiards_env.table import Table
 
-Images = NDArray[np.float32]
+Images = NDArray[np.floating[Any]]
 
 ZOOM = 3
 """Enlargement of the shapes before they are reduced."""
@@ -44,6 +45,7 @@ _MATERIALS = {
     CUSHION: (0, 0, 0),
     CUSHION_EDGE: (0, 0, 0),
 }
+_AROUND = (0, 255, 255)
 
 
 def paint_table(
@@ -62,77 +64,68 @@ def paint_table(
     """
     flat, parts = (pygame.Surface((ZOOM * size[0], ZOOM * size[1]), 0, 32) for _ in range(2))
     flat.fill(paper)
+    parts.fill(_AROUND)
     for corners, colour in draw_table(table):
         points = (ZOOM * pixels_of(corners)).tolist()
         pygame.draw.polygon(flat, colour, points)
         pygame.draw.polygon(parts, _MATERIALS.get(colour, (0, 255, 0)), points)
-    image, shares = _reduced(flat), _reduced(parts) / 255
-    cloth, wood, pockets = np.moveaxis(shares, -1, 0)
+    flat, parts = (pygame.transform.smoothscale(one, size) for one in (flat, parts))
+    cloth, wood, pockets = np.moveaxis(_shares(parts), -1, 0)
 
-    (left, bottom), (right, top) = pixels_of(np.array([[-0.5, -0.5], [0.5, 0.5]]) * [table.length, table.width])
-    rail = rail_width(table) * (right - left) / table.length
+    half = np.array([table.length, table.width]) / 2
+    (left, bottom), (right, top) = pixels_of(np.array([-half, half])).tolist()
+    scale = (right - left) / table.length
     x, y = np.arange(size[0], dtype=np.float32)[:, None] + 0.5, np.arange(size[1], dtype=np.float32)[None, :] + 0.5
     rng = np.random.default_rng(1)
     across = np.maximum(left - x, x - right), np.maximum(top - y, y - bottom)
-    depth = np.maximum(*across) / rail  # 0 at the cushions, 1 at the outer edge of the rail
+    depth = np.maximum(*across) / (rail_width(table) * scale)  # 0 at the cushions, 1 at the outer edge of the rail
 
     upright = across[0] > across[1]
     grain = np.where(upright, _streaks(rng, size[1], size[0]).T, _streaks(rng, size[0], size[1]))
     bevel = 0.16 * np.exp(-(((depth - 0.72) / 0.16) ** 2)) - 0.25 * np.clip((depth - 0.85) / 0.15, 0.0, 1.0)
     # The lamp is at the upper left: the rails on the far side reflect more.
     side = np.where(upright, np.where(x < left, 0.03, -0.05), np.where(y < top, 0.06, -0.03))
-    image *= (1.0 + wood * (GRAIN * grain + bevel + side))[..., None]
+    light = 1.0 + wood * (GRAIN * grain + bevel + side)
 
-    middle, half = ((left + right) / 2, (top + bottom) / 2), ((right - left) / 2, (bottom - top) / 2)
-    far = ((x - middle[0]) / half[0]) ** 2 + ((y - middle[1]) / half[1]) ** 2
-    light = 1.0 + GLOW * (0.6 - np.minimum(far, 2.0)) + WEAVE * (2.0 * rng.random(size, np.float32) - 1.0)
-    scale = (right - left) / table.length
-    rubber = np.where(depth < 1.0, 1.0 - cloth - wood - pockets, 0.0)
-    image *= (1.0 + rubber * (NOSE * _blurred(cloth, 0.006 * scale) - 0.1))[..., None]
-    wall = _shifted(_blurred(1.0 - cloth - 0.6 * pockets, 0.008 * scale), 0.006 * scale)
-    image *= (1.0 + cloth * (light * (1.0 - SHADE * np.clip(wall, 0.0, 1.0)) - 1.0))[..., None]
-    hole = _blurred(pockets, 0.012 * scale)
-    image *= (1.0 - 0.4 * (cloth * np.clip(2.0 * hole - 0.1, 0.0, 1.0)))[..., None]
-    image += (pockets * 26.0 * np.clip(1.0 - _blurred(pockets, 0.01 * scale) - 0.1, 0.0, 1.0))[..., None]
+    soft = np.moveaxis(_blurred(parts, 0.022 * scale), -1, 0)
+    rubber = np.maximum(1.0 - cloth - wood - pockets, 0.0)
+    light += rubber * (NOSE * soft[0] - 0.1)
+    far = (x - (left + right) / 2) ** 2 / (right - left) ** 2 + (y - (top + bottom) / 2) ** 2 / (bottom - top) ** 2
+    felt = 1.0 + GLOW * (0.6 - np.minimum(4.0 * far, 2.0)) + WEAVE * (2.0 * rng.random(size, np.float32) - 1.0)
+    wall = np.clip(1.0 - _shifted(soft[0] + 0.6 * soft[2], 0.006 * scale), 0.0, 1.0)
+    hole = np.clip(2.0 * soft[2] - 0.1, 0.0, 1.0)
+    light += cloth * (felt * (1.0 - SHADE * wall) * (1.0 - 0.4 * hole) - 1.0)
+    image = pygame.surfarray.array3d(flat) * light[..., None]
+    image += (pockets * 26.0 * np.clip(0.9 - soft[2], 0.0, 1.0))[..., None]
+    image[(wood > 0.5) & (pockets > 0.5)] = tuple(pygame.Color(paper))[:3]
     surface = pygame.Surface(size, 0, 32)
     pygame.surfarray.blit_array(surface, np.clip(image + 0.5, 0.0, 255.0).astype(np.uint8))
     return surface
 
 
-def _reduced(surface: pygame.Surface) -> Images:
-    """Returns the mean colours of squares of `ZOOM` pixels, (width, height, 3) from 0 to 255."""
-    large = pygame.surfarray.array3d(surface)
-    parts = [large[i::ZOOM, j::ZOOM].astype(np.float32) for i in range(ZOOM) for j in range(ZOOM)]
-    return np.add.reduce(parts, dtype=np.float32) / np.float32(ZOOM**2)
+def _shares(parts: pygame.Surface) -> Images:
+    """Returns the colours of a surface, (width, height, 3) from 0 to 1."""
+    return pygame.surfarray.array3d(parts).astype(np.float32) / np.float32(255)
+
+
+def _blurred(parts: pygame.Surface, pixels: float) -> Images:
+    """Returns the colours of a surface, blurred over a number of pixels, (width, height, 3) from 0 to 1."""
+    size = parts.get_size()
+    small = [max(2, round(side / max(1.0, pixels / 2))) for side in size]
+    return _shares(pygame.transform.smoothscale(pygame.transform.smoothscale(parts, small), size))
 
 
 def _streaks(rng: np.random.Generator, length: int, lines: int) -> Images:
     """Returns wood grain along the first axis, (length, lines) of a size of about 1."""
     total: Images = np.zeros((length, lines), np.float32)
-    for knots, share in ((3, 0.55), (14, 0.35), (60, 0.2)):
-        fine = rng.standard_normal((knots + 2, lines), np.float32)
-        if share > 0.3:  # broad bands and narrow lines
-            fine = _blurred(fine, 1.0 if share < 0.5 else 2.2, axes=(1,)) * (2.0 if share < 0.5 else 3.0)
+    for knots, share, wide in ((3, 0.55, 9), (14, 0.35, 3), (60, 0.2, 1)):  # broad bands and narrow lines
+        fine = rng.standard_normal((knots + 2, lines + wide - 1), np.float32)
+        fine = np.add.reduce([fine[:, k : lines + k] for k in range(wide)]) / wide**0.5
         at = np.linspace(0.0, knots, length, dtype=np.float32)
         low = at.astype(int)
         part = (at - low)[:, None]
         total += share * ((1.0 - part) * fine[low] + part * fine[low + 1])
     return np.clip(total, -2.0, 2.0).astype(np.float32)
-
-
-def _blurred(image: Images, sigma: float, axes: tuple[int, ...] = (0, 1)) -> Images:
-    """Returns an image after three box filters, which are almost a Gaussian filter of `sigma` pixels."""
-    reach = max(1, round(sigma * 2.0**0.5 - 0.5)) if sigma > 0.5 else 0
-    for axis in axes if reach else ():
-        for _ in range(3):
-            padded = np.concatenate(
-                [np.take(image, [0] * (reach + 1), axis), image, np.take(image, [-1] * reach, axis)], axis
-            )
-            total = np.cumsum(padded, axis, dtype=np.float64)
-            n = image.shape[axis]
-            high, low = (np.take(total, range(k, k + n), axis) for k in (2 * reach + 1, 0))
-            image = ((high - low) / (2 * reach + 1)).astype(np.float32)
-    return image
 
 
 def _shifted(image: Images, pixels: float) -> Images:

@@ -2,9 +2,9 @@
 
 The angular velocity of a ball is linear in time between two events: w(t) = w0 + b t. Its orientation q satisfies
 dq/dt = w q / 2. `turning` splits the motion into steps of the sixth-order Magnus method (Blanes, Casas, Oteo and Ros
-2009, The Magnus expansion and some of its applications, section 5). A step is exact if w keeps its direction: for a ball
-that rolls straight, and for a spin about the vertical axis. Otherwise the number of steps follows from an estimate of
-the error.
+2009, The Magnus expansion and some of its applications, section 5). A step is exact if w keeps its direction: for a
+ball that rolls straight, and for a spin about the vertical axis. Otherwise the number of steps follows from an estimate
+of the error.
 
 A quaternion is (cos(angle / 2), sin(angle / 2) axis). A ball that is not turned shows its number upwards.
 """

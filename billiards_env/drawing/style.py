@@ -135,7 +135,13 @@ def looks(scene: Scene) -> tuple[Look, ...]:
         striped = fill != GREY and colours == "pool" and not carom and i % 16 > 8
         ink = CHALK if fill in _DARK else INK
         plain = colours == "snooker" or (colours == "uk" and fill != _BLACK)
-        dots = (_RED if fill == _YELLOW else CHALK, DOT) if carom else (CHALK, SPOT) if plain else ("", 0.0)
+        dots = (
+            (_RED if fill == _YELLOW else CHALK, DOT)
+            if carom
+            else (INK if fill == _YELLOW else CHALK, SPOT)
+            if plain
+            else ("", 0.0)
+        )
         balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i), *dots))
     return tuple(balls)
 
