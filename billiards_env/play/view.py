@@ -166,7 +166,7 @@ class View:
         if len(line) < 2:
             return
         along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
-        count = 2 * math.ceil(along[-1] / 24) + 1
+        count = 2 * math.ceil(along[-1] / 24) + 1 if dashed else math.ceil(along[-1] / 50) + 1
         for k, ends in enumerate(itertools.pairwise(np.linspace(0.0, along[-1], count + 1))):
             if not (dashed and k % 2):
                 at = np.union1d(ends, along[(along > ends[0]) & (along < ends[1])])

@@ -238,6 +238,9 @@ def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot
         assert tab.run("document.documentElement.scrollWidth") <= min(width, 1100)
         assert height - tab.run("document.querySelector('main').getBoundingClientRect().bottom") < 16
         unused = "document.querySelector('#felt').{0} - document.querySelector('#table').{0}"
+        deadline = time.monotonic() + 10.0  # the table adapts to the frame after some frames
+        while tab.run("document.querySelector('#table').clientWidth") < 100 and time.monotonic() < deadline:
+            time.sleep(0.02)
         assert tab.run(unused.format("clientWidth")) < 30 or tab.run(unused.format("clientHeight")) < 2
         assert tab.run(unused.format("clientHeight")) < 50
 
