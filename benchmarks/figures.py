@@ -112,7 +112,8 @@ def save(figure: Figure, path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.figures", description="Draw the pictures of a shot, of the tables and of maps of strikes."
+        prog="python -m benchmarks.figures",
+        description="Draw the pictures of a shot, of the tables and of maps of strikes.",
     )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
