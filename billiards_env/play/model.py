@@ -357,7 +357,7 @@ def _first_angle(model: Model) -> float:
 
 
 def _free_point(model: Model, point: Point) -> Point:
-    positions, state = model.game.positions, model.game.state
+    positions, state = model.game
     return cue_ball_point(model.setup.scene, positions, state.object_balls, model.cue, point, state.in_hand == "behind")
 
 
