@@ -1,4 +1,4 @@
-"""Pictures of a recorded shot and of the named tables, drawn to scale: `python -m benchmarks.figures`."""
+"""Pictures of a recorded shot, of the named tables and of maps of strikes: `python -m benchmarks.figures`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from billiards_env.files import write_whole
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
+from billiards_env.strike_map import strike_map
 from billiards_env.table import TABLES, Table
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
@@ -36,7 +37,7 @@ def picture(shot: ShotResult, title: str) -> Figure:
     shot.plot(figure.add_axes((0.01, 0.06, 0.98, 0.88)))
     figure.text(0.5, 0.965, title, fontsize=11.5, color=INK, ha="center", va="center")
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.062), "handletextpad": 0.3, "columnspacing": 1.6}
-    figure.legend(handles=legend_handles(), ncols=6, frameon=False, fontsize=8.5, **place)
+    figure.legend(handles=legend_handles(), ncols=7, frameon=False, fontsize=8, **place)
     return figure
 
 
@@ -85,6 +86,18 @@ def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
         draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
 
 
+def maps() -> Figure:
+    """Returns a figure of the two maps of strikes of docs/simulate.md."""
+    scene, places, heading = Scene.named("real_pool"), [[0.0, 0.0], [0.6, 0.33]], math.atan2(0.33, 0.6)
+    figure = Figure(figsize=(10, 4.6), dpi=110, facecolor="white", layout="constrained")
+    left, right = figure.subplots(1, 2)
+    tip = np.linspace(-0.6, 0.6, 317)
+    strike_map(scene, places, {"side": tip, "top": tip}, heading=heading + 0.015, speed=1.6).plot(left)
+    headings, speeds = heading + np.linspace(-0.06, 0.12, 400), np.linspace(0.5, 6.0, 250)
+    strike_map(scene, places, {"heading": headings, "speed": speeds}, side=0.3).plot(right)
+    return figure
+
+
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure as PNG, completely or not at all.
 
@@ -99,7 +112,8 @@ def save(figure: Figure, path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.figures", description="Draw the pictures of a shot and of the tables."
+        prog="python -m benchmarks.figures",
+        description="Draw the pictures of a shot, of the tables and of maps of strikes.",
     )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
@@ -107,7 +121,7 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    for name, figure in (("shot.png", picture(shot, title)), ("tables.png", tables())):
+    for name, figure in (("shot.png", picture(shot, title)), ("tables.png", tables()), ("strike_map.png", maps())):
         save(figure, args.folder / name)
         print(f"Written to {args.folder / name}.")
 

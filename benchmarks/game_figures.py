@@ -20,7 +20,7 @@ from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.files import write_whole
 from billiards_env.games import History, Setup, opening
-from billiards_env.play.model import HUMAN, begin
+from billiards_env.play.model import HUMAN, SetTip, begin, update
 from billiards_env.play.window import GameWindow
 from billiards_env.players.game_player import find_player
 from billiards_env.scene import Scene
@@ -28,12 +28,13 @@ from billiards_env.simulation import simulate
 
 SEED = 3
 WIDTH = 1080
+ENGLISH = -0.25, 0.2
 
 
 def window() -> GameWindow:
     """Returns a window with a nine ball game after the break; the mouse aims the shot of the geometric player."""
     rng = np.random.default_rng(SEED)
-    setup = Setup("nine_ball", Scene.named("pool", 9))
+    setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
     shown = GameWindow(model, (None, None), rng, Path("game.json"), WIDTH)
     for _ in range(3):  # places the cue ball, shoots and skips to the end of the break
@@ -42,6 +43,7 @@ def window() -> GameWindow:
     velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
     cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
+    shown.model = update(shown.model, SetTip(*ENGLISH))
     return shown
 
 
@@ -72,7 +74,8 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     shown = window()
     buffer = io.BytesIO()
-    Image.fromarray(pixels(shown.frame())).quantize(128, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+    image = Image.fromarray(pixels(shown.frame()))
+    image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
     shown.close()
     write_whole(args.folder / "play.png", buffer.getvalue())
     shot = shot_of(Scene.named("pool", 4), **SHOT)

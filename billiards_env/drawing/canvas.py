@@ -1,8 +1,8 @@
 """Frames of a shot, drawn to scale with pygame, without a window.
 
-Round shapes are drawn several times larger and then reduced, which smooths their edges. The table and the balls are
-drawn once. The balls are drawn at several fractions of a pixel, so that slow balls move smoothly. The paths are drawn
-on a copy of the table, frame by frame.
+Round shapes are drawn several times larger and then reduced, which smooths their edges. The table is drawn once. A ball
+is painted again only if it has moved or turned. Rings and shadows are drawn at several fractions of a pixel, so that
+they move smoothly. The paths are drawn on a copy of the table, frame by frame.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ try:
 except ModuleNotFoundError as error:
     raise missing("pygame", "render") from error
 
+from billiards_env.drawing.materials import paint_table
+from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
+from billiards_env.drawing.spheres import Painter, shadow
 from billiards_env.drawing.style import (
     ARROW,
     ARROW_START,
@@ -34,8 +37,6 @@ from billiards_env.drawing.style import (
     PAPER,
     POTTED,
     RAIL,
-    Look,
-    draw_table,
     looks,
     rail_width,
     tray,
@@ -49,11 +50,14 @@ Surface = pygame.Surface
 TABLE_ZOOM, BALL_ZOOM, PATH_ZOOM = 3, 8, 4
 """Enlargement of the parts before they are reduced."""
 
-BALL, RING, GHOST = 0, 1, 2
-"""Styles of a ball: filled with its number, a ring (for another run), faint (for the initial position)."""
+RING, GHOST, SHADOW = 0, 1, 2
+"""Styles of a stamp: a ring (for another run), a faint disc (for the initial position), the shadow of a ball."""
+
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+"""The orientation of a ball that shows its number."""
 
 SUBPIXELS = 4
-"""Number of fractions of a pixel along x and along y at which a ball is drawn."""
+"""Number of fractions of a pixel along x and along y at which a stamp is drawn."""
 
 PATH_STEPS = 4
 """Number of path points between two frames, in addition to the corners."""
@@ -72,10 +76,10 @@ class Canvas:
         looks: The look of each ball.
     """
 
-    def __init__(self, scene: Scene, width: int = 800) -> None:
-        """Prepares the drawing of a scene in frames of `width` pixels."""
+    def __init__(self, scene: Scene, width: int = 800, paper: str = PAPER, ink: str = INK) -> None:
+        """Prepares the drawing of a scene in frames of `width` pixels, with the colours around the table."""
         width = whole("width", width, "frame_width")
-        self.scene = scene
+        self.scene, self._paper, self._ink = scene, paper, ink
         width = width // 2 * 2
         self._margin = width // 80
         self._bar = width // 24
@@ -89,7 +93,9 @@ class Canvas:
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene)
         self._tray = tray(scene.n_balls, width, self._bar)
-        self._sprites: dict[tuple[int, int, int, int], Surface] = {}
+        self._painter = Painter(self.looks, self.scale * np.array(scene.balls.radius))
+        self._stamps: dict[tuple[int, int, int, int], Surface] = {}
+        self._painted: dict[int, tuple[bytes, Surface]] = {}
 
     def pixels_of(self, points: ArrayLike) -> Floats:
         """Converts points (..., 2), m, to (..., 2) pixels from the upper left corner of a frame."""
@@ -159,6 +165,7 @@ class Canvas:
                         self.stamp(base, i, centres[0], GHOST)
                     steps = self._path_steps(shot, i, times)
                 tracks.append((shot, ring, i, centres, steps))
+        turns = turning(recording, error=VISIBLE)
         for k, t in enumerate(times):
             for _, ring, i, _, steps in tracks:
                 gap = ring and k % 2 == 0  # the paths of another run are dotted
@@ -168,8 +175,10 @@ class Canvas:
                 continue
             frame.blit(base, (0, 0))
             for shot, ring, i, centres, _ in tracks:
-                if t < shot.gone[i]:
-                    self.stamp(frame, i, centres[k], RING if ring else BALL)
+                if ring and t < shot.gone[i]:
+                    self.stamp(frame, i, centres[k], RING)
+            shown = [(i, centres[k]) for shot, ring, i, centres, _ in tracks if not ring and t < shot.gone[i]]
+            self.draw_balls(frame, [i for i, _ in shown], [centre for _, centre in shown], turns.at(t))
             line = f"{left}   {t:.2f} s" if duration > 0 else left
             potted = np.flatnonzero(recording.gone <= t)
             self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
@@ -190,44 +199,61 @@ class Canvas:
     @functools.cached_property
     def table(self) -> Surface:
         """A frame of the empty table, to be copied."""
-        large = Surface((TABLE_ZOOM * self.size[0], TABLE_ZOOM * self.size[1]), 0, 32)
-        large.fill(PAPER)
-        for corners, colour in draw_table(self.scene.table):
-            pygame.draw.polygon(large, colour, (TABLE_ZOOM * self.pixels_of(corners)).tolist())
-        return pygame.transform.smoothscale(large, self.size)
+        return paint_table(self.scene.table, self.size, self.pixels_of, self._paper)
+
+    def draw_balls(
+        self, surface: Surface, balls: Sequence[int], centres: Sequence[Floats], faces: Floats | None = None
+    ) -> None:
+        """Draws balls with their shadows.
+
+        Args:
+            surface: The frame.
+            balls: The balls.
+            centres: The centre of each of these balls, (2,) pixels.
+            faces: (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls.
+        """
+        for ball, centre in zip(balls, centres, strict=True):
+            self.stamp(surface, ball, centre, SHADOW)
+        turned = np.tile(UPRIGHT, (self.scene.n_balls, 1)) if faces is None else faces
+        corners = np.floor(np.reshape(centres, (-1, 2))).astype(int)
+        keys = [
+            np.append(centre - corner, turned[k]) for k, centre, corner in zip(balls, centres, corners, strict=True)
+        ]
+        stale = [k for k, key in enumerate(keys) if self._painted.get(balls[k], (b"",))[0] != key.tobytes()]
+        if stale:
+            shown = np.array([keys[k] for k in stale])
+            images = self._painter.paint(np.array([balls[k] for k in stale]), shown[:, :2], shown[:, 2:])
+            for k, image in zip(stale, images, strict=True):
+                self._painted[balls[k]] = keys[k].tobytes(), image
+        for ball, corner in zip(balls, corners, strict=True):
+            image = self._painted[ball][1]
+            surface.blit(image, (corner - image.get_width() // 2).tolist())
 
     def stamp(self, surface: Surface, ball: int, centre: Floats, style: int) -> None:
         """Draws a ball in one of the styles with its centre at (2,) pixels."""
-        corner = centre - self._sprite_size(ball) / 2
-        pixel = np.floor(corner)
-        fx, fy = ((corner - pixel) * SUBPIXELS).astype(int).tolist()
-        surface.blit(self._sprite(ball, style, fx, fy), pixel.astype(int).tolist())
-
-    def _sprite_size(self, ball: int) -> int:
-        return 2 * math.ceil(self.scale * self.scene.balls.radius[ball] + 2)
-
-    def _sprite(self, ball: int, style: int, fx: int, fy: int) -> Surface:
+        pixel = np.floor(centre)
+        fx, fy = ((centre - pixel) * SUBPIXELS).astype(int).tolist()
         key = (ball, style, fx, fy)
-        if key not in self._sprites:
-            self._sprites[key] = self._draw_ball(ball, style, (fx + 0.5) / SUBPIXELS, (fy + 0.5) / SUBPIXELS)
-        return self._sprites[key]
+        if key not in self._stamps:
+            self._stamps[key] = self._draw_stamp(ball, style, (fx + 0.5) / SUBPIXELS, (fy + 0.5) / SUBPIXELS)
+        image = self._stamps[key]
+        surface.blit(image, (pixel - image.get_width() // 2).astype(int).tolist())
 
-    def _draw_ball(self, ball: int, style: int, dx: float, dy: float, radius: float | None = None) -> Surface:
-        """Draws a ball (dx, dy) pixels off the centre of a new surface; `radius` is in pixels, by default to scale."""
-        look, z = self.looks[ball], BALL_ZOOM
-        r = z * (self.scale * self.scene.balls.radius[ball] if radius is None else radius)
-        side = (self._sprite_size(ball) if radius is None else 2 * math.ceil(radius + 2)) + 1
-        edge = pygame.Color(CHALK if style == BALL else look.path)
+    def _draw_stamp(self, ball: int, style: int, dx: float, dy: float) -> Surface:
+        """Draws a ball (dx, dy) pixels off the centre of a new surface."""
+        radius = self.scale * self.scene.balls.radius[ball]
+        if style == SHADOW:
+            return shadow(radius, dx, dy)
+        side, z = 2 * math.ceil(radius + 2), BALL_ZOOM
+        ink = pygame.Color(self.looks[ball].path)
         # The transparent background has the colour of the edge, because the reduction mixes them.
         large = Surface((z * side, z * side), pygame.SRCALPHA, 32)
-        large.fill((edge.r, edge.g, edge.b, 0))
-        cx, cy = z * ((side - 1) / 2 + dx), z * ((side - 1) / 2 + dy)
-        if style == BALL:
-            _paint_ball(large, look, cx, cy, r)
-        elif style == RING:
-            pygame.draw.circle(large, edge, (cx, cy), r, round(max(1.6 * z, 0.16 * r)))
+        large.fill((ink.r, ink.g, ink.b, 0))
+        centre = z * (side / 2 + dx), z * (side / 2 + dy)
+        if style == RING:
+            pygame.draw.circle(large, ink, centre, z * radius, round(max(1.6 * z, 0.16 * z * radius)))
         else:
-            pygame.draw.circle(large, (edge.r, edge.g, edge.b, 90), (cx, cy), r)
+            pygame.draw.circle(large, (ink.r, ink.g, ink.b, 90), centre, z * radius)
         return pygame.transform.smoothscale(large, (side, side))
 
     def draw_path(self, surface: Surface, points: Floats, colour: str) -> None:
@@ -293,13 +319,13 @@ class Canvas:
         """
         place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
         size = round(0.62 * self._bar)
-        end = text_image(right, size, INK)
+        end = text_image(right, size, self._ink)
         texts = [(end, self.size[0] - edge - end.get_width())]
         for part in re.findall(r"\d|\D+", left):  # the images of single digits are kept, and the time changes quickly
-            texts.append((text_image(part, size, INK), edge))
+            texts.append((text_image(part, size, self._ink), edge))
             edge += texts[-1][0].get_width()
         if self.scene.table.pockets:
-            label = text_image(POTTED, size, INK)
+            label = text_image(POTTED, size, self._ink)
             room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
             middle = max(self.size[0] / 2, edge + room + place.half)
             texts.append((label, middle - place.half - place.radius - label.get_width()))
@@ -315,35 +341,15 @@ class Canvas:
     def _groove(self) -> Surface:
         size = np.round([2 * self._tray.half, 2.7 * self._tray.radius]).astype(int)
         large = Surface((TABLE_ZOOM * size).tolist(), 0, 32)
-        large.fill(PAPER)
+        large.fill(self._paper)
         pygame.draw.rect(large, RAIL, large.get_rect(), border_radius=large.get_height() // 2)
         return pygame.transform.smoothscale(large, size.tolist())
 
     @functools.cached_property
     def _tray_balls(self) -> list[Surface]:
-        return [self._draw_ball(i, BALL, 0.0, 0.0, self._tray.radius) for i in range(self.scene.n_balls)]
-
-
-def _paint_ball(large: Surface, look: Look, cx: float, cy: float, r: float) -> None:
-    """Draws a ball with its number at (cx, cy), `BALL_ZOOM` times as large as in the frame."""
-    inner = r - min(max(BALL_ZOOM, 0.08 * r), 0.2 * r)
-    pygame.draw.circle(large, CHALK, (cx, cy), r)
-    pygame.draw.circle(large, CHALK if look.striped else look.fill, (cx, cy), inner)
-    if look.striped:  # a band across the middle
-        band = Surface(large.get_size(), pygame.SRCALPHA, 32)
-        pygame.draw.circle(band, look.fill, (cx, cy), inner)
-        for y0, y1 in ((0.0, cy - 0.56 * r), (cy + 0.56 * r, band.get_height())):
-            band.fill((0, 0, 0, 0), pygame.Rect(0, round(y0), band.get_width(), round(y1 - y0)))
-        large.blit(band, (0, 0))
-    shine = Surface(large.get_size(), pygame.SRCALPHA, 32)
-    pygame.draw.circle(shine, (255, 255, 255, 110), (cx - 0.42 * r, cy - 0.46 * r), 0.22 * r)
-    large.blit(shine, (0, 0))
-    if look.number:
-        size = (1.5 if len(look.number) == 1 else 1.25) * r
-        pygame.font.init()
-        text = pygame.font.Font(None, max(1, round(size))).render(look.number, True, look.ink)
-        box = text.get_bounding_rect()
-        large.blit(text, (round(cx - box.centerx), round(cy - box.centery)))
+        n, radius = self.scene.n_balls, self._tray.radius
+        faces = np.tile(UPRIGHT, (n, 1))
+        return Painter(self.looks, np.full(n, radius)).paint(np.arange(n), np.zeros((n, 2)), faces)
 
 
 def pixels(surface: Surface) -> Frame:

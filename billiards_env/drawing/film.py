@@ -55,8 +55,8 @@ def write_gif(
         return frames(recording, 100 / hundredths, width, compare)[1]
 
     *_, last = draw()  # the last frame has the most colours
-    # 127 colours are enough, because balls and paths have few colours; the file is a fifth smaller than with 255.
-    palette = Image.fromarray(last).quantize(127, dither=Image.Dither.NONE)
+    # An octree keeps the colours of the balls, which have few pixels. The default method prefers those of the cloth.
+    palette = Image.fromarray(last).quantize(255, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     indexed = (Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE) for image in draw())
     with replacing(target) as temporary:
         next(indexed).save(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import json
 import math
 import os
@@ -11,12 +12,30 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Recording, check_pair
 from billiards_env.drawing.style import (
+    AMBIENT,
     CHALK,
+    CLOTH,
+    CUSHION,
+    CUSHION_EDGE,
+    DARKEST,
+    DIFFUSE,
+    DISC,
+    DOTS,
+    INK,
     KINDS,
+    LIGHT,
     POTTED,
     RAIL,
+    SHADOW,
+    SHADOW_DARK,
+    SHADOW_REACH,
+    SHINE,
+    SHINE_LIGHT,
+    SHINE_POWER,
+    STRIPE,
     cushion_names,
     draw_table,
     looks,
@@ -33,6 +52,26 @@ width from which the events are next to the table, and the largest height of a t
 same layout."""
 
 
+FACE = {
+    "chalk": CHALK,
+    "ink": INK,
+    "stripe": STRIPE,
+    "disc": DISC,
+    "dots": DOTS,
+    "light": LIGHT,
+    "ambient": AMBIENT,
+    "diffuse": DIFFUSE,
+    "darkest": DARKEST,
+    "shine": SHINE,
+    "shinePower": SHINE_POWER,
+    "shineLight": SHINE_LIGHT,
+    "shadow": SHADOW,
+    "reach": SHADOW_REACH,
+    "dark": SHADOW_DARK,
+}
+"""The marks, the light and the shadow of the balls, see `style`."""
+
+
 def write_page(
     path: str | os.PathLike[str], recording: Recording, compare: Recording | None, title: str | None
 ) -> None:
@@ -46,7 +85,8 @@ def write_page(
 def make_page(recording: Recording, compare: Recording | None = None, title: str | None = None) -> str:
     """Returns the page of a shot.
 
-    The browser computes the positions at any time from the pieces of the trajectories.
+    The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
+    steps of the turning.
 
     Args:
         recording: The shot.
@@ -74,11 +114,13 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
         "balls": [
             {"radius": radius, **look._asdict()} for radius, look in zip(scene.balls.radius, looks(scene), strict=True)
         ],
-        "chalk": CHALK,
+        "colours": {"cloth": CLOTH, "rail": RAIL, "edge": CUSHION_EDGE, "rubber": CUSHION},
+        "face": FACE,
         "kinds": KINDS,
         "cushions": cushion_names(scene.table),
         "runs": [_run(run) for run in runs],
     }
+    data["runs"][0]["turns"] = _turns(recording)
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     template = resources.files(__package__ or "").joinpath("page.html").read_text(encoding="utf-8")
     # "<" could end the script. It occurs only in JSON strings, where \u003c is equivalent.
@@ -121,3 +163,11 @@ def _run(recording: Recording) -> dict[str, Any]:
             for e in recording.events
         ],
     }
+
+
+def _turns(recording: Recording) -> list[list[list[float]]]:
+    """Returns the steps of each ball's turning, with the digits that a visible error needs."""
+    turns = turning(recording, error=VISIBLE)
+    rows = np.column_stack((turns.start.round(6), turns.lasts.round(6), turns.spin.round(3), turns.change.round(3)))
+    rows = np.column_stack((rows, turns.face.round(5)))
+    return [rows[a:b].tolist() for a, b in itertools.pairwise(turns.first.tolist())]

@@ -1,7 +1,9 @@
-"""A picture of a shot, drawn to scale with matplotlib.
+"""Pictures with matplotlib: a shot, drawn to scale, and a map of strikes.
 
-It shows the initial positions as faint balls, the paths, the final positions, a ring for each ball in a contact, and a
-mark with the time of each event. Each kind of event has a different mark.
+The picture of a shot shows the initial positions as faint balls, the paths, the final positions, a ring for each ball
+in a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is
+the speed; its edges have the colour of the ball. Ticks show the side spin: they point to the left of the path if the
+ball turns counterclockwise.
 """
 
 from __future__ import annotations
@@ -10,17 +12,20 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import missing
 
 try:
     from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
+from billiards_env.drawing.orientation import VISIBLE, Turning, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair
 from billiards_env.drawing.style import (
     CHALK,
@@ -37,6 +42,7 @@ from billiards_env.drawing.style import (
     tray_height,
 )
 from billiards_env.scene import Scene
+from billiards_env.table import Table
 
 MARKS = {
     "ball_ball": ("*", 11, "ball hits ball"),
@@ -48,6 +54,13 @@ MARKS = {
 
 SAMPLES = 400
 """Number of points of a path, in addition to its corners."""
+
+SPEEDS = "plasma"
+"""The colours of the speeds."""
+
+TICK_EVERY, TICK, WEAKEST_SPIN = 0.06, 0.045, 0.06
+"""m, s and m/s. The distance of the ticks of the side spin along a path, and their length over the speed of the ball's
+equator that is due to this spin; slower equators have no tick."""
 
 WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
@@ -74,21 +87,25 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
 
         ratio = recording.scene.table.width / recording.scene.table.length
         figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
-        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+        figure.legend(handles=legend_handles(), loc="outside lower center", ncols=7, frameon=False, fontsize=8)
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
+    fastest = max((_fastest(recording, i) for i in _in_play(recording)), default=0.0)
+    turns = turning(recording, error=VISIBLE)
     if compare is not None:
         for i in _in_play(compare):
-            _draw_path(ax, compare, i, look[i], (0, (3, 2)))
+            _draw_path(ax, compare, i, look[i])
             if compare.gone[i] == np.inf:
                 _draw_ring(ax, scene, i, look[i], compare.path(i, [compare.time])[0], 1.6)
     for i in _in_play(recording):
         if recording.moves(i):
-            _draw_path(ax, recording, i, look[i], "-")
+            _draw_path(ax, recording, i, look[i], fastest, turns)
             draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
         if recording.gone[i] == np.inf:
             draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
     _draw_events(ax, recording, look)
+    if fastest > 0.0:
+        _draw_speeds(ax, recording.scene, fastest)
     return ax
 
 
@@ -98,7 +115,7 @@ def _draw_table(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
     rail = rail_width(table)
     for corners, colour in draw_table(table):
         ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
-    x, y, strip = table.length / 2 + 1.1 * rail, table.width / 2 + 1.1 * rail, tray_height(table)
+    x, y, strip = table.length / 2 + 1.1 * rail, table.width / 2 + 1.1 * rail, strip_height(table)
     if table.pockets:
         radius, half, places = tray(recording.scene.n_balls, 2 * x, strip)
         corner, size = (-half, -y - strip / 2 - 1.35 * radius), (2 * half, 2.7 * radius)
@@ -119,7 +136,8 @@ def legend_handles() -> list[Line2D]:
     for kind, (marker, size, label) in MARKS.items():
         fill = CHALK if kind in ("sliding_rolling", "ball_ball") else "#888888"
         marks.append((marker, size, fill, INK, label))
-    return [
+    spin = Line2D([], [], marker="|", linestyle="none", markersize=7, color="#888888", label="side spin")
+    return [spin] + [
         Line2D([], [], marker=m, linestyle="none", markersize=s, color=f, markeredgecolor=e, label=text)
         for m, s, f, e, text in marks
     ]
@@ -129,12 +147,56 @@ def _in_play(recording: Recording) -> Sequence[int]:
     return np.flatnonzero(recording.gone > 0).tolist()
 
 
-def _draw_path(ax: Axes, shot: Recording, ball: int, look: Look, style: Any) -> None:
+def _fastest(recording: Recording, ball: int) -> float:
+    """Returns the highest speed of a ball, m/s."""
+    return float(recording.speeds(ball, recording.corners(ball)).max())
+
+
+def _draw_path(
+    ax: Axes, shot: Recording, ball: int, look: Look, fastest: float = 0.0, turns: Turning | None = None
+) -> None:
+    """Draws a path: with its speed and side spin, or dashed if there are no `turns`."""
     if not shot.moves(ball):
         return
     times = np.union1d(np.linspace(0, shot.time, SAMPLES), shot.corners(ball))
-    path = shot.path(ball, times[times < shot.gone[ball]])
-    ax.plot(*path.T, linestyle=style, color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
+    times = times[times < shot.gone[ball]]
+    path = shot.path(ball, times)
+    if turns is None:
+        ax.plot(*path.T, linestyle=(0, (3, 2)), color=look.path, linewidth=1.6, solid_joinstyle="miter", zorder=4)
+        return
+    ax.plot(*path.T, linestyle="-", color=look.path, linewidth=3.4, solid_joinstyle="miter", zorder=4)
+    steps = LineCollection(
+        list(np.stack((path[:-1], path[1:]), 1)), cmap=SPEEDS, linewidths=1.8, capstyle="round", zorder=4.2
+    )
+    steps.set_array(shot.speeds(ball, times[:-1]))
+    steps.set_clim(0.0, fastest)
+    ax.add_collection(steps, autolim=False)
+    along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+    at = np.interp(np.arange(0.5 * TICK_EVERY, along[-1], TICK_EVERY), along, times)
+    spin = turns.spins(ball, at)[:, 2] * shot.scene.balls.radius[ball]
+    at, spin = at[abs(spin) > WEAKEST_SPIN], spin[abs(spin) > WEAKEST_SPIN]
+    if len(at):
+        begin, ahead = shot.path(ball, at), shot.path(ball, at + 1e-4) - shot.path(ball, at)
+        left = np.column_stack((-ahead[:, 1], ahead[:, 0])) / np.maximum(np.hypot(*ahead.T), 1e-12)[:, None]
+        ends = begin + TICK * spin[:, None] * left
+        ax.add_collection(LineCollection(list(np.stack((begin, ends), 1)), colors=CHALK, linewidths=0.9, zorder=4.1))
+
+
+def _draw_speeds(ax: Axes, scene: Scene, fastest: float) -> None:
+    """Draws the scale of the speeds under the right end of the table."""
+    table, rail = scene.table, rail_width(scene.table)
+    x, y, strip = table.length / 2 + rail, table.width / 2 + 1.1 * rail, strip_height(table)
+    width, height = 0.2 * (2 * x), 0.2 * strip
+    scale = ax.inset_axes((x - width, -y - 0.5 * strip, width, height), transform=ax.transData)
+    scale.imshow(np.linspace(0.0, 1.0, 200)[None], aspect="auto", cmap=SPEEDS, extent=(0.0, fastest, 0.0, 1.0))
+    scale.set_yticks([])
+    scale.tick_params(labelsize=6.5, length=2, pad=1)
+    scale.set_title("speed, m/s", fontsize=7, pad=2)
+
+
+def strip_height(table: Table) -> float:
+    """Returns the height of the strip under a plotted table, m: of the tray, or of the scale of the speeds."""
+    return tray_height(table) or 0.09 * (table.length * table.width / 2) ** 0.5
 
 
 def _draw_ring(ax: Axes, scene: Scene, ball: int, look: Look, position: Floats, width: float) -> None:
@@ -216,3 +278,60 @@ def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
         style |= {"ha": "center", "va": "top"}
     style["bbox"] = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
     ax.annotate(text, point.tolist(), **style)
+
+
+UNITS = {
+    "speed": "speed of the cue, m/s",
+    "heading": "direction, rad",
+    "side": "offset of the tip to the left, ball radii",
+    "top": "offset of the tip above the centre, ball radii",
+    "elevation": "elevation of the cue, rad",
+}
+"""The labels of the axes of a map."""
+
+OUTCOMES = {-3: ("#ffffff", "tip slips"), -2: ("#4a4a4a", "cue ball potted, too"), -1: ("#dcdcd6", "not potted")}
+"""The colour and the text of the outcomes without success."""
+
+POCKETS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
+"""The colours of the pockets, in their order; further pockets repeat them."""
+
+
+def draw_map(
+    names: tuple[str, str], values: tuple[Floats, Floats], pocket: NDArray[np.int64], ax: Axes | None = None
+) -> Axes:
+    """Draws the outcomes of strikes over two parameters, see `strike_map.StrikeMap`.
+
+    Args:
+        names: The names of the parameters, to the right and upwards.
+        values: Their values, (a,) and (b,).
+        pocket: (b, a) int, the pocket of the ball or a key of `OUTCOMES`.
+        ax: The axes to draw in; None for a new figure.
+
+    Returns:
+        The axes.
+    """
+    if ax is None:
+        from matplotlib import pyplot
+
+        _, ax = pyplot.subplots(figsize=(6.4, 5.2), layout="constrained")
+    kinds = np.unique(pocket).tolist()
+    styles = [OUTCOMES[k] if k < 0 else (POCKETS[k % len(POCKETS)], f"pocket {k}") for k in kinds]
+    colours = ListedColormap([colour for colour, _ in styles])
+    index = np.searchsorted(kinds, pocket)
+    ax.pcolormesh(*values, index, cmap=colours, vmin=-0.5, vmax=len(kinds) - 0.5, shading="nearest", rasterized=True)
+    ax.set_xlabel(UNITS[names[0]])
+    ax.set_ylabel(UNITS[names[1]])
+    if set(names) == {"side", "top"}:  # the cue ball from behind
+        ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=INK, linewidth=1.0))
+        ax.set_aspect("equal")
+    if names[0] == "side":
+        ax.invert_xaxis()
+    share = np.bincount(index.ravel(), minlength=len(kinds)) / index.size
+    handles = [
+        Rectangle(
+            (0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f} %"
+        )
+        for (colour, text), part in zip(styles, share, strict=True)
+    ]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False, fontsize=8.5)
+    return ax

@@ -39,6 +39,14 @@ class Recording(NamedTuple):
         """Returns the positions of a ball at some times (s), (m, 2) m."""
         return self.trajectory.path(ball, times)
 
+    def speeds(self, ball: int, times: ArrayLike) -> Floats:
+        """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""
+        at, paths = np.asarray(times, np.float64), self.trajectory
+        mine = np.flatnonzero(paths.ball == ball)
+        pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
+        since = np.clip(at - paths.start[pieces], 0.0, paths.lasts[pieces])[:, None]
+        return np.hypot(*(paths.velocity[pieces] + since * paths.acceleration[pieces]).T)
+
     def corners(self, ball: int) -> Floats:
         """Returns the times at which a ball's path may have a corner, s, ascending."""
         return np.unique(self.trajectory.start[self.trajectory.ball == ball])

@@ -4,8 +4,9 @@
 page draw these descriptions.
 
 The ball colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish, in the order of pool
-balls. The seventh is wine from Tol (2021) and the eighth is black. Balls 9 to 15 are striped, and each object ball has
-its number, so no information depends on colour alone. Paths have lighter colours, which are visible on the cloth.
+balls. The seventh is wine from Tol (2021) and the eighth is black. Balls 9 to 15 are striped, and each object ball of
+pool has its number, so no information depends on colour alone. Paths have lighter colours, which are visible on the
+cloth. The faces of the balls have marks that turn with the balls; `LIGHT` to `SHINE` shade them.
 """
 
 from __future__ import annotations
@@ -27,6 +28,26 @@ PAPER, INK, CHALK, GREY = "#ffffff", "#1a1a1a", "#ffffff", "#6b6b6b"
 
 ARROW, ARROW_START = 0.09, 1.4
 """Length of an arrow over the speed, s; distance of its start from the ball's centre over the radius."""
+
+STRIPE, DISC, DOT, SPOT = 0.56, 0.5, 0.2, 0.12
+"""Marks on the face of a ball of radius 1: half the width of the band, and the radii of the white disc of the number,
+of the dots of a cue ball and of the white spots of a snooker ball."""
+
+DOTS = tuple(
+    (s * math.cos(angle) * math.sqrt(2 / 3), s * math.sin(angle) * math.sqrt(2 / 3), s * math.sqrt(1 / 3))
+    for angle in (math.pi / 2, 7 * math.pi / 6, 11 * math.pi / 6)
+    for s in (1, -1)
+)
+"""Directions of the dots: the axes of a cube that stands on a corner."""
+
+LIGHT, AMBIENT, DIFFUSE, DARKEST = (-0.37, 0.45, 0.81), 0.34, 0.9, 0.25
+"""The direction to the light, and the brightness ambient + diffuse cos(angle to the light), from `DARKEST` to 1."""
+
+SHINE, SHINE_POWER, SHINE_LIGHT = (-0.4, 0.45, 0.8), 90, 0.8
+"""The normal of the reflection of the lamp, the power of the cosine of the angle to it, and its largest brightness."""
+
+SHADOW, SHADOW_REACH, SHADOW_DARK = (0.22, -0.28), (0.7, 1.3), 0.5
+"""The shadow of a ball of radius 1: its centre, the radii at which it begins and ends to fade, and its opacity."""
 
 POTTED = "potted"
 """The label of the tray."""
@@ -84,7 +105,9 @@ class Look(NamedTuple):
         ink: Colour of its number.
         path: Colour of its path, visible on the cloth.
         striped: Whether only a band has the colour.
-        number: The number on the ball; empty for the cue ball.
+        number: The number of the ball; empty for the cue ball.
+        dots: Colour of the dots on its face; empty for a face with the number.
+        dot: Radius of the dots over that of the ball.
     """
 
     fill: str
@@ -92,6 +115,8 @@ class Look(NamedTuple):
     path: str
     striped: bool
     number: str
+    dots: str = ""
+    dot: float = 0.0
 
 
 def looks(scene: Scene) -> tuple[Look, ...]:
@@ -104,12 +129,20 @@ def looks(scene: Scene) -> tuple[Look, ...]:
         fills = [_RED] * 7 + [_BLACK] + [_YELLOW] * n
     else:
         fills = list(_CAROM if carom else _POOL) * n
-    balls = [Look(CHALK, INK, "#d2dbd6", False, "")]
+    balls = [Look(CHALK, INK, "#d2dbd6", False, "", _RED, DOT)]
     for i, fill in enumerate(fills[:n], start=1):
         fill = GREY if math.isinf(scene.balls.mass[i]) else fill
         striped = fill != GREY and colours == "pool" and not carom and i % 16 > 8
         ink = CHALK if fill in _DARK else INK
-        balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i)))
+        plain = colours == "snooker" or (colours == "uk" and fill != _BLACK)
+        dots = (
+            (_RED if fill == _YELLOW else CHALK, DOT)
+            if carom
+            else (INK if fill == _YELLOW else CHALK, SPOT)
+            if plain
+            else ("", 0.0)
+        )
+        balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i), *dots))
     return tuple(balls)
 
 

@@ -8,9 +8,14 @@ from billiards_env.play.model import HUMAN, Model
 
 KEYS = (
     ("drag from the cue ball", "aim; the arrow's length is the speed"),
+    ("drag on the table", "aim at a point with the same speed"),
+    ("the white ball below", "drag the tip of the cue: english, follow and draw"),
+    ("double click on it, C", "level cue at the centre of the ball"),
+    ("ctrl + arrows", "move the tip of the cue; with shift by less"),
+    ("page up, page down", "raise and lower the cue by 5 degrees"),
     ("left, right", "turn the aim by 1 degree; with shift 0.1"),
     ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01"),
-    ("space, click", "shoot; place the cue ball; continue"),
+    ("space, the button", "shoot; place the cue ball; continue"),
     ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm"),
     ("P", "move the cue ball in hand again"),
     ("R", "replay the last shot"),
@@ -18,6 +23,7 @@ KEYS = (
     ("-, +", "show shots slower, faster"),
     ("U or Z, Y", "undo, redo a person's shot"),
     ("S", "save the game"),
+    ("N", "a new game, when one is over"),
     ("H", "this help"),
     ("Q, escape", "quit"),
 )
@@ -31,13 +37,19 @@ UNSAVED = (
 )
 """The question before the window closes, as rows like those of `KEYS`."""
 
+BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
+"""The text of the button in each phase; it is empty while a program thinks."""
+
+END = "N: new game   R: replay   U: undo   S: save"
+"""The keys after the end of a game."""
+
 _HINTS = {
     "placing": "move: mouse, arrows   place: click, space   undo, redo: U Y   help: H",
-    "aiming": "aim: drag from the cue ball, arrows   shoot: click, space   undo, redo: U Y   replay: R   help: H",
+    "aiming": "aim: drag, arrows   english: drag on the white ball   shoot: space   undo, redo: U Y   help: H",
     "thinking": "undo: U   save: S   quit: Q   help: H",
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   help: H",
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   help: H",
-    "over": "undo, redo: U Y   replay: R   save: S   quit: Q   help: H",
+    "over": "new game: N   undo, redo: U Y   replay: R   save: S   quit: Q   help: H",
 }
 
 
@@ -77,6 +89,19 @@ def status(model: Model) -> str:
     return "   ".join(filter(None, parts))
 
 
+def aim(model: Model) -> str:
+    """Returns the speed of the aim and the offset of the cue's tip."""
+    parts, (side, top) = [f"{model.speed:.2f} m/s"], model.tip
+    parts += [f"{abs(side):.2f} R {'left' if side > 0 else 'right'}"] if round(side, 2) else []
+    parts += [f"{abs(top):.2f} R {'follow' if top > 0 else 'draw'}"] if round(top, 2) else []
+    return "   ".join(parts)
+
+
+def score(model: Model) -> str:
+    """Returns the scores of a game with points."""
+    return " : ".join(map(str, model.game.state.scores)) if model.setup.target is not None else ""
+
+
 def first_ball_hint(model: Model) -> str:
     """Returns which balls the player may touch first; empty if all object balls are legal."""
     state = model.game.state
@@ -100,6 +125,4 @@ def result(model: Model) -> str:
             parts.append(f"foul: {foul.replace('_', ' ')}")
         elif potted:
             parts.append(f"potted {', '.join(map(str, potted))}")
-    if model.setup.target is not None:
-        parts.append(" : ".join(map(str, model.game.state.scores)))
-    return "   ".join(parts)
+    return "   ".join(filter(None, [*parts, score(model)]))

@@ -18,12 +18,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from billiards_env import strike
 from billiards_env.checks import MAX_SPEED, Range, real
+from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, play
 from billiards_env.games.placement import Point, cue_ball_point
+from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import run_shot
@@ -33,6 +37,10 @@ HUMAN = "human"
 
 LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 """The slowest speed and the initial speed of an aim, m/s; the initial speed of a break over `max_speed`."""
+
+
+TIP_SHARE = 0.999
+"""The largest offset of the cue's tip over that at which it slips."""
 
 
 class TurnAim(NamedTuple):
@@ -45,6 +53,38 @@ class ChangeSpeed(NamedTuple):
     """Increases the speed of the shot by `speed`, m/s."""
 
     speed: float
+
+
+class SetSpeed(NamedTuple):
+    """Sets the speed of the shot to `share` of the fastest."""
+
+    share: float
+
+
+class SetTip(NamedTuple):
+    """Moves the cue's tip to an offset from the centre of the ball to the left and up, in ball radii."""
+
+    side: float
+    top: float
+
+
+class MoveTip(NamedTuple):
+    """Moves the cue's tip by an offset, in ball radii."""
+
+    side: float
+    top: float
+
+
+class SetElevation(NamedTuple):
+    """Sets the elevation of the cue, degrees."""
+
+    degrees: float
+
+
+class LookAt(NamedTuple):
+    """Aims at a point, m, with the same speed."""
+
+    point: Point
 
 
 class AimAt(NamedTuple):
@@ -66,12 +106,12 @@ class MoveBy(NamedTuple):
 
 
 class Command(NamedTuple):
-    """One of "go", "place", "undo", "redo", "replay", "ghost", "help", "slower" and "faster"."""
+    """One of "go", "place", "level", "undo", "redo", "replay", "ghost", "help", "slower" and "faster"."""
 
     name: str
 
 
-Input = TurnAim | ChangeSpeed | AimAt | MoveTo | MoveBy | Command
+Input = TurnAim | ChangeSpeed | SetSpeed | SetTip | MoveTip | SetElevation | LookAt | AimAt | MoveTo | MoveBy | Command
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +128,9 @@ class Model:
         undone: The strokes that were undone, each with the state after it, the next one first.
         phase: One of the phases in the module's docstring.
         angle: Direction of the aim, radians from the x axis.
-        speed: Speed of the aim, m/s.
+        speed: Speed of the aim, m/s: that of the ball after a level stroke at its centre.
+        tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
+        elevation: Elevation of the cue, degrees.
         place: Position of the cue ball in hand, m; None if it is not in hand.
         preview: The preview of the aimed shot; None in other phases.
         last_shot: The last shot; None before the first.
@@ -97,6 +139,8 @@ class Model:
         pace: Playback speed over real time.
         ghost: Whether a replay shows `comparison`.
         help: Whether the help is shown.
+        faces: (n, 4) the present orientations of the balls; None for upright balls.
+        first_faces: (n, 4) those at the start of the last shot.
     """
 
     setup: Setup
@@ -109,6 +153,8 @@ class Model:
     phase: str = "thinking"
     angle: float = 0.0
     speed: float = USUAL_SPEED
+    tip: Point = (0.0, 0.0)
+    elevation: float = 0.0
     place: Point | None = None
     preview: Preview | None = None
     last_shot: PlayedShot | None = None
@@ -117,6 +163,8 @@ class Model:
     pace: float = 1.0
     ghost: bool = True
     help: bool = False
+    faces: NDArray[np.float64] | None = None
+    first_faces: NDArray[np.float64] | None = None
 
     @property
     def game(self) -> GameState:
@@ -137,8 +185,18 @@ class Model:
     @property
     def stroke(self) -> Stroke:
         """The aimed stroke."""
-        velocity = self.speed * math.cos(self.angle), self.speed * math.sin(self.angle)
-        return Stroke(velocity, self.place)
+        if not self.has_spin:
+            velocity = self.speed * math.cos(self.angle), self.speed * math.sin(self.angle)
+            return Stroke(velocity=velocity, place=self.place)
+        scene, (side, top) = self.setup.scene, self.tip
+        level = strike(scene, 1.0, 0.0).velocity[0]
+        made = strike(scene, self.speed / level, self.angle, side, top, math.radians(self.elevation))
+        return Stroke(velocity=tuple(made.velocity.tolist()), spin=tuple(made.spin.tolist()), place=self.place)
+
+    @property
+    def has_spin(self) -> bool:
+        """Whether the balls of the scene have spin."""
+        return self.setup.scene.physics.motion == "sliding"
 
     @property
     def history(self) -> History:
@@ -211,6 +269,13 @@ def update(model: Model, user_input: Input) -> Model:
         return _with_aim(model, model.angle + math.radians(user_input.degrees), model.speed)
     if isinstance(user_input, ChangeSpeed):
         return _with_aim(model, model.angle, model.speed + user_input.speed)
+    if isinstance(user_input, SetSpeed):
+        return _with_aim(model, model.angle, user_input.share * model.max_speed)
+    if isinstance(user_input, (SetTip, MoveTip, SetElevation)):
+        return _with_cue(model, user_input)
+    if isinstance(user_input, LookAt):
+        dx, dy = np.subtract(user_input.point, model.cue_position).tolist()
+        return _with_aim(model, math.atan2(dy, dx), model.speed)
     if isinstance(user_input, AimAt):
         dx, dy = np.subtract(user_input.point, model.cue_position).tolist()
         radius = model.setup.scene.balls.radius[model.cue]
@@ -227,7 +292,9 @@ def tick(model: Model, seconds: float) -> Model:
     if model.clock + model.pace * seconds < model.duration:
         return dataclasses.replace(model, clock=model.clock + model.pace * seconds)
     if model.phase == "rolling":
-        return _next_turn(model)
+        recording = model.shown_shots[0].recording()
+        faces = turning(recording, model.first_faces, VISIBLE).at(recording.time)
+        return _next_turn(dataclasses.replace(model, faces=faces))
     return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 
 
@@ -255,13 +322,14 @@ def shoot(model: Model, stroke: Stroke) -> Model:
         phase="rolling",
         preview=None,
         clock=0.0,
+        first_faces=model.faces,
     )
 
 
 def _next_turn(model: Model) -> Model:
     """Returns the model at the start of the next turn; the first aim is full on the nearest legal ball."""
     state = model.game.state
-    model = dataclasses.replace(model, place=None, preview=None, clock=0.0)
+    model = dataclasses.replace(model, place=None, preview=None, clock=0.0, tip=(0.0, 0.0), elevation=0.0)
     if state.over:
         return dataclasses.replace(model, phase="over")
     if model.players[state.player] != HUMAN:
@@ -297,6 +365,25 @@ def _with_aim(model: Model, angle: float, speed: float) -> Model:
     speed = min(max(speed, LEAST_SPEED), model.max_speed)
     model = dataclasses.replace(model, phase="aiming", angle=math.remainder(angle, math.tau), speed=speed)
     return dataclasses.replace(model, preview=make_preview(model.setup, model.game, model.stroke))
+
+
+def _with_cue(model: Model, cue: SetTip | MoveTip | SetElevation) -> Model:
+    """Returns the model with another elevation or another offset of the cue's tip, at which the cue does not slip."""
+    if not model.has_spin:
+        return model
+    if isinstance(cue, SetElevation):
+        model = dataclasses.replace(model, elevation=min(max(cue.degrees, 0.0), STEEPEST))
+    else:
+        side, top = cue if isinstance(cue, SetTip) else np.add(model.tip, cue).tolist()
+        model = dataclasses.replace(model, tip=on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset))
+    return _with_aim(model, model.angle, model.speed)
+
+
+def _level(model: Model) -> Model:
+    """Returns the model with a level cue at the centre of the ball."""
+    if model.phase != "aiming":
+        return model
+    return _with_aim(dataclasses.replace(model, tip=(0.0, 0.0), elevation=0.0), model.angle, model.speed)
 
 
 def _go(model: Model) -> Model:
@@ -370,6 +457,7 @@ def _help(model: Model) -> Model:
 _COMMANDS = {
     "go": _go,
     "place": _place,
+    "level": _level,
     "undo": _undo,
     "redo": _redo,
     "replay": _replay,

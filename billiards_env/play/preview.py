@@ -10,25 +10,33 @@ from numpy.typing import NDArray
 from billiards_env.drawing.recording import Recording
 from billiards_env.games import GameState, Setup, Stroke, play
 
+Floats = NDArray[np.float64]
+
+CONTACTS = ("ball_ball", "cushion", "pocket")
+
+POINTS = 240
+"""Number of points of a path, in addition to its corners."""
+
 
 class Preview(NamedTuple):
-    """The predicted start of a shot.
+    """The predicted start of a shot. The engine computes it, with throw and spin.
 
     Attributes:
         path: (m, 2) m, the path of the cue ball up to its first contact with a ball, or to its end.
         ball: The ball that the cue ball touches first, or -1.
-        struck: (2,) m/s, the velocity of that ball after the contact.
-        cue: (2,) m/s, the velocity of the cue ball after the contact.
+        cue: (p, 2) m, the path of the cue ball from there to its next contact with a ball, a cushion or a pocket, or
+            to its rest; empty if it touches no ball.
+        struck: (q, 2) m, the same path of the ball that it touches.
     """
 
-    path: NDArray[np.float64]
+    path: Floats
     ball: int
-    struck: NDArray[np.float64]
-    cue: NDArray[np.float64]
+    cue: Floats
+    struck: Floats
 
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
-    """Simulates a shot and returns its start, up to the first contact of the cue ball with another ball.
+    """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball.
 
     Args:
         setup: The settings of the game.
@@ -39,22 +47,30 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
         The preview.
     """
     cue = game.state.cue_balls[0]
-    shot = play(setup, game, stroke).shot
-    recording = shot.recording()
+    recording = play(setup, game, stroke).shot.recording()
+    hits = _contacts(recording, cue, ("ball_ball",))
+    if len(hits) == 0:
+        end = min(recording.time, float(recording.gone[cue]))
+        return Preview(_path(recording, cue, 0.0, end), -1, np.zeros((0, 2)), np.zeros((0, 2)))
+    time, ball = float(hits["time"][0]), int(hits["ball"][0] + hits["other"][0]) - cue
+    after = []
+    for one in (cue, ball):
+        later = _contacts(recording, one, CONTACTS)["time"]
+        later = later[later > time]
+        after.append(_path(recording, one, time, float(later[0]) if len(later) else recording.time))
+    return Preview(_path(recording, cue, 0.0, time), ball, *after)
+
+
+def _contacts(recording: Recording, ball: int, kinds: tuple[str, ...]) -> NDArray[np.void]:
+    """Returns the events of some kinds in which a ball takes part."""
     events = recording.events
-    hits = events[(events["kind"] == "ball_ball") & ((events["ball"] == cue) | (events["other"] == cue))]
-    ball, end = -1, min(recording.time, float(recording.gone[cue]))
-    if len(hits):
-        ball, end = int(hits["ball"][0] + hits["other"][0]) - cue, float(hits["time"][0])
-    corners = recording.corners(cue)
-    times = np.union1d(np.linspace(0.0, end, 60), corners[corners < end])
-    # Without the last instant if the cue ball is potted: it is then already at the pocket's centre.
-    path = recording.path(cue, times if ball >= 0 or end == recording.time else times[:-1])
-    return Preview(path, ball, *(_velocity(recording, i, end) if ball >= 0 else np.zeros(2) for i in (ball, cue)))
+    both = (events["ball"] == ball) | ((events["kind"] == "ball_ball") & (events["other"] == ball))
+    return events[both & np.isin(events["kind"], kinds)]
 
 
-def _velocity(recording: Recording, ball: int, time: float) -> NDArray[np.float64]:
-    """Returns a ball's velocity just after an instant, (2,) m/s."""
-    paths = recording.trajectory
-    pieces = np.flatnonzero(paths.ball == ball)
-    return paths.velocity[pieces[np.searchsorted(paths.start[pieces], time, side="right") - 1]]
+def _path(recording: Recording, ball: int, start: float, end: float) -> Floats:
+    """Returns the path of a ball between two times, (m, 2) m."""
+    corners = recording.corners(ball)
+    times = np.union1d(np.linspace(start, end, POINTS), corners[(corners > start) & (corners < end)])
+    # At the instant of a pot the later piece is at the pocket's centre.
+    return recording.trajectory.path(ball, times, before=True)

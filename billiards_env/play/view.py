@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import itertools
+import math
 import operator
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.drawing.canvas import BALL, GHOST, PATH_STEPS, RING, Canvas, Surface, pygame
+from billiards_env.drawing.canvas import GHOST, PATH_STEPS, PATH_ZOOM, RING, Canvas, Surface, pygame
+from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording
-from billiards_env.drawing.style import CHALK, GREY, INK
+from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image
-from billiards_env.play import labels
+from billiards_env.play import controls, labels
 from billiards_env.play.model import Model
+from billiards_env.play.panel import INK, LEVEL, PAPER, SOFT, Panel
 from billiards_env.scene import Scene
 from billiards_env.shot import ShotResult
 
@@ -26,11 +29,20 @@ STEP = 1 / 60
 RESULT_SHOWN = 1.0
 """s. The result of a shot is shown for this time at its end."""
 
-SLOWEST_SHOWN, FASTEST_SHOWN = 0.3, 2.0
-"""m/s. Velocities below the first have no arrow in the preview; arrows are not longer than that of the second."""
-
-LEAST_STRIP, MOST_STRIP = 24, 44
+LEAST_STRIP, MOST_STRIP = 20, 36
 """Pixels. Limits of the height of the line with the keys."""
+
+CUE_LENGTH, CUE_GAP = 1.45, 0.012
+"""m, and m per m/s: the length of the cue, and how far it is drawn back over the speed of the shot."""
+
+CUE_PARTS = (
+    (0.0, 0.008, "#3b6ea5"),
+    (0.008, 0.025, "#f2efe6"),
+    (0.025, 0.60, "#d8ac6a"),
+    (0.60, 0.615, "#e9e4d4"),
+    (0.615, 1.0, "#4a2417"),
+)
+"""The tip, the ferrule, the shaft, a ring and the butt of the cue: begin and end over its length, and colour."""
 
 
 class View:
@@ -38,21 +50,28 @@ class View:
 
     Attributes:
         canvas: The canvas of the table, in the middle of the frame.
+        controls: The places of the controls.
         size: (width, height) of a frame, pixels.
     """
 
     def __init__(self, scene: Scene, width: int) -> None:
         """Prepares the drawing of a scene in frames of `width` pixels that have the height of their content."""
-        height = Canvas(scene, width).size[1]
-        self.resize(scene, (width // 2 * 2, height + _strip(width)))
+        height = Canvas(scene, width).size[1] + _strip(width)
+        width = width // 2 * 2
+        self.resize(scene, (width, height + controls.height_of((width, height + width // 10))))
 
     def resize(self, scene: Scene, size: tuple[int, int]) -> None:
         """Prepares the drawing in frames of `size` (width, height), pixels, with the largest table that fits."""
-        self.size, self._strip, width = size, _strip(size[0]), max(160, size[0])
-        while (canvas := Canvas(scene, width)).size[1] > size[1] - self._strip and width > 160:
-            width = max(160, min(width - 2, width * (size[1] - self._strip) // canvas.size[1]))
+        self.size, self._strip, rows = size, _strip(size[0]), controls.height_of(size)
+        height, width = size[1] - self._strip - rows, max(160, size[0])
+        while (canvas := Canvas(scene, width, PAPER, INK)).size[1] > height and width > 160:
+            width = max(160, min(width - 2, width * height // canvas.size[1]))
         self.canvas = canvas
-        self._corner = (size[0] - canvas.size[0]) // 2, max(0, size[1] - self._strip - canvas.size[1]) // 2
+        self._corner = (size[0] - canvas.size[0]) // 2, max(0, height - canvas.size[1]) // 2
+        side = canvas.size[0] // 80
+        row = self._corner[0] + side, self._corner[1] + canvas.size[1], canvas.size[0] - 2 * side, rows
+        self.controls = controls.place(*row)
+        self._panel = Panel(self.controls, row)
         self._frame, self._table = Surface(size, 0, 32), Surface(canvas.size, 0, 32)
         self._shots: tuple[ShotResult, ShotResult | None] | None = None
 
@@ -75,53 +94,84 @@ class View:
         Returns:
             The frame, valid until the next call.
         """
-        self._frame.fill(self.canvas.table.get_at((0, 0)))  # the paper around the table
+        self._frame.fill(PAPER)
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)
         self._frame.blit(self._table, self._corner)
-        x, y = self._corner[0] + self.canvas.size[0] // 40, self._corner[1] + self.canvas.size[1]
-        text, colour = message or ("" if question else labels.key_hint(model)), INK if message else GREY
+        self._panel.draw(self._frame, model)
+        x, y = self._corner[0] + self.canvas.size[0] // 40, self.size[1] - self._strip
+        text, colour = message or ("" if question else labels.key_hint(model)), INK if message else SOFT
         line = text_image(text, round(0.66 * self._strip), colour, self.canvas.size[0] * 38 // 40)
         self._frame.blit(line, (x, y + (self._strip - line.get_height()) // 3))
         rows = question or (labels.KEYS if model.help else ())
         if rows:
             self._draw_rows(rows)
+        elif model.phase == "over":
+            self._draw_end(model)
         return self._frame
 
     def _draw_turn(self, model: Model) -> None:
         """Draws the balls at rest, with the aim if a person has the turn."""
         canvas, frame = self.canvas, self._table
         frame.blit(canvas.table, (0, 0))
-        game, cue = model.game, model.cue
+        game, cue, preview = model.game, model.cue, model.preview
         if model.phase == "placing" and game.state.in_hand == "behind":
             x, y = model.setup.scene.table.head_x, model.setup.scene.table.width / 2
             self._draw_line(frame, np.array([[x, -y], [x, y]]), CHALK)
-        if model.preview is not None:
-            self._draw_line(frame, model.preview.path, canvas.looks[cue].path)
-        for ball in sorted(game.state.on_table - {cue}):
-            canvas.stamp(frame, ball, canvas.pixels_of(game.positions[ball]), BALL)
+        if preview is not None:
+            self._draw_line(frame, preview.path, canvas.looks[cue].path)
+            self._draw_line(frame, preview.cue, canvas.looks[cue].path, dashed=True)
+            if preview.ball >= 0:
+                self._draw_line(frame, preview.struck, canvas.looks[preview.ball].path)
+        shown = {ball: game.positions[ball] for ball in sorted(game.state.on_table - {cue})}
         if cue in game.state.on_table and not (game.state.in_hand != "no" and model.place is None):
-            canvas.stamp(frame, cue, canvas.pixels_of(model.cue_position), BALL)
-        if model.preview is not None:
-            if model.preview.ball >= 0:
-                contact, struck = model.preview.path[-1], model.preview.ball
-                canvas.stamp(frame, cue, canvas.pixels_of(contact), RING)
-                for ball, at, velocity in (
-                    (cue, contact, model.preview.cue),
-                    (struck, game.positions[struck], model.preview.struck),
-                ):
-                    speed = float(np.hypot(*velocity))
-                    if speed > SLOWEST_SHOWN:
-                        canvas.draw_arrow(frame, ball, at, velocity * min(1.0, FASTEST_SHOWN / speed))
-            canvas.draw_arrow(frame, cue, np.array(model.cue_position), np.array(model.stroke.velocity))
+            shown[cue] = np.array(model.cue_position)
+        canvas.draw_balls(frame, list(shown), [canvas.pixels_of(place) for place in shown.values()], model.faces)
+        if preview is not None:
+            if preview.ball >= 0:
+                canvas.stamp(frame, cue, canvas.pixels_of(preview.path[-1]), RING)
+            aim = model.speed * np.array([math.cos(model.angle), math.sin(model.angle)])
+            canvas.draw_arrow(frame, cue, np.array(model.cue_position), aim)
+            self._draw_cue(model)
         potted = sorted(set(range(len(game.positions))) - game.state.on_table)
         canvas.draw_bar(frame, labels.status(model), labels.result(model), potted)
 
-    def _draw_line(self, frame: Surface, points: Floats, colour: str) -> None:
+    def _draw_cue(self, model: Model) -> None:
+        """Draws the cue behind the cue ball, drawn back over the speed; a raised cue is shorter."""
+        canvas, radius = self.canvas, model.setup.scene.balls.radius[model.cue]
+        along = np.array([math.cos(model.angle), math.sin(model.angle)])
+        across, flat = np.array([-along[1], along[0]]), math.cos(math.radians(model.elevation))
+        tip = np.array(model.cue_position) + model.tip[0] * radius * across
+        tip = tip - (radius * 1.15 + CUE_GAP * model.speed) * along
+        length = max(CUE_LENGTH * flat, 0.12)
+
+        parts = []
+        for begin, end, colour in CUE_PARTS:
+            shares = np.array([begin, end])
+            places, half = tip - np.outer(length * shares, along), (0.0065 + 0.0085 * shares)[:, None] * across
+            parts.append((canvas.pixels_of(np.vstack((places + half, (places - half)[::-1]))), colour))
+        points = np.vstack([corners for corners, _ in parts])
+        corner = np.maximum(np.floor(points.min(0)) - 1, 0)
+        side = np.minimum(np.ceil(points.max(0)) + 2, canvas.size) - corner
+        if (side <= 0).any():
+            return
+        large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+        large.fill((*pygame.Color(CUE_PARTS[2][2])[:3], 0))
+        for corners, colour in parts:
+            pygame.draw.polygon(large, colour, (PATH_ZOOM * (corners - corner)).tolist())
+        self._table.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
+
+    def _draw_line(self, frame: Surface, points: Floats, colour: str, dashed: bool = False) -> None:
         """Draws a line through points (m, 2), m, in short pieces, which need only small surfaces."""
-        for a, b in itertools.pairwise(self.canvas.pixels_of(points)):
-            pieces = np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / 30))
-            for piece in itertools.pairwise(pieces):
-                self.canvas.draw_path(frame, np.array(piece), colour)
+        line = self.canvas.pixels_of(points)
+        if len(line) < 2:
+            return
+        along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
+        count = 2 * math.ceil(along[-1] / 24) + 1 if dashed else math.ceil(along[-1] / 50) + 1
+        for k, ends in enumerate(itertools.pairwise(np.linspace(0.0, along[-1], count + 1))):
+            if not (dashed and k % 2):
+                at = np.union1d(ends, along[(along > ends[0]) & (along < ends[1])])
+                piece = np.column_stack([np.interp(at, along, line[:, c]) for c in (0, 1)])
+                self.canvas.draw_path(frame, piece, colour)
 
     def _draw_shot(self, model: Model) -> None:
         """Draws the shown shots at the model's clock."""
@@ -130,14 +180,18 @@ class View:
         if not same or time < self._steps * STEP:
             self._start_paths(model)
         while (self._steps + 1) * STEP <= time:
-            self._draw_paths(self._paths, self._steps, (self._steps + 1) * STEP)
+            self._draw_paths(self._paths, (self._steps + 1) * STEP)
             self._steps += 1
         frame.blit(self._paths, (0, 0))
-        self._draw_paths(frame, self._steps, time)
-        for shot, moving, style in self._balls:
-            for ball in np.flatnonzero(shot.gone > time).tolist():
-                place = shot.path(ball, [min(time, shot.time) if ball in moving else 0.0])[0]
-                canvas.stamp(frame, ball, canvas.pixels_of(place), style)
+        self._draw_paths(frame, time)
+        for shot, _, ring in self._balls:
+            places = canvas.pixels_of(shot.trajectory.at(min(time, shot.time)))
+            shown = np.flatnonzero(shot.gone > time).tolist()
+            if ring:
+                for ball in shown:
+                    canvas.stamp(frame, ball, places[ball], RING)
+            else:
+                canvas.draw_balls(frame, shown, [places[ball] for ball in shown], self._turning.at(time))
         result = labels.result(model) if time >= model.duration - RESULT_SHOWN else ""
         potted = np.flatnonzero(self._balls[-1][0].gone <= time)
         canvas.draw_bar(frame, f"{labels.status(model)}   {time:.2f} s", result, potted)
@@ -147,46 +201,67 @@ class View:
         canvas = self.canvas
         self._shots, self._steps, self._paths = model.shown_shots, 0, canvas.table.copy()
         shot, ghost = model.shown_shots
-        # Each shot with its moving balls and their style; the ghost is drawn first.
-        self._balls: list[tuple[Recording, list[int], int]] = []
-        for shown, style in ((ghost, RING), (shot, BALL)):
+        # Each shot with the times and points of the paths of its moving balls, and whether it is drawn as rings; the
+        # ghost is drawn first.
+        self._balls: list[tuple[Recording, dict[int, tuple[Floats, Floats]], bool]] = []
+        for shown, ring in ((ghost, True), (shot, False)):
             if shown is not None:
                 recording = shown.recording()
                 moving = [ball for ball in range(len(recording.gone)) if recording.moves(ball)]
-                self._balls.append((recording, moving, style))
+                self._balls.append((recording, {ball: self._points(recording, ball) for ball in moving}, ring))
         recording, moving, _ = self._balls[-1]
+        self._turning = turning(recording, model.first_faces, VISIBLE)
         for ball in moving:
             canvas.stamp(self._paths, ball, canvas.pixels_of(recording.path(ball, [0.0])[0]), GHOST)
         cue = model.games[-2].state.cue_balls[0]
         velocity = np.array(model.strokes[-1].velocity)
         canvas.draw_arrow(self._paths, cue, recording.path(cue, [0.0])[0], velocity)
 
-    def _draw_paths(self, surface: Surface, step: int, end: float) -> None:
-        """Draws the paths of the shown shots from the start of a step to a later time, s."""
-        start = step * STEP
-        for shot, moving, style in self._balls:
-            if style == RING and step % 2 == 0:
+    def _points(self, shot: Recording, ball: int) -> tuple[Floats, Floats]:
+        """Returns the times (m,), s, and the points (m, 2), pixels, of a ball's path up to its end."""
+        end = min(shot.time, shot.gone[ball])
+        times = np.union1d(np.arange(math.ceil(end * PATH_STEPS / STEP)) * (STEP / PATH_STEPS), shot.corners(ball))
+        times = np.append(times[times < end], end)
+        return times, self.canvas.pixels_of(shot.trajectory.path(ball, times, before=True))
+
+    def _draw_paths(self, surface: Surface, end: float) -> None:
+        """Draws the paths of the shown shots from the start of the present step to a later time, s."""
+        start = self._steps * STEP
+        for shot, paths, ring in self._balls:
+            if ring and self._steps % 2 == 0:
                 continue
-            for ball in moving:
-                corners = shot.corners(ball)
-                times = np.union1d(np.linspace(start, end, PATH_STEPS), corners[(corners > start) & (corners < end)])
-                times = times[(times <= shot.time) & (times < shot.gone[ball])]
-                if len(times):
-                    points = self.canvas.pixels_of(shot.path(ball, times))
-                    self.canvas.draw_path(surface, points, self.canvas.looks[ball].path)
+            for ball, (times, points) in paths.items():
+                first, last = np.searchsorted(times, (start - 1e-12, end + 1e-12)).tolist()
+                line = points[first:last]
+                if len(line) and times[last - 1] < end - 1e-12 and last < len(times):
+                    line = np.vstack((line, self.canvas.pixels_of(shot.path(ball, [end]))))
+                if len(line) > 1:
+                    self.canvas.draw_path(surface, line, self.canvas.looks[ball].path)
 
     def _draw_rows(self, rows: Sequence[tuple[str, str]]) -> None:
         """Draws rows of two texts on a page that covers the table."""
         page = self._frame.subsurface(pygame.Rect(self._corner, self.canvas.size).clip(self._frame.get_rect()))
-        page.fill(self.canvas.table.get_at((0, 0)))
+        page.fill(PAPER)
         width, height = page.get_size()
         row = min(height // (len(rows) + 1), width // 24)
         top = (height - row * len(rows)) // 2
         for k, (key, effect) in enumerate(rows):
-            for text, x, end, colour in ((key, 0.08, 0.36, INK), (effect, 0.38, 0.98, GREY)):
+            for text, x, end, colour in ((key, 0.08, 0.36, INK), (effect, 0.38, 0.98, SOFT)):
                 end = end if effect else 0.98
                 image = text_image(text, round(0.72 * row), colour, round((end - x) * width))
                 page.blit(image, (round(x * width), top + k * row + (row - image.get_height()) // 2))
+
+    def _draw_end(self, model: Model) -> None:
+        """Draws the result of a game over the table."""
+        width, height = self.canvas.size
+        board = Surface((round(0.56 * width), round(0.4 * height)), pygame.SRCALPHA, 32)
+        pygame.draw.rect(board, (*pygame.Color(PAPER)[:3], 225), board.get_rect(), border_radius=height // 30)
+        rows = ((labels.status(model), 0.26, INK), (labels.score(model), 0.17, LEVEL), (labels.END, 0.1, SOFT))
+        for (text, size, colour), share in zip(rows, (0.28, 0.56, 0.8), strict=True):
+            image = text_image(text, round(size * board.get_height()), colour, round(0.92 * board.get_width()))
+            board.blit(image, image.get_rect(center=(board.get_width() // 2, round(share * board.get_height()))))
+        middle = self._corner[0] + width // 2, self._corner[1] + round(self.canvas.pixels_of((0.0, 0.0))[1])
+        self._frame.blit(board, board.get_rect(center=middle))
 
 
 def _strip(width: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Sequence
@@ -16,17 +17,24 @@ from billiards_env import records
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
-from billiards_env.games import GameState, Stroke
+from billiards_env.games import GameState, History, Stroke, opening
+from billiards_env.play.controls import STEEPEST
 from billiards_env.play.labels import UNSAVED
 from billiards_env.play.model import (
     AimAt,
     ChangeSpeed,
     Command,
     Input,
+    LookAt,
     Model,
     MoveBy,
+    MoveTip,
     MoveTo,
+    SetElevation,
+    SetSpeed,
+    SetTip,
     TurnAim,
+    begin,
     shoot,
     tick,
     update,
@@ -35,6 +43,7 @@ from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
 
 COMMANDS = {
+    pygame.K_c: "level",
     pygame.K_SPACE: "go",
     pygame.K_RETURN: "go",
     pygame.K_KP_ENTER: "go",
@@ -51,8 +60,15 @@ COMMANDS = {
 
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
 
-DEGREES, METRES_PER_SECOND, METRES = 1.0, 0.1, 0.01
-"""Changes of the aim, the speed and the cue ball in hand by an arrow key; a tenth of them with shift."""
+DEGREES, METRES_PER_SECOND, METRES, RADII = 1.0, 0.1, 0.01, 0.05
+"""Changes of the aim, the speed, the cue ball in hand and, with control, the tip of the cue by an arrow key; a tenth of
+them with shift."""
+
+ELEVATIONS = {pygame.K_PAGEUP: 5.0, pygame.K_PAGEDOWN: -5.0}
+"""Changes of the elevation of the cue, degrees."""
+
+DOUBLE_CLICK = 0.35
+"""s. The longest time between the two clicks of a double click."""
 
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
@@ -87,7 +103,9 @@ class GameWindow:
         self._view = View(model.setup.scene, width)
         self._screen = Screen(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
         pygame.key.set_repeat(300, 30)
-        self._dragging, self._seconds = False, 0.0
+        # The part that the mouse drags: a control, "arrow", "table" or nothing
+        self._dragged: str | None = None
+        self._clicked, self._seconds = -1.0, 0.0
         self._thought: _Thought | None = None
         self._shown: object = None
         self._frame = self._view.draw(model)
@@ -194,22 +212,66 @@ class GameWindow:
                 self._quit()
             elif event.key == pygame.K_s:
                 self.save()
+            elif event.key == pygame.K_n and self.model.phase == "over":
+                self._new_game()
+            elif event.key in ELEVATIONS:
+                self._do(SetElevation(self.model.elevation + ELEVATIONS[event.key]))
             elif event.key in ARROWS:
-                self._do(self._moved(*ARROWS[event.key], 0.1 if event.mod & pygame.KMOD_SHIFT else 1.0))
+                x, y = ARROWS[event.key]
+                share = 0.1 if event.mod & pygame.KMOD_SHIFT else 1.0
+                tip = MoveTip(-RADII * share * x, RADII * share * y)
+                self._do(tip if event.mod & pygame.KMOD_CTRL else self._moved(x, y, share))
             elif event.key in COMMANDS:
                 self._do(Command(COMMANDS[event.key]))
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self.message = ""
-            self._dragging = self._on_arrow(event.pos) and not self.model.help
-            if not self._dragging:
-                self._do(Command("go"))
+            self._press(event.pos)
         elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
-            self._dragging = False
+            self._dragged = None
         elif event.type == pygame.MOUSEMOTION:
-            point = self._view.point_of(event.pos)
-            self._do(AimAt(point) if self._dragging else MoveTo(point))
+            self._drag(event.pos)
+            self._do(MoveTo(self._view.point_of(event.pos)))
         elif event.type == pygame.MOUSEWHEEL:
             self._do(ChangeSpeed(METRES_PER_SECOND * event.y))
+
+    def _press(self, pixel: tuple[int, int]) -> None:
+        """Handles the left button: it presses a control, aims, places the cue ball or continues."""
+        control = self._view.controls.at(pixel)
+        if control == "shoot" and self.model.phase == "over":
+            self._new_game()
+        elif self.model.help or control == "shoot" or (self.model.phase != "aiming" and control is None):
+            self._do(Command("go"))
+        elif self.model.phase == "aiming":
+            double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
+            self._clicked = time.monotonic() if control == "ball" else -1.0
+            self._dragged = control or (
+                "arrow" if self._on_arrow(pixel) else "table" if self._on_table(pixel) else None
+            )
+            if double:
+                self._dragged = None
+                self._do(Command("level"))
+            elif self._dragged != "arrow":
+                self._drag(pixel)
+
+    def _drag(self, pixel: tuple[int, int]) -> None:
+        """Moves the part that the mouse drags."""
+        places, point = self._view.controls, self._view.point_of(pixel)
+        if self._dragged is None:
+            return
+        if self._dragged == "ball":
+            self._do(SetTip(*places.tip(pixel)))
+        elif self._dragged == "elevation":
+            self._do(SetElevation(STEEPEST * places.elevation.share(pixel)[1]))
+        elif self._dragged == "speed":
+            self._do(SetSpeed(places.speed.share(pixel)[0]))
+        else:
+            self._do(AimAt(point) if self._dragged == "arrow" else LookAt(point))
+
+    def _new_game(self) -> None:
+        """Starts a game with the same settings; the old one is no longer saved."""
+        model = self.model
+        history = History(model.setup, opening(model.setup, self._rng), ())
+        self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace)
 
     def _do(self, user_input: Input) -> None:
         self.model = update(self.model, user_input)
@@ -226,7 +288,12 @@ class GameWindow:
         if model.phase != "aiming":
             return False
         radius = model.setup.scene.balls.radius[model.cue]
-        velocity = np.array(model.stroke.velocity)
-        tip = np.array(model.cue_position) + velocity * (ARROW + ARROW_START * radius / model.speed)
+        along = np.array([math.cos(model.angle), math.sin(model.angle)])
+        tip = np.array(model.cue_position) + (ARROW * model.speed + ARROW_START * radius) * along
         ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_position, tip))
         return ball < self._view.canvas.scale * radius + GRIP or tip < GRIP
+
+    def _on_table(self, pixel: tuple[int, int]) -> bool:
+        """Returns whether a pixel is on the playing surface."""
+        table, (x, y) = self.model.setup.scene.table, self._view.point_of(pixel)
+        return abs(x) <= table.length / 2 and abs(y) <= table.width / 2

@@ -81,9 +81,8 @@ def test_balls_are_drawn_at_their_positions_to_scale(width):
 def test_balls_are_drawn_with_their_radius():
     scene = Scene(Balls((0.05,), (0.2,)))
     canvas, frame = still(scene, [[0.3, -0.2]], width=960)
-    cloth = np.abs(frame.astype(int) - rgb(CLOTH)).max(-1) <= 6
     x, y = np.floor(canvas.pixels_of([0.3, -0.2])).astype(int)
-    window = ~cloth[y - 30 : y + 31, x - 30 : x + 31]
+    window = frame[y - 30 : y + 31, x - 30 : x + 31, 0] > rgb(CLOTH)[0] + 16  # brighter than the cloth and the shadow
     assert window.sum() == pytest.approx(math.pi * (0.05 * canvas.scale) ** 2, rel=0.06)
     across = np.flatnonzero(window.any(0))
     assert across[-1] - across[0] + 1 == pytest.approx(2 * 0.05 * canvas.scale, abs=2)
@@ -101,7 +100,7 @@ def test_potted_balls_move_from_the_table_to_the_bar(shot):
     look = looks(shot.scene)
     bar = last[canvas.size[1] - 30 :].astype(int)
     for ball in range(1, 5):
-        seen = (np.abs(bar - rgb(look[ball].fill)).max(-1) <= 6).sum() > 50
+        seen = (np.abs(bar - rgb(look[ball].fill)).max(-1) <= 6).sum() > 20  # the lit side
         assert seen == (ball in (2, 3))
     for ball in (1, 4):
         assert near(last, canvas.pixels_of(shot.positions[ball]), look[ball].fill, 30, dx=-6)

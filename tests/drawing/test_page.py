@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import CLOTH, POCKET, looks
 from billiards_env.simulation import simulate
@@ -83,7 +84,7 @@ def test_balls_are_drawn_at_their_positions(player, shot):
         x, y = shot.at(1.0)[ball]
         assert pixel(player, x - 0.7 * 0.028, y) == pytest.approx(colour, abs=3)
     assert pixel(player, *shot.at(1.0)[0]) == [255, 255, 255]
-    assert pixel(player, 0.0, 0.0) == pytest.approx(rgb(CLOTH), abs=1)
+    assert pixel(player, 0.0, 0.0) == pytest.approx(rgb(CLOTH), abs=6)  # with the threads of the cloth
     assert pixel(player, -1.27, 0.635) == pytest.approx(rgb(POCKET), abs=1)
 
 
@@ -186,7 +187,7 @@ def test_the_other_run_can_be_hidden(player, pit):
     assert ring == pytest.approx(rgb(looks(pit.scene)[2].path), abs=30)
     assert "Rings: PIT, dt = 16.67 ms" in text(player, "#other")
     player.click("#rings")
-    assert pixel(player, x + 0.0283, y) == pytest.approx(rgb(CLOTH), abs=1)
+    assert pixel(player, x + 0.0283, y) == pytest.approx(rgb(CLOTH), abs=6)
     assert re.fullmatch(r"Furthest apart: ball \d, [\d.]+ mm", text(player, "#apart"))
 
 
@@ -237,6 +238,9 @@ def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot
         assert tab.run("document.documentElement.scrollWidth") <= min(width, 1100)
         assert height - tab.run("document.querySelector('main').getBoundingClientRect().bottom") < 16
         unused = "document.querySelector('#felt').{0} - document.querySelector('#table').{0}"
+        deadline = time.monotonic() + 10.0  # the table adapts to the frame after some frames
+        while tab.run("document.querySelector('#table').clientWidth") < 100 and time.monotonic() < deadline:
+            time.sleep(0.02)
         assert tab.run(unused.format("clientWidth")) < 30 or tab.run(unused.format("clientHeight")) < 2
         assert tab.run(unused.format("clientHeight")) < 50
 
@@ -296,3 +300,53 @@ def test_bad_paths_are_rejected(shot, elsewhere, tmp_path):
     with pytest.raises(ValueError, match="compare: expected a shot with the same balls"):
         shot.to_html(tmp_path / "a.html", compare=elsewhere)
     assert os.listdir(tmp_path) == []
+
+
+@needs_browser
+def test_balls_turn_as_in_python(tab, tmp_path):
+    scene = Scene.named("pool", 1)
+    shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
+    shot.to_html(tmp_path / "spin.html")
+    tab.open(tmp_path / "spin.html")
+    turns = turning(shot.recording())
+    for t in np.linspace(0.0, shot.time, 40).tolist():
+        for ball, face in enumerate(turns.at(t)):
+            shown = np.array(tab.run(f"billiards.face({ball}, {t!r})"))
+            assert min(abs(shown - face).max(), abs(shown + face).max()) < 2e-3
+    x, y = shot.at(0.3)[0]
+    tab.run("billiards.seek(0.3)")
+    views = [pixel(tab, x + dx, y + dy) for dx in (-0.02, 0.0, 0.02) for dy in (-0.02, 0.0, 0.02)]
+    tab.run("billiards.seek(0.31)")
+    x, y = shot.at(0.31)[0]
+    assert views != [pixel(tab, x + dx, y + dy) for dx in (-0.02, 0.0, 0.02) for dy in (-0.02, 0.0, 0.02)]
+
+
+@needs_browser
+def test_touch_plays_and_moves_the_time(player):
+    player.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    try:
+        box = player.run(
+            "(r => [r.x, r.y, r.width, r.height])(document.querySelector('#table').getBoundingClientRect())"
+        )
+        x, y = box[0] + 0.3 * box[2], box[1] + 0.5 * box[3]
+
+        def touch(kind, *points):
+            places = [{"x": px, "y": py} for px, py in points]
+            player.call("Input.dispatchTouchEvent", type=kind, touchPoints=places)
+
+        touch("touchStart", (x, y))
+        touch("touchEnd")
+        deadline = time.monotonic() + 10.0  # a tap becomes a click after a while
+        while not player.run("billiards.playing") and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert player.run("billiards.playing")
+        player.run("billiards.pause(); billiards.seek(0)")
+        touch("touchStart", (x, y))
+        for k in range(1, 9):
+            touch("touchMove", (x + 0.05 * k * box[2], y))
+        touch("touchEnd")
+        moved = player.run("billiards.time")
+        assert moved == pytest.approx(0.4 * player.run("billiards.duration"), rel=0.15)
+        assert not player.run("billiards.playing")
+    finally:
+        player.call("Emulation.setTouchEmulationEnabled", enabled=False)

@@ -112,3 +112,32 @@ def test_the_times_of_hits_in_the_jaws_are_on_the_nearest_rail():
     (x, y), sides = labels[0].get_position(), abs(np.array([hits["x"][0], hits["y"][0]])) - [0.9906, 0.4953]
     assert (x == 0.0) == (sides[0] < sides[1])
     assert (abs(x), abs(y)) in ((20, 0), (0, 20))
+
+
+def test_the_colour_of_a_path_is_the_speed(shot):
+    from matplotlib.collections import LineCollection
+
+    steps = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_array() is not None]
+    assert len(steps) == 3  # a collection for each moving ball
+    recording = shot.recording()
+    fastest = max(recording.speeds(i, recording.corners(i)).max() for i in range(5))
+    assert all(c.get_clim() == (0.0, fastest) for c in steps)
+    assert fastest == pytest.approx(2.8, rel=1e-3)
+    assert max(np.asarray(c.get_array(), float).max() for c in steps) == fastest
+
+
+def test_ticks_show_the_side_spin():
+    from matplotlib.collections import LineCollection
+
+    def ticks(wz):
+        shot = simulate(Scene.named("pool", 0), [[-0.6, 0.1]], [1.0, 0.0], spins=[0.0, 0.0, wz], record=True)
+        drawn = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_array() is None]
+        return np.array([segment for c in drawn for segment in c.get_segments()])[:6]  # before the cushion
+
+    assert len(ticks(0.0)) == 0
+    left, right = ticks(60.0), ticks(-60.0)
+    assert len(left) == len(right) == 6
+    assert (left[:, 1, 1] > left[:, 0, 1]).all()  # to the left of a path along x
+    assert (right[:, 1, 1] < right[:, 0, 1]).all()
+    lengths = np.hypot(*(left[:, 1] - left[:, 0]).T)
+    assert (np.diff(lengths) < 0).all()  # the spin decays

@@ -98,3 +98,11 @@ def test_the_looks_of_balls():
     assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#d55e00", "#f0e442"]  # ball 1 is red
     fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
     assert looks(fixed)[1].fill == "#6b6b6b"
+
+
+def test_speeds_are_the_slopes_of_the_path(shot):
+    recording = shot.recording()
+    times = np.array([0.02, 0.1, 0.5, 1.5, shot.time])
+    slopes = np.hypot(*((recording.path(0, times + 1e-6) - recording.path(0, times - 1e-6)) / 2e-6).T)
+    assert recording.speeds(0, times) == pytest.approx(slopes, abs=1e-5)
+    assert recording.speeds(1, times).tolist() == [0.0] * 5

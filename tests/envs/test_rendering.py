@@ -462,7 +462,7 @@ def test_a_custom_scene_is_drawn():
     env = BilliardsEnv(scene=data, render_mode="rgb_array")
     env.reset(options={"positions": [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]]})
     frame = env.render().astype(int)
-    assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 300
+    assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 100  # the lit side of the fixed ball
 
 
 @pytest.mark.parametrize(("render_mode", "fps"), [("rgb_array", 1), ("rgb_array_list", 30), ("human", 30)])

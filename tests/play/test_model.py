@@ -1,3 +1,4 @@
+import dataclasses
 import math
 import subprocess
 import sys
@@ -6,17 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import simulate
+from billiards_env import Scene, simulate, strike
 from billiards_env.drawing.pace import PACES
-from billiards_env.games import Stroke, play
+from billiards_env.games import History, Setup, Stroke, custom_opening, play
 from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
     AimAt,
     ChangeSpeed,
     Command,
+    LookAt,
     MoveBy,
     MoveTo,
+    SetElevation,
+    SetTip,
     TurnAim,
     begin,
     shoot,
@@ -24,6 +28,7 @@ from billiards_env.play.model import (
     update,
 )
 from billiards_env.play.preview import make_preview
+from billiards_env.scene import Physics
 
 STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
@@ -132,11 +137,62 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
     assert preview.path[-1] == pytest.approx([hit["x"], hit["y"]], abs=1e-3)
     line = STRAIGHT[1] - preview.path[-1]
     assert np.hypot(*line) == pytest.approx(2 * model.setup.scene.balls.radius[0], abs=1e-3)
-    # The struck ball leaves along the line of centres, and no momentum is gained.
-    x, y = preview.struck
+    # The struck ball leaves along the line of centres.
+    x, y = preview.struck[1] - preview.struck[0]
     assert math.atan2(y, x) == pytest.approx(math.atan2(line[1], line[0]), abs=0.05)
-    assert np.hypot(*(preview.struck + preview.cue)) < model.speed
-    assert np.hypot(*preview.struck) > np.hypot(*preview.cue)
+    # Both paths end at the next contacts of the two balls, or at their rest.
+    later = shot.events[(shot.events["time"] > hit["time"]) & np.isin(shot.events["kind"], ["cushion", "pocket"])]
+    for ball, path in ((0, preview.cue), (1, preview.struck)):
+        contacts = later[later["ball"] == ball]
+        end = (contacts["x"][0], contacts["y"][0]) if len(contacts) else shot.positions[ball]
+        assert path[0] == pytest.approx(shot.at(hit["time"])[ball], abs=1e-3)
+        reach = 0.0
+        if len(contacts) and contacts["kind"][0] == "pocket":  # its path ends at the rim of the pocket
+            reach = model.setup.scene.table.pockets[contacts["other"][0]].radius
+        assert np.hypot(*(path[-1] - end)) == pytest.approx(reach, abs=2e-3)
+
+
+def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
+    plain = after(make_model(positions=STRAIGHT), LookAt((0.4, 0.03)))
+    turned = after(plain, SetTip(-0.4, 0.2), SetElevation(10.0))
+    assert (turned.angle, turned.speed) == (plain.angle, plain.speed)
+    assert not np.allclose(turned.preview.path[:50], plain.preview.path[:50], atol=1e-4)
+    scene, (side, top) = turned.setup.scene, turned.tip
+    made = strike(scene, turned.speed / strike(scene, 1.0, 0.0).velocity[0], turned.angle, side, top, math.radians(10))
+    shot = simulate(scene, STRAIGHT, made, record=True)
+    assert shot.events is not None
+    times = shot.events["time"][shot.events["kind"] == "ball_ball"]
+    assert turned.preview.path[-1] == pytest.approx(shot.at(times[0])[0], abs=1e-12)
+    assert turned.stroke.velocity == tuple(made.velocity)
+    assert turned.stroke.spin == tuple(made.spin)
+
+
+def test_the_tip_of_the_cue_does_not_slip(make_model):
+    model = after(make_model(positions=STRAIGHT), SetTip(0.9, -1.2))
+    assert math.hypot(*model.tip) == pytest.approx(0.5, rel=2e-3)
+    assert model.tip[0] / model.tip[1] == pytest.approx(-0.75)
+    assert after(model, SetElevation(200.0)).elevation == 90.0
+    assert after(model, Command("level")).tip == (0.0, 0.0)
+    assert after(model, Command("go"), Command("go")).tip == (0.0, 0.0)  # the next turn begins with a level cue
+
+
+def test_scenes_without_spin_have_no_english():
+    scene = Scene.named("pool", 2)
+    rolling = Physics(motion="rolling", cushion="restitution")
+    setup = Setup("straight", dataclasses.replace(scene, physics=rolling))
+    model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
+    assert after(model, SetTip(0.3, 0.0), SetElevation(20.0)) is model
+    assert model.stroke.velocity == (2.0, 0.0)
+
+
+def test_balls_keep_their_orientation_from_shot_to_shot(make_model):
+    first = after(make_model(positions=STRAIGHT), LookAt((0.4, 0.03)), Command("go"))
+    assert first.first_faces is None
+    second = after(first, Command("go"))
+    assert second.faces.shape == (3, 4)
+    assert abs(second.faces[0, 0]) < 1
+    assert second.faces[2].tolist() == [1.0, 0.0, 0.0, 0.0]  # has not moved
+    assert after(second, Command("go")).first_faces is second.faces
 
 
 def test_a_preview_without_contact_shows_the_whole_path(make_model):

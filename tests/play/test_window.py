@@ -51,6 +51,15 @@ def click(shown, point):
     shown.frame()
 
 
+def click_on(shown, control, across=0.5, down=0.5):
+    """Clicks on a control of the window, at shares of its width and height."""
+    box = getattr(shown._view.controls, control)
+    pos = round(box.x + across * box.width), round(box.y + down * box.height)
+    for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
+        pygame.event.post(pygame.event.Event(kind, pos=pos, button=1))
+    shown.frame()
+
+
 def drag(shown, start, *points):
     pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1))
     for point in points:
@@ -98,12 +107,68 @@ def test_a_shot_by_mouse(make_model, window):
     assert 0.09 * model.speed + 1.4 * 0.028575 == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
     drag(shown, (-0.1, 0.3), (0.0, 0.0))  # at the tip of the arrow
     assert shown.model.angle == pytest.approx(0.0, abs=0.03)
+    speed = shown.model.speed
+    click(shown, (0.8, -0.4))  # aims, and does not shoot
+    assert shown.model.angle == pytest.approx(math.atan2(-0.4, 1.2), abs=0.02)
+    assert (shown.model.phase, shown.model.speed) == ("aiming", speed)
     expected = shown.model.stroke
-    click(shown, (0.8, -0.4))
+    click_on(shown, "shoot")
     assert shown.model.strokes == (expected,)
     assert shown.model.phase == "rolling"
     click(shown, (0.8, -0.4))
     assert shown.model.phase == "aiming"
+
+
+def test_the_controls_set_the_tip_the_elevation_and_the_speed(make_model, window):
+    shown = window(make_model(positions=BALLS))
+    plain = press(shown)
+    click_on(shown, "ball", 0.65, 0.6)  # right of the centre and below it
+    side, top = shown.model.tip
+    assert (side, top) == pytest.approx((-0.3, -0.2), abs=0.06)
+    click_on(shown, "elevation", 0.5, 0.5)
+    assert shown.model.elevation == pytest.approx(45.0, abs=3.0)
+    click_on(shown, "speed", 0.75, 0.5)
+    assert shown.model.speed == pytest.approx(0.75 * 8.0, abs=0.2)
+    assert shown.model.strokes == ()
+    assert shown.model.stroke.spin[2] > 0  # a hit on the right turns the ball counterclockwise
+    assert (press(shown) != plain).any()
+    click_on(shown, "ball", 1.0, 0.5)
+    assert math.hypot(*shown.model.tip) < shown.model.setup.scene.cue.miscue_offset
+    click_on(shown, "ball", 1.0, 0.5)  # the second click of a double click
+    assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
+
+
+def test_keys_set_the_tip_and_the_elevation(make_model, window):
+    shown = window(make_model(positions=BALLS))
+    press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
+    press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
+    assert shown.model.tip == pytest.approx((0.05, 0.1))
+    assert shown.model.elevation == 5.0
+    assert shown.model.angle == 0.0
+    press(shown, pygame.K_c)
+    assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
+
+
+def test_a_click_next_to_the_table_has_no_effect(make_model, window):
+    shown = window(make_model(positions=BALLS))
+    model = shown.model
+    click(shown, (0.0, 0.72))
+    assert shown.model is model
+
+
+def test_a_new_game_starts_after_the_end(make_model, window):
+    model = make_model("straight", [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]], target=1)
+    shown = window(model)
+    press(shown, pygame.K_n)
+    assert shown.model is model  # the game is not over
+    end = press(shown, pygame.K_SPACE, pygame.K_SPACE)
+    assert shown.model.phase == "over"
+    assert (pixels(shown._view.canvas.table)[40:80, 100:220] != end[40:80, 100:220]).any()  # the result is shown
+    click(shown, (0.0, 0.0))
+    assert shown.model.phase == "over"
+    click_on(shown, "shoot")
+    assert shown.model.strokes == ()
+    assert shown.model.phase in ("aiming", "placing")
 
 
 def test_the_mouse_places_the_cue_ball_in_hand(make_model, window):
@@ -303,7 +368,7 @@ def test_an_error_of_a_program_is_raised(make_model, window):
 def lit(frame, shown, point, colour):
     """Returns whether a frame has a colour near a point; edges are smoothed."""
     x, y = at(shown, point)
-    patch = frame[y - 2 : y + 3, x - 2 : x + 3].reshape(-1, 3).astype(int)
+    patch = frame[y - 4 : y + 5, x - 4 : x + 5].reshape(-1, 3).astype(int)  # larger than the number in the middle
     return bool((np.abs(patch - colour).max(axis=1) < 15).any())
 
 

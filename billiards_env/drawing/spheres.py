@@ -1,0 +1,152 @@
+"""Balls as shaded spheres whose marks turn with them, drawn with pygame.
+
+The face of a ball is a map of its surface: an equal-area projection of each half. For each pixel of a ball the painter
+turns the normal into the ball's own frame, looks up the colour and multiplies it by the light. Balls are painted twice
+as large and then reduced, which smooths their edges and marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pygame
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.drawing.orientation import Floats, matrices
+from billiards_env.drawing.style import (
+    AMBIENT,
+    CHALK,
+    DARKEST,
+    DIFFUSE,
+    DISC,
+    DOTS,
+    INK,
+    LIGHT,
+    SHADOW,
+    SHADOW_DARK,
+    SHADOW_REACH,
+    SHINE,
+    SHINE_LIGHT,
+    SHINE_POWER,
+    STRIPE,
+    Look,
+)
+
+ZOOM = 2
+"""Enlargement of a ball before it is reduced."""
+
+
+class Painter:
+    """Paints balls of given looks and radii."""
+
+    def __init__(self, looks: Sequence[Look], radius: ArrayLike) -> None:
+        """Prepares the faces of balls; the radii are in pixels."""
+        self._radius = np.array(radius, np.float32)
+        self._side = 2 * int(np.ceil(self._radius.max() + 1))
+        self._texels = int(np.clip(4 * self._radius.max(), 24, 512))
+        kinds = {look: k for k, look in enumerate(dict.fromkeys(look._replace(path="") for look in looks))}
+        self._kind = np.array([kinds[look._replace(path="")] for look in looks])
+        maps = np.stack([face(look, self._texels) for look in kinds]).astype(np.float32)
+        self._maps = [np.ascontiguousarray(maps[..., c].ravel()) for c in range(3)]
+
+    def paint(self, balls: NDArray[np.intp], fractions: Floats, faces: Floats) -> list[pygame.Surface]:
+        """Paints balls.
+
+        Args:
+            balls: (m,) numbers of the balls.
+            fractions: (m, 2) pixels from the middle of each image to the centre of its ball, to the right and down.
+            faces: (m, 4) orientations.
+
+        Returns:
+            An image of each ball.
+        """
+        m, side = len(balls), self._side
+        r = self._radius[balls]
+        pixels = (np.arange(ZOOM * side, dtype=np.float32) + 0.5) / ZOOM - side / 2
+        offset = fractions.astype(np.float32)
+        x = (pixels - offset[:, :1]) / r[:, None]
+        y = -(pixels - offset[:, 1:]) / r[:, None]
+        x, y = np.broadcast_arrays(x[:, None, :], y[:, :, None])
+        square = x * x + y * y
+        far = np.sqrt(square)
+        edge = np.clip((1.0 - far) * (ZOOM * r[:, None, None]) + 0.5, 0.0, 1.0)
+        inside = np.minimum(1.0, 0.999 / np.maximum(far, 1e-6))  # pixels outside have the colour of the edge
+        x, y = x * inside, y * inside
+        z = np.sqrt(np.maximum(1.0 - square, 0.002))
+        normal = np.stack((x, y, z), 1).reshape(m, 3, -1)
+        own = matrices(faces).astype(np.float32).transpose(0, 2, 1) @ normal
+        texels = self._texels
+        scale = (0.5 * texels - 0.51) / np.sqrt(1.0 + np.abs(own[:, 2]))
+        column = (own[:, 0] * scale + 0.5 * texels).astype(np.int32)
+        row = (0.5 * texels - own[:, 1] * scale).astype(np.int32)
+        half = 2 * self._kind[balls].astype(np.int32)[:, None] + (own[:, 2] < 0.0)
+        index = (half * texels + row) * texels + column
+        light, shine = (np.einsum("i,mip->mp", np.array(v, np.float32), normal) for v in (LIGHT, SHINE))
+        light = np.clip(AMBIENT + DIFFUSE * light, DARKEST, 1.0)
+        shine = 255 * SHINE_LIGHT * np.maximum(shine, 0.0) ** SHINE_POWER
+        image = np.empty((m * ZOOM * side, ZOOM * side, 4), np.uint8)
+        flat = image.reshape(m, -1, 4)
+        for c, colours in enumerate(self._maps):
+            flat[..., c] = np.minimum(colours[index] * light + shine, 255.0)
+        flat[..., 3] = (255 * edge).reshape(m, -1)
+        large = pygame.image.frombuffer(image.data, (ZOOM * side, m * ZOOM * side), "RGBA")
+        strip = pygame.transform.smoothscale(large, (side, m * side))
+        return [strip.subsurface((0, k * side, side, side)) for k in range(m)]
+
+
+def face(look: Look, texels: int) -> Floats:
+    """Returns the map of a ball's surface, (2, texels, texels, 3) RGB from 0 to 255: the upper and the lower half."""
+    places = (np.arange(texels) + 0.5) / texels * 2.0 - 1.0
+    u, v = np.meshgrid(places, -places)
+    square = np.minimum(u * u + v * v, 1.0)
+    stretch = np.sqrt(2.0 - square)
+    x, y, z = u * stretch, v * stretch, 1.0 - square
+    fill, chalk = np.array(pygame.Color(look.fill))[:3], np.array(pygame.Color(CHALK))[:3]
+    halves = np.empty((2, texels, texels, 3))
+    for half, sign in zip(halves, (1.0, -1.0), strict=True):
+
+        def mix(share: Floats, colour: NDArray[np.int_], out: Floats = half) -> None:
+            share = np.clip(share * texels / 2.8 + 0.5, 0.0, 1.0)[..., None]
+            out += share * (colour - out)
+
+        half[:] = chalk if look.striped else fill
+        if look.striped:
+            mix(STRIPE - abs(y), fill)
+        if not look.dots:
+            mix(DISC - np.hypot(x, y), chalk)
+            ink = _number(look.number, sign * x, y, texels)[..., None]
+            half += ink * (np.array(pygame.Color(INK))[:3] - half)
+        else:
+            for dot in DOTS:
+                cosine = np.clip(dot[0] * x + dot[1] * y + sign * dot[2] * z, -1.0, 1.0)
+                mix(look.dot - np.arccos(cosine), np.array(pygame.Color(look.dots))[:3])
+    return halves
+
+
+def _number(text: str, x: Floats, y: Floats, texels: int) -> Floats:
+    """Returns the opacity of a number at points of the unit disc."""
+    pygame.font.init()
+    size = 4 * texels
+    large = pygame.font.Font(None, size).render(text, True, "white")
+    box = large.get_bounding_rect()
+    width = 2 * DISC * (0.52 if len(text) == 1 else 0.78)
+    height = min(2 * DISC * 0.68, width * box.height / box.width)
+    width = height * box.width / box.height
+    small = max(1, round(width * texels / 2.0)), max(1, round(height * texels / 2.0))
+    alpha = pygame.surfarray.array_alpha(pygame.transform.smoothscale(large.subsurface(box), small)).T / 255.0
+    column = np.floor((x / width + 0.5) * small[0]).astype(int)
+    row = np.floor((0.5 - y / height) * small[1]).astype(int)
+    inside = (column >= 0) & (column < small[0]) & (row >= 0) & (row < small[1])
+    return np.where(inside, alpha[np.clip(row, 0, small[1] - 1), np.clip(column, 0, small[0] - 1)], 0.0)
+
+
+def shadow(radius: float, dx: float, dy: float) -> pygame.Surface:
+    """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
+    side = 2 * int(np.ceil(1.7 * radius + 1))
+    pixels = np.arange(side) + 0.5 - side / 2
+    far = np.hypot((pixels[:, None] - dx) / radius - SHADOW[0], (pixels[None, :] - dy) / radius + SHADOW[1])
+    share = np.clip((SHADOW_REACH[1] - far) / (SHADOW_REACH[1] - SHADOW_REACH[0]), 0.0, 1.0)
+    image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
+    pygame.surfarray.pixels_alpha(image)[:] = 255 * SHADOW_DARK * share * share * (3.0 - 2.0 * share)
+    return image
