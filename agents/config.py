@@ -21,7 +21,7 @@ import yaml
 from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import choose, whole
+from billiards_env.checks import choose, flag, whole
 
 ENV_ID = "Billiards-v0"
 HEADS = ("gaussian", "turned", "mixture", "bins", "hits", "pots")
@@ -179,6 +179,7 @@ class Imitation:
     Attributes:
         layouts: The number of layouts.
         shots: The number of shots that the search tries on each layout.
+        vary: Whether the search repeats pots with random speeds and, with `action: strike`, random offsets of the tip.
         batch_size: Layouts in a minibatch.
         n_epochs: Passes over the layouts.
         learning_rate: Adam's step size at the start; it falls linearly to a hundredth.
@@ -186,6 +187,7 @@ class Imitation:
 
     layouts: int
     shots: int = 20
+    vary: bool = False
     batch_size: int = 1024
     n_epochs: int = 4
     learning_rate: float = 2e-3
@@ -193,6 +195,7 @@ class Imitation:
     def __post_init__(self) -> None:
         for name in ("layouts", "shots", "batch_size", "n_epochs"):
             at_least(f"imitation.{name}", getattr(self, name), 1)
+        flag("imitation.vary", self.vary)
         if self.learning_rate <= 0:
             raise ValueError(f"imitation.learning_rate = {self.learning_rate!r}: expected a number > 0")
 

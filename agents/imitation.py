@@ -26,7 +26,7 @@ class Examples(NamedTuple):
 
     Attributes:
         observations: (m, size), of the layouts.
-        actions: (m, s, 2), the shots.
+        actions: (m, s, 2) or (m, s, 5), the shots.
         rewards: (m, s), of the shots.
     """
 
@@ -85,6 +85,6 @@ def search(config: Config, settings: Imitation) -> Examples:
             observations, _ = envs.reset(seed=training_seed(config, first))
             game = envs.unwrapped
             tables = Tables(game.positions, game.potted, game.goals, game.on)
-            found.append((observations, *try_pots(game.single_env, tables, settings.shots, rng)))
+            found.append((observations, *try_pots(game.single_env, tables, settings.shots, rng, settings.vary)))
             bar.update(count)
     return Examples(*(torch.from_numpy(np.concatenate(parts)).float() for parts in zip(*found, strict=True)))

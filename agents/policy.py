@@ -1,7 +1,8 @@
 """A policy over the velocity of the cue ball whose distribution is a mixture of Gaussians.
 
 It plays `Billiards-v0` without a wrapper: an action is the velocity vector of the environment, or a strike with
-`action="strike"`. The head is the part of the policy that computes the mixture. `HEADS` lists the heads, which differ in their prior knowledge of the game.
+`action="strike"`. The head is the part of the policy that computes the mixture. `HEADS` lists the heads, which differ
+in their prior knowledge of the game.
 """
 
 from __future__ import annotations

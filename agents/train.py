@@ -196,7 +196,8 @@ def _train(config: Config, run_dir: Path) -> None:
         model.num_timesteps = int(checkpoint.stem)
         print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
     # A first shot compiles the engine, so that its notices appear before the progress bar.
-    play_together(make_vector(config, 1), lambda observations: np.zeros((1, 2)), [0])
+    envs: Any = make_vector(config, 1)
+    play_together(envs, lambda observations: np.zeros(envs.action_space.shape), [0])
     try:
         with tqdm(
             total=max(total, model.num_timesteps),

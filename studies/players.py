@@ -57,9 +57,9 @@ def measure(
 
     def act(observation: NDArray[np.float32]) -> NDArray[np.float64]:
         begin = time.perf_counter()
-        velocity = strategy(situation(base), rng)
+        action = strategy(situation(base), rng)
         times.append(time.perf_counter() - begin)
-        return velocity / base.max_speed
+        return action
 
     result = play(env, act, evaluation_seeds(seed, episodes).tolist())
     env.close()

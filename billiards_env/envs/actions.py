@@ -23,8 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import choose, finite, shaped
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.physics.motion import norm
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
-from billiards_env.physics.strike import CueNumbers, cue_numbers, struck
+from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
 from billiards_env.strikes import Strike
 
@@ -75,6 +76,32 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
     if size > 2:
         strike_balls(0, 1, np.zeros(1, np.bool_), array[None], tuple(cue_numbers(scene)), (velocity, spin, miscue))
     return Strike(velocity[0, 0], spin[0, 0], miscue[0])
+
+
+def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
+    """Returns level strikes that give the ball the velocities of actions, with spin.
+
+    The heading is turned against the squirt, and the speed is increased by what the spin takes. It is at most 1, so a
+    fast ball with much spin is slower than its action.
+
+    Args:
+        scene: The scene.
+        actions: (m, 2) velocities, divided by `max_speed`.
+        offsets: (m, 2) side and top of the strikes, see the module.
+
+    Returns:
+        (m, 5) actions.
+
+    Example:
+        >>> pool = Scene.named("pool")
+        >>> (action,) = aimed_strikes(pool, [[0.5, 0.0]], [[0.6, 0.2]])
+        >>> cue_strike(action, pool, 4.0).velocity.round(12).tolist()
+        [2.0, 0.0]
+    """
+    velocities, tips = np.asarray(actions, dtype=np.float64), np.asarray(offsets, dtype=np.float64)
+    out = np.zeros((len(velocities), 5))
+    _aimed(tuple(cue_numbers(scene)), shaped("actions", velocities, (len(tips), 2)), tips, out)
+    return out
 
 
 def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
@@ -162,6 +189,20 @@ def strike_balls(begin, end, skip, actions, cue, starts):
         velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y] = vx, vy
         spins[k, CUE_BALL, SPIN_X], spins[k, CUE_BALL, SPIN_Y], spins[k, CUE_BALL, SPIN_Z] = wx, wy, wz
         miscues[k] = miscue
+
+
+@entry_point
+def _aimed(cue, actions, offsets, out):
+    cue = CueNumbers(*cue)
+    full = speed_gain(cue, 0.0)
+    for k in range(len(actions)):
+        side, top = cue.miscue * offsets[k, 0], cue.miscue * offsets[k, 1]
+        s, c = squirt(cue, side)
+        slower = speed_gain(cue, norm(side, top)) / full
+        x, y = shorten(
+            (c * actions[k, X] - s * actions[k, Y]) / slower, (s * actions[k, X] + c * actions[k, Y]) / slower, 1.0
+        )
+        out[k, X], out[k, Y], out[k, SIDE], out[k, TOP] = x, y, offsets[k, 0], offsets[k, 1]
 
 
 @entry_point

@@ -6,8 +6,7 @@ Example:
     >>> from billiards_env.players.strategies import geometric
     >>> env = BilliardsEnv()
     >>> _ = env.reset(seed=1)
-    >>> velocity = geometric(situation(env), np.random.default_rng(0))
-    >>> env.step(velocity / env.max_speed)[1]
+    >>> env.step(geometric(situation(env), np.random.default_rng(0)))[1]
     1.0
 """
 
@@ -20,18 +19,26 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.threads import spread
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.actions import ACTIONS, aimed_strikes
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, SPEEDS, find_pots
-from billiards_env.players.strategies import Situation, anywhere
+from billiards_env.players.strategies import Situation, anywhere, random_offsets, with_numbers
 
 Floats = NDArray[np.float64]
+
+_VARIED = 0.35  # largest change of the logarithm of a speed
 
 
 def situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
     targets = env.on if env.on.size else env.targets
     return Situation(
-        env.scene, env.positions, env.potted, targets, env.max_speed, lambda actions: rewards(env, actions)
+        env.scene,
+        env.positions,
+        env.potted,
+        targets,
+        env.max_speed,
+        lambda actions: rewards(env, actions),
+        numbers=ACTIONS[env.action],
     )
 
 
@@ -60,15 +67,13 @@ def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) ->
 
     Args:
         env: The environment; it does not change.
-        actions: (m, 2), or (m, 5) as for `env.step` with `action="strike"`, where two numbers are a level, central
-            strike.
+        actions: (m, 2) or (m, 5), as for `env.step`.
         tables: The table before each action; None for the table of the environment.
 
     Returns:
         (m,) rewards.
     """
     m, n = len(actions), env.scene.n_balls
-    actions = np.pad(actions, ((0, 0), (0, ACTIONS[env.action] - actions.shape[1])))
     positions, potted, goals, on = (env.positions, env.potted, env.goals, env.on) if tables is None else tables
     episodes, found = env.episodes(m), np.empty(m)
     episodes.shots.positions[:] = positions
@@ -84,7 +89,9 @@ def rewards(env: BilliardsEnv, actions: Floats, tables: Tables | None = None) ->
     return found
 
 
-def try_pots(env: BilliardsEnv, tables: Tables, shots: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def try_pots(
+    env: BilliardsEnv, tables: Tables, shots: int, rng: np.random.Generator, vary: bool = False
+) -> tuple[Floats, Floats]:
     """Simulates pots on each of m tables, in a few calls for all tables.
 
     The easiest pots come first, each at all of its speeds. If there are too few, they are repeated. On a table without
@@ -95,9 +102,10 @@ def try_pots(env: BilliardsEnv, tables: Tables, shots: int, rng: np.random.Gener
         tables: The tables.
         shots: s, the number of shots on each table.
         rng: The generator to draw from.
+        vary: Whether repeated pots have random speeds and, if actions are strikes, random offsets of the tip.
 
     Returns:
-        (m, s, 2) actions and their (m, s) rewards.
+        (m, s, 2) or (m, s, 5) actions and their (m, s) rewards.
     """
     m = len(tables.positions)
     pots = find_pots(
@@ -111,4 +119,12 @@ def try_pots(env: BilliardsEnv, tables: Tables, shots: int, rng: np.random.Gener
     actions = pot[..., SPEED, None] / env.max_speed * pot[..., DX : DY + 1]
     none = count == 0
     actions[none] = anywhere(none.sum() * shots, rng).reshape(-1, shots, 2)
-    return actions, rewards(env, actions.reshape(-1, 2), tables.repeat(shots)).reshape(m, shots)
+    actions, numbers = actions.reshape(-1, 2), ACTIONS[env.action]
+    if vary:
+        again = (np.arange(shots) >= np.maximum(count, 1)[:, None]).reshape(-1, 1)
+        actions = np.where(again, actions * np.exp(rng.uniform(-_VARIED, _VARIED, again.shape)), actions)
+        if numbers > 2:
+            offsets = np.where(again, random_offsets(len(actions), rng), 0.0)
+            actions = aimed_strikes(env.scene, actions, offsets)
+    actions = with_numbers(actions, numbers)
+    return actions.reshape(m, shots, numbers), rewards(env, actions, tables.repeat(shots)).reshape(m, shots)

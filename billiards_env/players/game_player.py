@@ -86,11 +86,11 @@ def _strategic(text: str, setup: Setup) -> Player:
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         if text == "random":
-            velocity, place = strategy(situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
+            action, place = strategy(situation(setup, game, max_speed), rng), draw_place(setup, game, rng)
         else:
             game, place = place_cue_ball(setup, game, max_speed, rng)
-            velocity = strategy(situation(setup, game, max_speed), rng)
-        return with_call(setup, game, make_stroke(velocity, max_speed, place))
+            action = strategy(situation(setup, game, max_speed), rng)
+        return with_call(setup, game, make_stroke(max_speed * action, max_speed, place))
 
     return stroke
 

@@ -1,11 +1,13 @@
 """Strategies: the choice of a shot by a player without training.
 
-* "random" plays a random velocity.
+* "random" plays a random action.
 * "geometric" plays the best direct pot or, without one, the best pot off one cushion (`billiards_env.players.pots`).
   Without a pot it plays a full hit on the nearest target at the largest speed. It does not use the engine.
 * "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
 
-A strategy is a function `(situation, rng) -> velocity`, where the velocity of the cue ball is a (2,) array in m/s.
+A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball over the largest speed,
+(2,), or a strike, (5,), see `billiards_env.envs.actions`. "search" also tries pots with random english and follow or
+draw, if actions are strikes.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose
-from billiards_env.envs.actions import perturb
+from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.players.pots import Shots, pot_shots
 from billiards_env.scene import Scene
 
@@ -34,17 +36,16 @@ FINALISTS, REPEATS = 16, 16
 class Situation(NamedTuple):
     """A table before a shot.
 
-    An action is a velocity of the cue ball over `max_speed`.
-
     Attributes:
         scene: The scene.
         positions: (n, 2) m.
         potted: (n,) bool, the balls off the table.
         targets: (n,) bool, the balls that the cue ball may hit.
         max_speed: Speed of the fastest shot, m/s.
-        rate: A function that simulates (m, 2) actions and returns (m,) ratings; larger is better.
+        rate: A function that simulates (m, numbers) actions and returns (m,) ratings; larger is better.
         cue: The number of the cue ball.
-        first: (k, 2) actions that "search" tries before all others.
+        first: (k, 2) velocities that "search" tries before all others.
+        numbers: The number of numbers of an action, 2 or 5.
     """
 
     scene: Scene
@@ -55,6 +56,7 @@ class Situation(NamedTuple):
     rate: Callable[[Floats], Floats]
     cue: int = 0
     first: Floats = np.empty((0, 2))
+    numbers: int = 2
 
     def pots(self) -> Shots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
@@ -65,14 +67,15 @@ Strategy = Callable[[Situation, np.random.Generator], Floats]
 
 
 def random(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns a velocity whose coordinates are uniform between -`max_speed` and `max_speed`."""
-    return situation.max_speed * rng.uniform(-1.0, 1.0, 2)
+    """Returns an action whose numbers are uniform between -1 and 1."""
+    return rng.uniform(-1.0, 1.0, situation.numbers)
 
 
 def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns the velocity of the best pot, or of a full hit on the nearest target if there is no pot."""
+    """Returns the best pot, or a full hit on the nearest target if there is no pot; the cue is level and central."""
     pots = situation.pots()
-    return pots.speed[0] * pots.direction[0] if len(pots.speed) else situation.max_speed * full_hit(situation)
+    velocity = pots.speed[0] / situation.max_speed * pots.direction[0] if len(pots.speed) else full_hit(situation)
+    return with_numbers(velocity, situation.numbers)
 
 
 def full_hit(situation: Situation) -> Floats:
@@ -85,11 +88,11 @@ def full_hit(situation: Situation) -> Floats:
 def search(
     situation: Situation, rng: np.random.Generator, shots: int = SHOTS, noise: tuple[float, float] = (0.0, 0.0)
 ) -> Floats:
-    """Simulates shots and returns the velocity of the first one with the highest rating.
+    """Simulates shots and returns the action of the first one with the highest rating.
 
     The first half of the shots are the pots, best first, and then variations of them with errors of the direction of
-    about the tolerance, and random speeds. The other shots have random directions and speeds. If there is no pot, all
-    shots are random.
+    about the tolerance, random speeds and, if actions are strikes, random offsets of the tip. The other shots have
+    random directions and speeds. If there is no pot, all shots are random.
 
     Args:
         situation: The table.
@@ -99,29 +102,45 @@ def search(
             is positive, the best shots are simulated again with such errors, and the highest mean rating decides.
 
     Returns:
-        (2,) velocity, m/s.
+        (2,) or (5,) action.
     """
-    max_speed = situation.max_speed
-    near = _near(situation.pots(), max_speed, (shots + 1) // 2, rng)
-    actions = np.concatenate((situation.first, near, anywhere(shots, rng)))[:shots]
+    near = _near(situation, (shots + 1) // 2, rng)
+    parts = (with_numbers(part, situation.numbers) for part in (situation.first, near, anywhere(shots, rng)))
+    actions = np.concatenate(tuple(parts))[:shots]
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
         errors = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
-        perturbed = perturb(np.broadcast_to(actions, errors.shape), errors * (noise[0] / 180.0, noise[1] / max_speed))
-        ratings = situation.rate(perturbed.reshape(-1, 2)).reshape(errors.shape[:2]).mean(axis=0)
-    return max_speed * actions[np.argmax(ratings)]
+        errors = with_numbers(errors * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.numbers)
+        perturbed = perturb(np.broadcast_to(actions, errors.shape), errors)
+        ratings = situation.rate(perturbed.reshape(-1, situation.numbers)).reshape(errors.shape[:2]).mean(axis=0)
+    return actions[np.argmax(ratings)]
 
 
-def _near(pots: Shots, max_speed: float, count: int, rng: np.random.Generator) -> Floats:
-    """Returns (count, 2) actions: the pots, then variations of them. Without pots the shape is (0, 2)."""
+def with_numbers(actions: Floats, numbers: int) -> Floats:
+    """Returns actions (..., k) with zeros up to `numbers` numbers."""
+    return np.concatenate((actions, np.zeros((*actions.shape[:-1], numbers - actions.shape[-1]))), axis=-1)
+
+
+def random_offsets(count: int, rng: np.random.Generator) -> Floats:
+    """Returns (count, 2) offsets of the tip, side and top, uniform in a disc that leaves a margin to the miscue."""
+    angles, lengths = rng.uniform(-np.pi, np.pi, count), 0.9 * np.sqrt(rng.uniform(0.0, 1.0, count))
+    return lengths[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+
+
+def _near(situation: Situation, count: int, rng: np.random.Generator) -> Floats:
+    """Returns (count, numbers) actions: the pots, then variations of them. Without pots there are none."""
+    pots = situation.pots()
     if not len(pots.speed):
         return np.empty((0, 2))
     which = np.arange(count) % len(pots.speed)
     varied = np.arange(count) >= len(pots.speed)
     turns = np.where(varied, rng.standard_normal(count) * pots.tolerance[which] / np.pi, 0.0)
-    speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / max_speed)
-    return perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
+    speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / situation.max_speed)
+    actions = perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
+    if situation.numbers == 2:
+        return actions
+    return aimed_strikes(situation.scene, actions, np.where(varied[:, None], random_offsets(count, rng), 0.0))
 
 
 def anywhere(count: int, rng: np.random.Generator) -> Floats:

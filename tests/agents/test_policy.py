@@ -7,7 +7,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from gymnasium import spaces
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -59,12 +58,13 @@ def components(actor: ActorCriticPolicy, observations: np.ndarray) -> Components
         return cast(MixtureDistribution, actor.get_distribution(torch.as_tensor(observations))).components
 
 
-def train(head: str, **arguments: Any) -> PPO:
-    """Returns a model of Stable-Baselines3 after three updates in the plain environment."""
-    kind, kwargs = ("MlpPolicy", {}) if head == "gaussian" else (MixturePolicy, {"head": head, "components": 3})
+def train(head: str, env: dict[str, Any] | None = None, **arguments: Any) -> PPO:
+    """Returns a model of Stable-Baselines3 after three updates in the environment with the arguments `env`."""
+    mixture = {"head": head, "components": 3, "env": env}
+    kind, kwargs = ("MlpPolicy", {}) if head == "gaussian" else (MixturePolicy, mixture)
     model = PPO(
         kind,
-        arguments.pop("env", "Billiards-v0"),
+        gym.make("Billiards-v0", **(env or {})),
         n_steps=16,
         batch_size=8,
         n_epochs=1,
@@ -348,21 +348,10 @@ def test_set_std_fixes_the_standard_deviations(head):
     assert list(stds.values()) == pytest.approx([0.05, 0.02])
 
 
-class Spin(gym.ActionWrapper):
-    """Actions have five numbers. The environment plays the first two."""
-
-    def __init__(self, env: gym.Env) -> None:
-        super().__init__(env)
-        self.action_space = spaces.Box(-1, 1, (5,), np.float32)
-
-    def action(self, action: np.ndarray) -> np.ndarray:
-        """Returns the velocity."""
-        return action[:2]
-
-
 @pytest.mark.parametrize("head", HEADS)
-def test_actions_with_more_numbers_have_a_density(head, tmp_path):
-    model = train(head, env=Spin(gym.make("Billiards-v0")))
+def test_strikes_have_a_density(head, tmp_path):
+    strike = {"action": "strike"}
+    model = train(head, strike)
     observations = layouts(100)
     shots, _ = model.predict(observations, deterministic=True)
     assert shots.shape == (100, 5)

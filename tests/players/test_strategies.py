@@ -23,7 +23,7 @@ def at(positions, **kwargs):
 def test_the_geometric_player_pots_the_ball(positions, pocket):
     env = at(positions)
     assert pocket in situation(env).pots().pocket
-    *_, info = env.step(geometric(situation(env), RNG(0)) / env.max_speed)
+    *_, info = env.step(geometric(situation(env), RNG(0)))
     assert info["success"]
     assert info["cushions"][1] == 0
 
@@ -31,7 +31,7 @@ def test_the_geometric_player_pots_the_ball(positions, pocket):
 def test_without_a_direct_pot_the_geometric_player_plays_a_bank():
     # Straight across the table, ball 1 by the far cushion: every direct pot has a cut of nearly 90 degrees.
     env = at([[-0.325, -0.476], [-0.334, 0.599]])
-    *_, info = env.step(geometric(situation(env), RNG(0)) / env.max_speed)
+    *_, info = env.step(geometric(situation(env), RNG(0)))
     assert info["success"]
     assert info["cushions"][1] == 1
 
@@ -39,9 +39,9 @@ def test_without_a_direct_pot_the_geometric_player_plays_a_bank():
 def test_without_a_pot_the_geometric_player_hits_the_nearest_ball_hard():
     env = at([[0.0, 0.0], [-0.1, 0.0], [0.5, 0.0]], scene="carom", n_object_balls=None, task="carom")
     assert len(situation(env).pots().speed) == 0
-    velocity = geometric(situation(env), RNG(0))
-    assert np.hypot(*velocity) == pytest.approx(env.max_speed)
-    *_, info = env.step(velocity / env.max_speed)
+    action = geometric(situation(env), RNG(0))
+    assert np.hypot(*action) == pytest.approx(1.0)
+    *_, info = env.step(action)
     assert info["first_hit"] == 1
 
 
@@ -54,9 +54,7 @@ def test_ratings_are_the_rewards_of_steps(kwargs):
         over = False
         while not over:
             before = env.positions
-            actions = np.concatenate(
-                (rng.uniform(-1, 1, (50, 2)), search(situation(env), rng, 200)[None] / env.max_speed)
-            )
+            actions = np.concatenate((rng.uniform(-1, 1, (50, 2)), search(situation(env), rng, 200)[None]))
             rated = rewards(env, actions)
             assert env.positions.tobytes() == before.tobytes()
             k = int(np.argmax(rated))
@@ -71,7 +69,7 @@ def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatab
         strategy = find_strategy(name)
         for seed in range(60):
             env.reset(seed=seed)
-            earned[name].append(float(env.step(strategy(situation(env), rng) / env.max_speed)[1]))
+            earned[name].append(float(env.step(strategy(situation(env), rng))[1]))
     gain = np.array(earned["search:50"]) - np.array(earned["geometric"])
     assert (gain >= 0).all()
     assert (gain > 0).any()
@@ -94,12 +92,34 @@ def test_with_noise_the_search_plays_the_most_robust_of_the_best_shots():
         rated.append(actions)
         return np.ones(len(actions)) if len(rated) == 1 else -np.hypot(*actions.T)
 
-    velocity = search(situation(env)._replace(rate=rate), RNG(0), 40, noise=(0.1, 0.05))
+    action = search(situation(env)._replace(rate=rate), RNG(0), 40, noise=(0.1, 0.05))
     first, perturbed = rated
     finalists = first[:FINALISTS]
     assert perturbed.shape == (REPEATS * FINALISTS, 2)
     errors = np.hypot(*(perturbed.reshape(REPEATS, -1, 2) - finalists).transpose(2, 0, 1))
     assert 0.001 < errors.mean() < 0.05
     slowest = finalists[np.argmin(np.hypot(*finalists.T))]
-    assert np.hypot(*(velocity / 4)) == pytest.approx(np.hypot(*slowest), abs=0.03)
-    assert velocity.tolist() in (4 * finalists).tolist()
+    assert np.hypot(*action) == pytest.approx(np.hypot(*slowest), abs=0.03)
+    assert action.tolist() in finalists.tolist()
+
+
+def test_the_search_tries_strikes_with_spin():
+    options = {"positions": [[0.2, 0.0], [0.9, 0.3]]}
+    env = BilliardsEnv("real_pool", "position", action="strike", scratch_penalty=0.0)
+    env.reset(seed=0, options={**options, "goal": [0.0, -0.3]})
+    tried = []
+
+    def rate(actions):
+        tried.append(actions)
+        return rewards(env, actions)
+
+    action = search(situation(env)._replace(rate=rate), RNG(0), 400)
+    assert action.shape == (5,)
+    (actions,) = tried
+    assert actions.shape == (400, 5)
+    spun = actions[:, 2:4].any(axis=1)
+    assert 50 < spun.sum() < 200
+    assert np.hypot(*actions[:, 2:4].T).max() < 1.0
+    assert not actions[:, 4].any()
+    assert geometric(situation(env), RNG(0))[2:].tolist() == [0.0, 0.0, 0.0]
+    assert env.step(action)[1] == rewards(env, action[None])[0]
