@@ -63,9 +63,9 @@ _PATHS = {
     "#7a4a1e": "#d9a066",
     "#c0281c": "#ff8a80",
 }
-_CAROM = ("#d55e00", "#f0e442")
 _SNOOKER = ("#f0e442", "#009e73", "#7a4a1e", "#0072b2", "#eba6cb", "#1c1c1c")
 _RED, _YELLOW, _BLACK = "#c0281c", "#f0e442", "#1c1c1c"
+_CAROM = (_RED, _YELLOW)
 _DARK = ("#0072b2", "#882255", "#1c1c1c", "#7a4a1e", "#c0281c", GREY)
 
 KINDS = {

@@ -95,7 +95,7 @@ def test_the_looks_of_balls():
     assert [look.fill for look in pool[1:8]] == [look.fill for look in pool[9:]]
     assert len({look.fill for look in pool[:9]}) == 9
     assert len({look.fill for look in looks(Scene.named("carom"))}) == 3
-    assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#d55e00", "#f0e442"]  # ball 1 is red
+    assert [look.fill for look in looks(Scene.named("carom"))[1:]] == ["#c0281c", "#f0e442"]  # ball 1 is red
     fixed = dataclasses.replace(Scene.named("pool"), balls=Balls((0.03, 0.03), (0.2, float("inf"))))
     assert looks(fixed)[1].fill == "#6b6b6b"
 
