@@ -92,7 +92,7 @@ class MixturePolicy(ActorCriticPolicy):
         cue = cue_of(self.game)
         name, k, layers = self.own["head"], self.own["components"], (cast(Any, self.net_arch), self.activation_fn)
         if name == "pots":
-            head: Any = PotHead(self.features_dim, k, *layers, cue)
+            head: Any = PotHead(self.features_dim, k, *layers, cue, len(self.game.goals))
         else:
             inputs = self.features_dim - 2
             aims = {

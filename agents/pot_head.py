@@ -26,7 +26,8 @@ Floats = NDArray[np.float64]
 _S = len(pots.SPEEDS)
 _FIRST_INPUT = 3 + 3 * _S  # first column of a pot's features that is an input of the networks
 _FIRST_SPEED = 8  # the first input that is a speed
-N_GOAL = 10  # numbers of `PotFeatures._goal`
+N_GOAL = 10 + 3 * _S  # numbers of `PotFeatures._goal`
+_FARTHEST = 1.5  # m; larger distances from the goal are inputs of this size
 
 TASKS = ("pot", "clear", "position")
 """The tasks of the head."""
@@ -76,7 +77,8 @@ class PotFeatures(BaseFeaturesExtractor):
         """Returns the features of observations (m, size)."""
         m, n = len(observations), self.scene.n_balls
         points = observations.numpy().astype(np.float64)
-        balls, goals = points[:, : 2 * n].reshape(m, n, 2), points[:, 2 * n : 2 * (n + self.goals)] * self.scale
+        balls = points[:, : 2 * n].reshape(m, n, 2)
+        goals = points[:, 2 * n : 2 * (n + self.goals)].reshape(m, self.goals, 2) * self.scale
         rest = points[:, 2 * (n + self.goals) :]
         potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # a ball in play is inside
         positions = balls * self.scale
@@ -106,7 +108,7 @@ class PotFeatures(BaseFeaturesExtractor):
             # The same for all pots: the share of the balls left, and the rest of the observation after the goal.
             np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, self.most, 1)),
             np.broadcast_to(rest[:, None], (m, self.most, rest.shape[1])),
-            *(self._goal(rows, positions[:, 0], goals),) * self.goals,
+            *(self._goal(rows, shots, positions[:, 0], goals[:, i]) for i in range(self.goals)),
         )
         features = np.concatenate(
             [np.asarray(column, np.float32).reshape(m, self.most, -1) for column in columns], axis=-1
@@ -117,12 +119,13 @@ class PotFeatures(BaseFeaturesExtractor):
             features[alone, 0] = self._full_hits(positions[alone], potted[alone])
         return torch.from_numpy(features).flatten(1)
 
-    def _goal(self, rows: Floats, cue_ball: Floats, goals: Floats) -> Floats:
-        """Returns the inputs about the goals (m, 2) for pots with `rows` (m, k, WIDTH), (m, k, N_GOAL).
+    def _goal(self, rows: Floats, shots: Floats, cue_ball: Floats, goals: Floats) -> Floats:
+        """Returns the inputs about the goals (m, 2), (m, k, N_GOAL), for `Pots.rows` and `Pots.shots`.
 
-        They are the same for reflected tables: the goal as seen from the hit, ahead and on the side of the cut; and the
+        They are the same for reflected tables: the goal as seen from the hit, ahead and on the side of the cut; the
         places of the hit and the goal, the direction of the cue ball and the side of the cut on a table that is
-        reflected so that the direction is positive.
+        reflected so that the direction is positive; and, for each speed, the way from the goal to the place where
+        geometry expects the cue ball to come to rest, on this table, and its length.
         """
         ghost = rows[..., pots.GHOST_X : pots.GHOST_Y + 1]
         hand = np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)[..., None]
@@ -130,6 +133,8 @@ class PotFeatures(BaseFeaturesExtractor):
         ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True).clip(1e-9)
         left = np.stack((-ahead[..., 1], ahead[..., 0]), -1)
         signs = np.where(ahead < 0, -1.0, 1.0)
+        missing = shots[..., pots.END_X : pots.END_Y + 1] - goals[:, None, None]
+        missing = np.where(shots[..., pots.SPEED, None] > 0, missing * signs[:, :, None], _FARTHEST)
         return np.concatenate(
             (
                 (way * ahead).sum(-1, keepdims=True),
@@ -139,6 +144,8 @@ class PotFeatures(BaseFeaturesExtractor):
                 goals[:, None] * signs / self.scale,
                 np.abs(ahead),
                 hand * signs.prod(-1, keepdims=True),
+                missing.clip(-_FARTHEST, _FARTHEST).reshape(*rows.shape[:2], -1),
+                np.linalg.norm(missing, axis=-1).clip(max=_FARTHEST),
             ),
             axis=-1,
         )
@@ -228,6 +235,8 @@ class PotHead(nn.Module):
         hidden: The number of units of each hidden layer, at least one.
         activation: The class of the activation function.
         cue: The cue, or None if actions are velocities.
+        goals: The number of goals, 0 or 1. With a goal the weights are large before the training if geometry expects
+            the cue ball to come to rest near it.
     """
 
     def __init__(
@@ -237,6 +246,7 @@ class PotHead(nn.Module):
         hidden: Sequence[int],
         activation: type[nn.Module],
         cue: CueNumbers | None,
+        goals: int,
     ) -> None:
         super().__init__()
         others = 0 if cue is None else NUMBERS
@@ -249,6 +259,7 @@ class PotHead(nn.Module):
         nn.init.zeros_(self.output.bias)
         # Effects on the weight of a component: of the tolerance, of a scratch and of the speed.
         self.ease, self.scratch, self.haste = (nn.Parameter(torch.tensor(value)) for value in (3.0, 6.0, 1.0))
+        self.near = nn.Parameter(torch.tensor(6.0)) if goals else None  # of the distance from the goal
         self.log_along = nn.Parameter(torch.tensor(math.log(0.04)))
         self.log_across = nn.Parameter(torch.tensor(math.log(0.3)))  # over the tolerance
         self.log_others = nn.Parameter(torch.full((others, 1), math.log(0.1)))
@@ -263,6 +274,8 @@ class PotHead(nn.Module):
         weight, faster, aside, *others = self.output(hidden).chunk(3 + self.others, 1)
         gaps = pot.inputs[:, _FIRST_SPEED + _S :][:, : _S * pots.N_GAPS].unflatten(1, (_S, pots.N_GAPS))
         logit = weight + self.ease * pot.inputs[:, :1] - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
+        if self.near is not None:
+            logit = logit - self.near * pot.inputs[:, -_S:]
         angle, speed = aside * pot.tolerance * pot.turn, pot.speed * torch.exp(0.5 * faster.tanh())
         if self.cue is not None:
             cue = cue_parts(self.cue, *others)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import scene_arrays
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.jit import entry_point, inlined, kernel, merged
-from billiards_env.physics.state import SceneArrays, empty_state
+from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
 from billiards_env.players.hits import Table, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
@@ -45,7 +45,8 @@ WIDTH = 11
 # Columns of `Pots.shots`.
 DX, DY = 0, 1  # direction of the cue ball
 SPEED = 2  # m/s; 0 if the pot is not possible at this speed
-GAPS = 3  # m: least distances of the cue ball from a pocket's rim, before each of its first cushions; < 0 if it drops
+END_X, END_Y = 3, 4  # m: where the cue ball comes to rest, if it does so before `N_GAPS` cushions
+GAPS = 5  # m: least distances of the cue ball from a pocket's rim, before each of its first cushions; < 0 if it drops
 N_GAPS = 5
 SHOT_WIDTH = GAPS + N_GAPS
 
@@ -278,4 +279,5 @@ def _add_shots(table, found, k, state):
         shot[DX], shot[DY], shot[SPEED] = hit.dx, hit.dy, speed
         play_hit(table, i, hit, speed, state)
         follow(table.scene, state, table.cue, shot[GAPS:])
+        shot[END_X], shot[END_Y] = state.rows[table.cue, X], state.rows[table.cue, Y]
     return possible
