@@ -17,7 +17,7 @@ from billiards_env.envs.tasks import RUN_OUTS, TASKS
 from billiards_env.players.pots import SPEEDS
 
 FOLDER = Path(__file__).parents[2] / "configs"
-CONFIGS = sorted(path for folder in ("ppo", "prior_knowledge") for path in FOLDER.glob(f"{folder}/*.yaml"))
+CONFIGS = sorted(path for folder in ("ppo", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml"))
 
 
 def test_missing_fields_have_their_defaults():

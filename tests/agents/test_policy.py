@@ -15,11 +15,13 @@ from torch import Tensor
 
 from agents import config, policy
 from agents.config import Config
+from agents.cue_parts import cue_of, cue_parts, turned
 from agents.mixture import NEVER, Components, MixtureDistribution
 from agents.policy import HEADS, MixturePolicy
 from agents.pot_head import FeatureBuffer, PotFeatures
-from agents.ppo import make_model, make_policy, make_vec_env
+from agents.ppo import load_weights, make_model, make_policy, make_vec_env, save_policy
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.actions import cue_strike
 from billiards_env.players.pots import find_pots
 from tests.helpers.environments import VARIANTS
 
@@ -168,10 +170,20 @@ def test_the_density_of_velocities_integrates_to_one(head):
 
 
 @pytest.mark.parametrize("head", HEADS)
-@pytest.mark.parametrize("env", [{}, {"n_object_balls": 3, "max_shots": 4, "observe_shots_left": True}])
+@pytest.mark.parametrize(
+    "env",
+    [
+        {},
+        {"n_object_balls": 3, "max_shots": 4, "observe_shots_left": True},
+        {"action": "strike"},
+        {"task": "position", "action": "strike"},
+    ],
+    ids=["plain", "three balls", "strike", "position"],
+)
 def test_mirrored_layouts_have_mirrored_shots(head, env):
     actor, observations = disturbed(head, **env), layouts(100, **env)
     shots, balls = actor.predict(observations, deterministic=True)[0], 1 + env.get("n_object_balls", 1)
+    points = balls + (env.get("task") == "position")
     table = torch.as_tensor(observations)
     assert len(np.unique(shots, axis=0)) == 100
     with torch.no_grad():
@@ -179,10 +191,11 @@ def test_mirrored_layouts_have_mirrored_shots(head, env):
         actions = distribution.sample()
         for mirror in MIRRORS:
             mirrored, signs = observations.copy(), np.array(mirror, np.float32)
-            mirrored[:, : 2 * balls] *= np.tile(signs, balls)
-            np.testing.assert_allclose(actor.predict(mirrored, deterministic=True)[0], shots * signs, atol=1e-5)
+            mirrored[:, : 2 * points] *= np.tile(signs, points)
+            of_actions = np.array([*mirror, mirror[0] * mirror[1], 1, 1], np.float32)[: shots.shape[1]]
+            np.testing.assert_allclose(actor.predict(mirrored, deterministic=True)[0], shots * of_actions, atol=1e-5)
             image = torch.as_tensor(mirrored)
-            log_prob = actor.get_distribution(image).log_prob(actions * torch.as_tensor(signs))
+            log_prob = actor.get_distribution(image).log_prob(actions * torch.as_tensor(of_actions))
             torch.testing.assert_close(log_prob, distribution.log_prob(actions), rtol=1e-3, atol=1e-2)
             torch.testing.assert_close(actor.predict_values(image), value, rtol=0, atol=1e-4)
 
@@ -286,8 +299,38 @@ def test_the_untrained_head_pots_pots_more_than_nine_balls_in_ten():
     assert infos["final_info"]["success"].mean() > 0.9
 
 
+@pytest.mark.parametrize("head", HEADS)
+def test_a_policy_of_strikes_starts_from_one_of_velocities(head, tmp_path):
+    old, new = disturbed(head), make(head, action="strike")
+    observations = layouts(50)
+    save_policy(old, tmp_path / "policy.pt")
+    with pytest.raises(ValueError, match="does not hold the policy of its configuration"):
+        load_weights(new, tmp_path / "policy.pt")
+    load_weights(new, tmp_path / "policy.pt", extend=True)
+    velocities, _ = old.predict(observations, deterministic=True)
+    strikes, _ = new.predict(observations, deterministic=True)
+    played = np.array([cue_strike(strike, new.game.scene, 1.0).velocity for strike in strikes])
+    np.testing.assert_allclose(played, [cue_strike(v, new.game.scene, 1.0).velocity for v in velocities], atol=0.08)
+    assert np.abs(strikes[:, 2:4]).max() < 0.2  # hardly any spin before the training
+
+
+@pytest.mark.parametrize("side", [-0.6, 0.0, 0.8])
+@pytest.mark.parametrize("top", [-0.5, 0.3])
+def test_the_cue_of_a_component_keeps_the_velocity_of_the_ball(side, top):
+    game = make("pots", action="strike").game
+    cue = cue_of(game)
+    assert cue is not None
+    parts = cue_parts(cue, *(torch.tensor([[value]]) for value in (side, top, 0.0)))
+    (dx, dy), speed = turned(torch.ones(1, 1), torch.zeros(1, 1), parts.turn), 0.5 / parts.gain
+    action = [float(part) for part in (speed * dx, speed * dy, parts.side, parts.top, parts.elevation)]
+    np.testing.assert_allclose(cue_strike(action, game.scene, 4.0).velocity, [2.0, 0.0], atol=1e-5)
+    assert not cue_strike(action, game.scene, 4.0).miscue
+
+
 def test_the_head_pots_is_refused_in_another_task():
-    expected = "policy.head = 'pots' in the task 'carom': expected the task 'pot' or another head"
+    expected = (
+        "policy.head = 'pots' in the task 'carom': expected one of the tasks pot, clear, position, or another head"
+    )
     with pytest.raises(ValueError, match=expected):
         make("pots", scene="carom", task="carom")
     carom = Config.from_dict(

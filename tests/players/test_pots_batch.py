@@ -70,6 +70,7 @@ def test_mirror_images_give_mirrored_pots(three, signs):
     for c, sign in enumerate(signs):
         rows[..., pots.GHOST_X + c] *= sign
         shots[..., pots.DX + c] *= sign
+        shots[..., pots.END_X + c] *= sign
         bank = rows[..., pots.WALL] // 2 == c
         rows[..., pots.WALL] += np.where(bank & exists & (sign < 0), 1 - 2 * (rows[..., pots.WALL] % 2), 0)
     rows[..., pots.CUT_SIN] *= signs[0] * signs[1]
@@ -79,6 +80,22 @@ def test_mirror_images_give_mirrored_pots(three, signs):
     np.testing.assert_allclose(mirrored.shots, shots, rtol=1e-6, atol=1e-7)
     there = np.array([(q.x, q.y) for q in scene.table.pockets])
     assert (there[mirrored.pocket] == there[found.pocket] * signs)[exists].all()
+
+
+def test_the_cue_ball_comes_to_rest_where_its_path_ends():
+    scene, rng = Scene.named("pool"), np.random.default_rng(3)
+    positions = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
+    potted = np.zeros((100, 2), np.bool_)
+    found = search(scene, positions, potted, most=1)
+    shots = found.shots[:, 0, 0]
+    played = shots[:, pots.SPEED] > 0
+    velocities = shots[:, [pots.SPEED]] * shots[:, pots.DX : pots.DY + 1]
+    batch = simulate_batch(scene, positions[played], velocities[played])
+    alone = batch.potted[:, 1] & ~batch.potted[:, 0] & (batch.cushions_before_hit[:, 1] == 0)
+    assert alone.sum() > 60
+    ends = shots[played][:, pots.END_X : pots.END_Y + 1]
+    # The path begins at the instant of the hit, which is exact; the two balls do not meet again.
+    np.testing.assert_allclose(ends[alone], batch.positions[alone, 0], atol=1e-6)
 
 
 def test_the_easiest_pots_are_kept(three):
