@@ -63,6 +63,7 @@ results: $(WORKS)  ## train every recipe with several seeds (an hour; recipes wi
 	$(WORK)/python -m studies.recipes $(SPREAD)
 	$(WORK)/python -m studies.choices
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
+	$(WORK)/python -m studies.english
 	$(WORK)/python -m benchmarks.readme
 
 study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)

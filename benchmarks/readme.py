@@ -32,7 +32,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import choices, cluster_speed, recipes, timestep_report, training_speed
+from studies import choices, cluster_speed, english, recipes, timestep_report, training_speed
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -46,6 +46,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "cluster_speed": ("studies.cluster_speed", cluster_speed.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "contact_rule": ("benchmarks.contact_rule", contact_rule.blocks),
+    "english": ("studies.english", english.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "growth": ("benchmarks.growth", growth.blocks),
     "pressed": ("benchmarks.pressed", pressed.blocks),

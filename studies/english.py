@@ -3,7 +3,8 @@
 The recipes in `configs/english` are tasks on a real table, with throw and the jaws of the pockets. Each is trained with
 several seeds. First a policy of velocities is trained. Then two policies start from its weights and train for as long
 again: one of velocities and one of strikes, with side, top and elevation. Both play the same new layouts, in the exact
-world and in one with a timestep. A search with and without spin plays part of these layouts.
+world and in one with a timestep. Players without learning play part of these layouts, with and without spin, and the
+run-outs of nine ball and eight ball.
 
 The runs are kept in `runs/english`, so the same command continues after an interruption. The results are in
 `studies/results/english.json`.
@@ -41,9 +42,22 @@ FIRST, VELOCITY, STRIKE = "first", "velocity", "strike"
 STEPPED = {"mode": "pit", "dt": 1 / 60}
 """The arguments of the world with a timestep."""
 
-SEARCHES = ("geometric", "search:200")
+PLAYERS = ("random", "geometric", "search:200")
 EPISODES = 300
 """Episodes of each player without training."""
+
+RUN_OUTS = {
+    name: {
+        "scene": "real_pool",
+        "task": name,
+        "n_object_balls": balls,
+        "layout": name,
+        "max_shots": 30,
+        "max_speed": 8.0,
+    }
+    for name, balls in (("nine_ball", 9), ("eight_ball", 15))
+}
+"""The arguments of the run-outs, which only the players without training play."""
 
 
 def configs(name: str, seed: int, folder: Path) -> dict[str, Config]:
@@ -95,15 +109,20 @@ def measure(runs: Path, jobs: int) -> dict[str, Any]:
             "steps": recipe.timesteps,
             "exact": {run: [success(f / run, {}) for f in folders[name]] for run in (FIRST, VELOCITY, STRIKE)},
             "stepped": {run: [success(f / run, STEPPED) for f in folders[name]] for run in (VELOCITY, STRIKE)},
-            "players": {
-                action: {
-                    player: play_alone(player, {**recipe.env, "action": action}, (0.0, 0.0), EPISODES, SEEDS[0])
-                    for player in SEARCHES
-                }
-                for action in (VELOCITY, STRIKE)
-            },
+            "players": players(recipe.env),
         }
+    found["run_outs"] = {name: players(env) for name, env in RUN_OUTS.items()}
     return found
+
+
+def players(env: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the results of the players without training, by action and player."""
+    return {
+        action: {
+            player: play_alone(player, {**env, "action": action}, (0.0, 0.0), EPISODES, SEEDS[0]) for player in PLAYERS
+        }
+        for action in (VELOCITY, STRIKE)
+    }
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
@@ -111,16 +130,27 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     rows, gains = [], []
     for name, recipe in found["recipes"].items():
         exact, stepped = recipe["exact"], recipe["stepped"]
-        for player in SEARCHES:
+        for player in PLAYERS:
             results = [recipe["players"][action][player]["success_rate"] for action in (VELOCITY, STRIKE)]
             rows.append((name, player, *(f"{rate:.1%}" for rate in results), "", ""))
         policies = [as_percent(over_seeds(world[run])) for world in (exact, stepped) for run in (VELOCITY, STRIKE)]
         rows.append((name, "policy", *policies))
         changes = [(exact[STRIKE], exact[VELOCITY])] + [(stepped[run], exact[run]) for run in (VELOCITY, STRIKE)]
         gains.append((name, *(_points(np.subtract(*pair).tolist()) for pair in changes)))
+    run_outs = []
+    for name, played in found["run_outs"].items():
+        for player in PLAYERS:
+            results = [played[action][player] for action in (VELOCITY, STRIKE)]
+            numbers = [(f"{result['success_rate']:.1%}", f"{result['mean_score']:.2f}") for result in results]
+            run_outs.append((name, player, *numbers[0], *numbers[1]))
     return {
         "machine": machine_line(found["machine"]),
         "results": table(("task", "player", "velocity", "strike", "velocity, 1/60 s", "strike, 1/60 s"), rows, left=2),
+        "run_outs": table(
+            ("task", "player", "velocity", "points", "strike", "points"),
+            run_outs,
+            left=2,
+        ),
         "gain": table(("task", "gain by strikes", "effect of 1/60 s on velocity", "on strike"), gains, left=1),
     }
 

@@ -2,7 +2,7 @@
 
 from agents.config import load
 from benchmarks import machine
-from studies.english import CONFIGS, FIRST, RECIPES, SEARCHES, STRIKE, VELOCITY, blocks, configs
+from studies.english import CONFIGS, FIRST, PLAYERS, RECIPES, STRIKE, VELOCITY, blocks, configs
 
 
 def test_the_policies_of_a_seed_have_the_same_steps_and_start_from_the_first(tmp_path):
@@ -17,7 +17,7 @@ def test_the_policies_of_a_seed_have_the_same_steps_and_start_from_the_first(tmp
 
 def test_the_tables_show_the_gain_by_strikes_and_the_effect_of_the_timestep():
     players = {
-        action: {player: {"success_rate": rate} for player in SEARCHES}
+        action: {player: {"success_rate": rate, "mean_score": 2.5} for player in PLAYERS}
         for action, rate in ((VELOCITY, 0.5), (STRIKE, 0.7))
     }
     recipe = {
@@ -25,9 +25,10 @@ def test_the_tables_show_the_gain_by_strikes_and_the_effect_of_the_timestep():
         "stepped": {VELOCITY: [0.25, 0.25], STRIKE: [0.1, 0.1]},
         "players": players,
     }
-    made = blocks({"machine": machine(), "recipes": {"position": recipe}})
+    made = blocks({"machine": machine(), "recipes": {"position": recipe}, "run_outs": {"nine_ball": players}})
     assert "| position | search:200 |" in made["results"]
     assert "50.0% |" in made["results"]
+    assert "| nine_ball | search:200 |    50.0% |   2.50 |  70.0% |   2.50 |" in made["run_outs"]
     gain = made["gain"].splitlines()[-1]
     assert [cell.strip() for cell in gain.strip("|").split("|")] == [
         "position",
