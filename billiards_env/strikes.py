@@ -69,8 +69,8 @@ def strike(
     Example:
         >>> scene = Scene.named("pool")
         >>> velocity, spin, miscue = strike(scene, speed=2.0, heading=0.0, side=0.3)
-        >>> velocity.round(3).tolist(), spin.round(1).tolist(), bool(miscue)
-        ([2.285, -0.07], [0.0, 0.0, -60.0], False)
+        >>> velocity.round(3).tolist(), spin[2].round(1).item(), bool(miscue)
+        ([2.17, -0.066], -57.0, False)
     """
     cue, parameters = _checked(scene, speed, heading, side, top, elevation)
     shape = parameters.shape[:-1]

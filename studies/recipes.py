@@ -171,7 +171,7 @@ def _players(recipe: Config, seed: int, results: Sequence[Mapping[str, Any]]) ->
     for other in results:
         if "players" in other and all(other["config"][key] == plain[key] for key in ("env", "noise")):
             return other["players"]
-    noise = (0.0, 0.0) if recipe.noise is None else dataclasses.astuple(recipe.noise)
+    noise = (0.0, 0.0) if recipe.noise is None else (recipe.noise.angle_std, recipe.noise.speed_std)
     episodes = min(recipe.evaluation_episodes, EPISODES)
     return {name: play_alone(name, recipe.env, noise, episodes, seed) for name in PLAYERS}
 

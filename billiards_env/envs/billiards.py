@@ -122,8 +122,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4 in pool), the object balls in a triangle
       at the foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
     - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
-    - `"nine_ball"` and `"eight_ball"`: as `"rack"`, with the balls in the places of the game and the others in a random
+    - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
       order.
+    - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
+      the others in a random order.
     - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
     - `"line"`: the cue ball and one object ball on the long axis of the table.
     - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them, so that no straight path of the

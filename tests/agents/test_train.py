@@ -438,7 +438,7 @@ def test_incomplete_checkpoints_are_ignored(tmp_path):
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
         (
             {"env": {"scene": "carom", "task": "carom"}, "policy": {"head": "pots"}},
-            "error: policy.head = 'pots' in the task 'carom': expected the task 'pot'",
+            "error: policy.head = 'pots' in the task 'carom': expected one of the tasks pot",
         ),
         (
             {"env": {"task": "place", "n_object_balls": 0, "max_shots": 3}, "policy": {"head": "hits"}},
