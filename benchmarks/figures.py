@@ -1,4 +1,4 @@
-"""Pictures of a recorded shot, of the named tables and of maps of strikes: `python -m benchmarks.figures`."""
+"""Pictures of a recorded shot, the named tables, maps of strikes and massé shots: `python -m benchmarks.figures`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
 from PIL import Image  # a dependency of matplotlib
 
 from billiards_env import layouts
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import INK, draw_table, looks, rail_width
 from billiards_env.files import write_whole
-from billiards_env.scene import Scene
+from billiards_env.scene import Balls, Cue, Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
 from billiards_env.strike_map import strike_map
+from billiards_env.strikes import strike
 from billiards_env.table import TABLES, Table
 
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
@@ -98,6 +100,61 @@ def maps() -> Figure:
     return figure
 
 
+MASSE = {"speed": 3.0, "heading": 0.0, "side": 0.3, "top": -0.2}
+"""The parameters of `strike` in the picture of massé shots, except for the elevation."""
+
+ELEVATIONS = {20: "#0072b2", 40: "#009e73", 55: "#d55e00", 70: "#aa4499"}
+"""Degrees. The elevations of the massé shots, with their colours."""
+
+
+def masse() -> Figure:
+    """Returns a figure of massé shots without squirt, with the final directions by the construction of Coriolis."""
+    table = Table(length=20.0, width=20.0)
+    scene = Scene(Balls.uniform(1), table, cue=Cue(end_mass=1e-8))
+    reach = 1.6  # m; the paths end at this distance from their start
+    figure = Figure(figsize=(9, 7), dpi=110, facecolor="white")
+    ax = figure.add_axes((0.07, 0.08, 0.92, 0.9))
+    for degrees, colour in ELEVATIONS.items():
+        shot = simulate(scene, [[0.0, 0.0]], strike(scene, **MASSE, elevation=math.radians(degrees)), record=True)
+        assert shot.events is not None
+        end = shot.events[shot.events["kind"] == "sliding_rolling"]["time"][0]
+        path = np.array([shot.at(t)[0] for t in np.linspace(0.0, shot.time, 2000)])
+        path = path[np.hypot(*path.T) < reach]
+        ax.plot(*path.T, color=colour, linewidth=2.2, zorder=3)
+        ax.plot(*shot.at(end)[0], "o", color="white", markeredgecolor=colour, markeredgewidth=1.6, zorder=4)
+        ax.plot(
+            *zip((0.0, 0.0), 0.7 * reach * _coriolis(degrees), strict=True), "--", color=colour, linewidth=1.1, zorder=2
+        )
+        x, y = path[-1] / np.hypot(*path[-1]) * (reach + 0.03)
+        ax.text(x, y, f"{degrees}°", color=colour, fontsize=12, ha="left", va="center")
+    ax.add_patch(Circle((0.0, 0.0), scene.balls.radius[0], facecolor="white", edgecolor=INK, zorder=5))
+    arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=(-0.04, 0.0), xytext=(-0.2, 0.0), arrowprops=arrow)
+    ax.text(-0.12, 0.025, "cue", color=INK, fontsize=11, ha="center", va="bottom")
+    lines = (("-", None, "path"), ("none", "o", "end of the slide"), ("--", None, "construction of Coriolis"))
+    style = {"color": INK, "markerfacecolor": "white", "linewidth": 1.6}
+    handles = [Line2D([], [], linestyle=line, marker=marker, label=text, **style) for line, marker, text in lines]
+    ax.legend(handles=handles, loc="upper right", frameon=False, fontsize=10.5)
+    ax.set_xlabel("x, m")
+    ax.set_ylabel("y, m")
+    ax.set_xlim(-0.28, 1.72)
+    ax.set_ylim(-0.1, 1.45)
+    ax.set_aspect("equal")
+    ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _coriolis(degrees: float) -> np.ndarray:
+    """Returns the unit vector (2,) from the resting point of a ball to the point where the cue's axis meets the cloth.
+
+    The heading of the cue is 0.
+    """
+    s, c = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    side, top = MASSE["side"], MASSE["top"]
+    ahead = top * s + c * (1.0 + top * c) / s  # ball radii; the axis falls from 1 + top * c to the cloth
+    return np.array((ahead, side)) / math.hypot(ahead, side)
+
+
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure as PNG, completely or not at all.
 
@@ -113,7 +170,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.figures",
-        description="Draw the pictures of a shot, of the tables and of maps of strikes.",
+        description="Draw the pictures of a shot, of the tables, of maps of strikes and of massé shots.",
     )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
@@ -121,9 +178,10 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    for name, figure in (("shot.png", picture(shot, title)), ("tables.png", tables()), ("strike_map.png", maps())):
-        save(figure, args.folder / name)
-        print(f"Written to {args.folder / name}.")
+    figures = {"shot": picture(shot, title), "tables": tables(), "strike_map": maps(), "masse": masse()}
+    for name, figure in figures.items():
+        save(figure, args.folder / f"{name}.png")
+        print(f"Written to {args.folder / name}.png.")
 
 
 if __name__ == "__main__":
