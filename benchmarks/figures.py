@@ -7,6 +7,7 @@ import dataclasses
 import io
 import math
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -131,9 +132,13 @@ def masse() -> Figure:
     arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
     ax.annotate("", xy=(-0.04, 0.0), xytext=(-0.2, 0.0), arrowprops=arrow)
     ax.text(-0.12, 0.025, "cue", color=INK, fontsize=11, ha="center", va="bottom")
-    lines = (("-", None, "path"), ("none", "o", "end of the slide"), ("--", None, "construction of Coriolis"))
-    style = {"color": INK, "markerfacecolor": "white", "linewidth": 1.6}
-    handles = [Line2D([], [], linestyle=line, marker=marker, label=text, **style) for line, marker, text in lines]
+    lines: dict[str, dict[str, Any]] = {
+        "path": {"linestyle": "-"},
+        "end of the slide": {"linestyle": "none", "marker": "o"},
+        "construction of Coriolis": {"linestyle": "--"},
+    }
+    style: dict[str, Any] = {"color": INK, "markerfacecolor": "white", "linewidth": 1.6}
+    handles = [Line2D([], [], label=text, **style, **line) for text, line in lines.items()]
     ax.legend(handles=handles, loc="upper right", frameon=False, fontsize=10.5)
     ax.set_xlabel("x, m")
     ax.set_ylabel("y, m")
