@@ -32,7 +32,7 @@ snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010)
                        spin_decay 22
 cue.mass               0.538 kg        Alciatore (2008), TP A.30: 19 oz
 cue.tip_restitution    0.73            Alciatore (2008), TP A.30: 0.71 to 0.75 for leather, 0.81 to 0.87 for phenolic
-cue.end_mass           0.0084 kg       Alciatore (2008), TP A.31: 1/20.2 of a ball for an ordinary cue
+cue.end_mass           0.0084 kg       Alciatore (2007), TP A.31: 1/20.2 of a ball for an ordinary cue
 cue.miscue_offset      0.5             Alciatore (2006), TP 2.1: 0.50 to 0.55 with chalk
 snooker cue            0.478 kg        the simulator pooltool 0.6
 UK object ball         0.0254 m,       WEPF: 2 in across, 116 g

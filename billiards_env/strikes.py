@@ -24,7 +24,7 @@ _PARAMETERS = {
 
 
 class Strike(NamedTuple):
-    """The cue ball after a strike, or after many with leading axes.
+    """The state of the cue ball after a strike. For several strikes the arrays have leading axes.
 
     Attributes:
         velocity: (..., 2) float64, m/s.
@@ -47,15 +47,15 @@ def strike(
 ) -> Strike:
     """Returns the cue ball's velocity and spin after a strike with the cue of a scene.
 
-    The arguments are numbers, or arrays whose shapes broadcast. The offsets are those of the point of contact from the
+    The arguments are numbers, or arrays whose shapes broadcast. `side` and `top` are the distances of the tip from the
     centre of the ball, as seen along the cue.
 
     Args:
         scene: The scene. Its motion must be "sliding", because a strike gives the ball spin.
-        speed: Speed of the cue, m/s. The ball is faster than the cue after a central strike.
+        speed: Speed of the cue, m/s. After a central strike the ball is faster than the cue was.
         heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
-        side: Offset to the left, in ball radii: english.
-        top: Offset above the centre, in ball radii: follow; negative for draw.
+        side: Offset of the tip to the left (english), in ball radii.
+        top: Offset of the tip above the centre, in ball radii. Positive is follow, negative is draw.
         elevation: Angle of the cue above the horizontal, rad. The ball's vertical velocity is dropped, so it does not
             jump.
 
@@ -63,8 +63,8 @@ def strike(
         The velocity, the spin and whether the tip slipped, see `physics.strike.struck`.
 
     Raises:
-        ValueError: If a number is outside its range (see `checks.RANGES`), the offset is larger than the ball, the
-            shapes do not broadcast, or the motion is not "sliding".
+        ValueError: If a number is outside its range (see `checks.RANGES`), the offset is larger than 1 ball radius,
+            the shapes do not broadcast, or the motion is not "sliding".
 
     Example:
         >>> scene = Scene.named("pool")
@@ -85,8 +85,8 @@ def strike_derivative(
 ) -> Floats:
     """Returns the derivative of the velocity and spin of `strike` with respect to its five parameters.
 
-    Its product with the derivative of a shot (see `Sensitivity`) is the derivative of the positions with respect to the
-    parameters of the strike.
+    The derivative of the final positions with respect to the parameters is
+    `shot.sensitivity().jacobian[:, :, 0, 2:] @ strike_derivative(...)`.
 
     Args:
         scene: As in `strike`.
@@ -101,7 +101,8 @@ def strike_derivative(
         heading, side, top, elevation).
 
     Raises:
-        ValueError: As in `strike`, or if the tip slips, where the derivative is not continuous.
+        ValueError: As in `strike`, or if the tip slips. The derivative is not defined at the edge and not implemented
+            beyond it.
     """
     cue, parameters = _checked(scene, speed, heading, side, top, elevation)
     if parameters.ndim > 1:
@@ -162,7 +163,7 @@ def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
 
 
 def _gain_and_slope(cue: CueNumbers, offset: float) -> tuple[float, float]:
-    """Returns `speed_gain`, and its derivative with respect to the offset divided by the offset."""
+    """Returns `speed_gain` and its slope: the derivative with respect to the offset, divided by the offset."""
     k, e = 2.5 * offset * offset, cue.restitution
     total, mass = 1.0 + cue.mass_ratio + k, 1.0 + cue.mass_ratio
     root = math.sqrt(max((e * e * total - k) / mass, 0.0))

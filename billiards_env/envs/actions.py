@@ -1,14 +1,14 @@
-"""Actions: the numbers that describe a shot, as the velocity and spin of the cue ball.
+"""Actions: converts the numbers of an action to the velocity and spin of the cue ball.
 
 The action "velocity" is the velocity of the cue ball along x and y, divided by `max_speed`. The action "strike" has
-three more numbers, the motion of the cue:
+five numbers that describe the motion of the cue:
 
 * The first two numbers are the heading and the speed of the cue: the velocity, divided by `max_speed`, that the ball
   gets if a level cue hits its centre. An action whose other numbers are 0 is therefore the same shot as the action
   "velocity", bit for bit.
 * `side` and `top` are the offsets of the tip to the left of the ball's centre and above it, divided by the offset at
   which the tip slips (`Cue.miscue_offset`).
-* `elevation` is the elevation of the cue divided by 90 degrees. A negative number is a level cue.
+* `elevation` is the elevation of the cue divided by 90 degrees. Negative numbers count as 0.
 
 The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is the same shot on every machine.
 """
@@ -54,7 +54,7 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
 
     Args:
         action: (2,) or (5,), see the module. The first two numbers are scaled to length 1 if they are longer. The
-            others count as -1 below -1 and as 1 above 1.
+            others are clipped to [-1, 1].
         scene: The scene.
         max_speed: m/s.
 
@@ -81,8 +81,8 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
 def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArray[np.float64]:
     """Returns level strikes that give the ball the velocities of actions, with spin.
 
-    The heading is turned against the squirt, and the speed is increased by what the spin takes. It is at most 1, so a
-    fast ball with much spin is slower than its action.
+    The heading is turned against the squirt. The speed is increased, because an offset tip gives the ball less speed.
+    It is at most 1, so the ball is slower than its action if the action is fast and the offset is large.
 
     Args:
         scene: The scene.
@@ -109,9 +109,9 @@ def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
 
     Args:
         actions: (..., 2) or (..., 5), see the module. The first two numbers are scaled to length 1 if they are longer.
-        errors: Of the same shape: errors of the direction, in half turns, of the speed, divided by the largest speed,
-            and of the other numbers. The speed stays between 0 and the largest speed. An action with zero speed keeps
-            it.
+        errors: Of the same shape: the error of the direction, in half turns, that of the speed, divided by the largest
+            speed, and those of the other numbers. The speed stays between 0 and the largest speed. A speed of zero
+            stays zero.
 
     Returns:
         The actions with the errors.
@@ -144,7 +144,7 @@ def shorten(x, y, max_speed):
 
 @kernel
 def cos_sin(turns):
-    """Returns the cosine and sine of `turns` half turns, exactly even and odd, with an error of at most 2e-16."""
+    """Returns the cosine (exactly even) and sine (exactly odd) of `turns` half turns, with errors of at most 2e-16."""
     quarters = np.rint(2.0 * turns)
     x = math.pi * (turns - 0.5 * quarters)
     xx = x * x
@@ -165,7 +165,7 @@ def cos_sin(turns):
 
 @entry_point
 def strike_balls(begin, end, skip, actions, cue, starts):
-    """Replaces the velocities and spins of cue balls after a level strike at the centre by those of strikes.
+    """Replaces the velocities of cue balls after level, central strikes by those of actions, and sets their spins.
 
     Args:
         begin: First shot.

@@ -212,11 +212,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
-    - The named scenes are `"pool"`, `"blocked_pool"`, `"carom"`, `"ideal"`, `"pooltool_carom"` and `"sum_to_three"`.
-      They have 1 object ball by default; `"carom"`, `"pooltool_carom"` and `"blocked_pool"` have 2. The second object
-      ball of `"blocked_pool"` is a fixed post.
-    - The task `"pot"` needs a table with pockets. The task `"sum_to_three"` needs a table without pockets and exactly
-      one object ball.
+    - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
+      `"real_pool"`, a pool table with throw and the jaws of the pockets.
+    - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
+      object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
     - With `layout=None` the layout is `"rack"` for `"pot"`, `"carom_opening"` for `"carom"` and `"three_cushion"`,
       `"line"` for `"sum_to_three"`, `"random"` for `"place"` and `"position"`, `"rack"` for `"clear"`, and the rack of

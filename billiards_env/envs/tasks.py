@@ -40,7 +40,7 @@ TASKS = (
 POT, CAROM, THREE_CUSHION, SUM_TO_THREE, PLACE, POSITION, CLEAR, NINE_BALL, EIGHT_BALL = range(len(TASKS))
 
 RUN_OUTS = {"nine_ball": 9, "eight_ball": 15}
-"""The tasks in which only some balls are on, with their numbers of object balls."""
+"""The run-outs, in which the cue ball may touch only some balls first, and their numbers of object balls."""
 
 OPENING_LAYOUTS = {
     "pot": "rack",
@@ -53,7 +53,7 @@ OPENING_LAYOUTS = {
     "nine_ball": "nine_ball",
     "eight_ball": "eight_ball",
 }
-"""The layout with which the game of each task begins."""
+"""The layout of each task with `layout=None`."""
 
 BREAKS = ("rack", "tight_rack", "nine_ball", "eight_ball")
 """The layouts that begin with a break."""
@@ -90,7 +90,7 @@ class Outcome(NamedTuple):
 
 
 def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
-    """Returns the balls that count in a task: the object balls, in "pot" and similar tasks only those of finite mass.
+    """Returns the balls that count in a task: the object balls. Tasks with pockets count only those of finite mass.
 
     Args:
         task: One of `TASKS`.
@@ -150,8 +150,8 @@ def judge(task, k, targets, outcome):
 def judge_pot(k, targets, outcome):
     """Pots the object balls: 1 point for each.
 
-    Decided if all object balls are potted or the cue ball is potted (a scratch). Achieved if all object balls are
-    potted and the cue ball is not.
+    The episode is decided if all object balls are potted or the cue ball is potted (a scratch). The task is
+    achieved if all object balls are potted and the cue ball is not.
     """
     points, cleared = 0, True
     for i in range(len(targets)):
@@ -168,8 +168,8 @@ def judge_pot(k, targets, outcome):
 def judge_carom(k, targets, outcome):
     """Touches every object ball with the cue ball in one shot: 1 point.
 
-    A shot that pots the cue ball scores 0 points. Decided if any ball is potted, because a potted ball cannot be
-    touched again. Otherwise the episode continues, with or without a point.
+    A shot that pots the cue ball scores 0 points. The episode is decided if any ball is potted, because a potted ball
+    cannot be touched again. Otherwise the episode continues, with or without a point.
     """
     success, over = not outcome.potted[k, CUE_BALL], False
     for i in range(len(targets)):
@@ -212,7 +212,7 @@ def judge_place(k, targets, outcome):
     """Touches an object ball and brings the cue ball to rest near the goal: 1 point.
 
     Any object ball counts, and it may be potted. If no object ball is on the table, the cue ball does not have to touch
-    one. Decided if the shot scores the point or the cue ball is potted.
+    one. The episode is decided if the shot scores the point or the cue ball is potted.
     """
     touched, left = False, False
     for i in range(len(targets)):
@@ -227,7 +227,7 @@ def judge_place(k, targets, outcome):
 def judge_position(k, targets, outcome):
     """Pots an object ball and brings the cue ball to rest near the goal, in one shot: 1 point.
 
-    Decided if the shot scores the point, the cue ball is potted, or no object ball is left.
+    The episode is decided if the shot scores the point, the cue ball is potted, or no object ball is left.
     """
     points, cleared, _ = judge_pot(k, targets, outcome)
     success = points > 0 and is_near_goal(k, _POSITION_RADIUS, outcome)
@@ -246,7 +246,7 @@ def is_near_goal(k, radius, outcome):
 def judge_clear(k, targets, outcome):
     """Pots the last object ball, but not the cue ball: 1 point.
 
-    Decided if all object balls are potted or the cue ball is potted.
+    The episode is decided if all object balls are potted or the cue ball is potted.
     """
     _, decided, success = judge_pot(k, targets, outcome)
     return (1 if success else 0), decided, success
@@ -273,8 +273,9 @@ def is_legal(k, outcome):
 def judge_nine_ball(k, targets, outcome):
     """Pots balls in shots that first touch the lowest ball on the table: 1 point for each.
 
-    The balls that are left when the nine ball is potted count as well, so a run-out scores 9 points. Decided by a foul,
-    by a shot that pots no ball, and if the nine ball is potted. Achieved if it is potted without a foul.
+    A shot that pots the nine ball also scores the balls that are left, so a run-out scores 9 points. The episode is
+    decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
+    ball is potted without a foul.
     """
     points, left, lowest = 0, 0, 0
     for i in range(1, 10):
@@ -295,13 +296,13 @@ def judge_nine_ball(k, targets, outcome):
 def judge_eight_ball(k, targets, outcome):
     """Pots the balls of one group, 1 to 7 or 9 to 15, and then the eight ball: 1 point for each.
 
-    All balls are on in the break. Then the table is open, and both groups are on, until a shot pots a ball: the group
-    becomes that of the ball that the cue ball touched first or, if no ball of that group was potted, the other one.
-    Decided by a foul, by a shot that pots no ball of the group, and if the eight ball is potted. Achieved if the eight
-    ball is potted without a foul when it is on.
+    All balls are on in the break. Then both groups are on until a shot pots a ball of a group. That shot chooses the
+    group: that of the ball that the cue ball touched first, or the other one if no ball of the first was potted. The
+    episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The task
+    is achieved if the eight ball is potted without a foul when it is on, and not in the break.
     """
     on, first = outcome.on, outcome.first_hit[k]
-    is_break = on[k, 8] and on[k, 1]  # the eight ball is on alone otherwise
+    is_break = on[k, 8] and on[k, 1]  # later the eight ball is on only if no other ball is
     legal, won = is_legal(k, outcome), outcome.potted[k, 8] and on[k, 8] and not is_break
     solids, stripes, solids_on, stripes_on = 0, 0, False, False
     for i in range(1, 16):

@@ -1,7 +1,7 @@
 """The strike: the cue ball's velocity and spin from the motion of the cue.
 
-The cue hits the ball with a point-like tip, along its axis. The impulse lies on the axis, so it gives the ball a
-velocity along the axis and a spin about the axis perpendicular to it and to the offset of the tip.
+The tip is a point and moves along the axis of the cue, and the impulse lies on this axis. The ball gets a velocity
+along the cue. It also gets a spin whose axis is perpendicular to the cue and to the offset of the tip.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ def cue_numbers(scene: Scene) -> CueNumbers:
 def speed_gain(cue, offset):
     """Returns the speed of the ball over that of the cue, for a tip at `offset` ball radii from the centre.
 
-    The ball takes up the energy m V^2 (1 + K) / 2 at the speed V, with K = 5/2 offset^2 for its spin. The impact loses
-    the same fraction of the energy of the cue at every offset, as in a central impact with the tip's restitution
-    (Alciatore 2008, TP A.30).
+    At the speed V the ball has the energy m V^2 (1 + K) / 2. The term K = 5/2 offset^2 is its spin. The impact loses
+    the same fraction of the cue's energy at every offset (Alciatore 2008, TP A.30). This is the fraction of a central
+    impact with the tip's restitution.
     """
     k = 2.5 * offset * offset
     total, e = 1.0 + cue.mass_ratio + k, cue.restitution
@@ -77,15 +77,15 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
     """Returns the velocity and the spin of the ball after a strike.
 
     If the tip is farther from the centre than `cue.miscue`, it slips (a miscue): the impulse then lies on the edge of
-    the cone of friction, so the ball deviates from the axis of the cue, and its spin is that at the edge. The vertical
-    component of the velocity is dropped.
+    the cone of friction, so the ball deviates from the axis of the cue. The spin is that of a tip at the edge, times
+    the cosine of this deviation. The vertical component of the velocity is dropped.
 
     Args:
         cue: The cue.
-        ux: x of the velocity, m/s, that the ball gets if a level cue hits its centre at this speed and heading.
-        uy: y of this velocity.
-        side: Offset of the tip to the left of the centre, along the cue, in ball radii.
-        top: Offset of the tip above the centre, along the cue, in ball radii.
+        ux: x component, m/s, of the velocity after a level, central strike with the same speed and heading.
+        uy: y component of this velocity.
+        side: Offset of the tip to the left of the centre, as seen along the cue, in ball radii.
+        top: Offset of the tip above the centre, as seen along the cue, in ball radii.
         sin_elevation: Sine of the angle of the cue above the horizontal.
         cos_elevation: Its cosine.
 
@@ -97,7 +97,7 @@ def struck(cue, ux, uy, side, top, sin_elevation, cos_elevation):
     along, right, slowed = cos_elevation, 0.0, 1.0
     if miscue:
         x = min(offset, 1.0)
-        # The cosines of the angles between the axis and the radius to the tip, at the tip and at the edge of the cone
+        # The cosine of the angle between the cue and the radius at the tip, and the same at the edge of the cone
         at_tip, at_edge = math.sqrt(1.0 - x * x), math.sqrt(1.0 - cue.miscue * cue.miscue)
         slowed, turn = at_tip * at_edge + x * cue.miscue, x * at_edge - cue.miscue * at_tip
         along = slowed * cos_elevation - turn * (top / offset) * sin_elevation
