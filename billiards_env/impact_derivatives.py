@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.physics.compliance import begin_stick, end_stick, release_phase
-from billiards_env.physics.cushion import cushion_impact, cushion_restitution
+from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution
 from billiards_env.physics.friction import friction_coefficient
 from billiards_env.physics.state import (
     CUSHION_HEIGHT,
@@ -64,7 +64,7 @@ def restitution_slope(speed: float, params: Floats) -> float:
 
 
 def cushion_derivative(state: Floats, radius: float, arrays: SceneArrays) -> Floats:
-    """Returns the derivative of `cushion_impact` with respect to (vn, vt, un, ut, R wz), (5, 5)."""
+    """Returns the derivative of `cushion_impact` with respect to the `CushionMotion`, (5, 5)."""
     if arrays.mathavan is not None:
         return _by_differences(state, radius, arrays)
     params = arrays.params
@@ -151,8 +151,7 @@ def _by_differences(state: Floats, radius: float, arrays: SceneArrays) -> Floats
     def after(k: int, steps: int) -> Floats:
         moved = state.copy()
         moved[k] += steps * step
-        vn, vt, un, ut, rwz = moved
-        return np.array(cushion_impact(vn, vt, un, ut, rwz, radius, 0.0, arrays)[:5])
+        return np.array(cushion_impact(CushionMotion(*moved), radius, 0.0, arrays)[0])
 
     columns = [(8.0 * (after(k, 1) - after(k, -1)) - (after(k, 2) - after(k, -2))) / (12.0 * step) for k in range(5)]
     return np.stack(columns, axis=1)

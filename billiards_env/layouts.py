@@ -45,7 +45,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -160,7 +160,7 @@ def _make_plan(name: str, scene: Scene) -> Plan:
     n = scene.n_balls
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
-        return _plan(name, scene, np.zeros((n, 2)), 0.0, largest_first, 0, scene.table.length / 2)
+        return _plan(name, scene, largest_first, np.zeros((n, 2)))
     if name in ("rack", "tight_rack", "nine_ball", "eight_ball"):
         return _rack_plan(name, scene)
     if name == "snookered":
@@ -173,7 +173,7 @@ def _make_plan(name: str, scene: Scene) -> Plan:
         spots = [(-foot, 0.0), (foot, 0.0)]
     else:
         spots = [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)][:n]
-    return _plan(name, scene, np.array(spots), 0.0, range(n), n, 0.0)
+    return _plan(name, scene, (), np.array(spots))
 
 
 def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
@@ -375,20 +375,25 @@ def shuffle_eight_ball(stream, positions):
 def _plan(
     name: str,
     scene: Scene,
+    drawn: Sequence[int],
     spots: Floats,
-    displacement: float,
-    order: Iterable[int],
-    n_spots: int,
-    x_most: float,
-    midway: bool = False,
+    *,
+    displacement: float = 0.0,
+    x_most: float = math.inf,
     d_radius: float = math.inf,
+    midway: bool = False,
 ) -> Plan:
-    """Returns a plan whose drawn balls stay at x <= `x_most`, or in the D behind it; raises if the balls cannot fit."""
-    order = np.array(order, np.int64)
+    """Returns a plan that draws the balls `drawn`, in this order; the other balls lie at their `spots`.
+
+    The drawn balls stay at x <= `x_most`, in the D behind it if there is a `d_radius`. Raises if the balls cannot fit.
+    """
+    placed = [i for i in range(scene.n_balls) if i not in drawn]
+    order, n_spots = np.array([*placed, *drawn], np.int64), len(placed)
     radius = np.array(scene.balls.radius)
     x_limit, y_limit = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
+    x_least = x_most - d_radius if d_radius < math.inf else -math.inf
     limits = np.column_stack(
-        (np.maximum(-x_limit, x_most - d_radius), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))
+        (np.maximum(-x_limit, x_least), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))
     )
     for i in order[n_spots:].tolist():
         if limits[i, 1] < limits[i, 0] or limits[i, 2] < 0:
@@ -435,7 +440,7 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
     elif name == "eight_ball":
         spots[[5, 8]] = spots[[8, 5]]
         spots[[1, 11]] = spots[[11, 1]]
-    return _plan(name, scene, spots, displacement, [*range(1, scene.n_balls), 0], count, scene.table.head_x)
+    return _plan(name, scene, (0,), spots, displacement=displacement, x_most=scene.table.head_x)
 
 
 def _rack(count: int, foot: float, pitch: float) -> Floats:
@@ -463,8 +468,7 @@ def _snooker_plan(name: str, scene: Scene) -> Plan:
     black = table.length / 2 - _BLACK_SPOT * table.length
     across = ((table.head_x, -table.d_radius), (table.head_x, table.d_radius), (table.head_x, 0.0))
     spots[1 + reds :] = (*across, (0.0, 0.0), (table.foot_x, 0.0), (black, 0.0))
-    order = [*range(1, scene.n_balls), 0]
-    return _plan(name, scene, spots, 0.0, order, len(order) - 1, table.head_x, d_radius=table.d_radius)
+    return _plan(name, scene, (0,), spots, x_most=table.head_x, d_radius=table.d_radius)
 
 
 def _snookered_plan(name: str, scene: Scene) -> Plan:
@@ -477,7 +481,7 @@ def _snookered_plan(name: str, scene: Scene) -> Plan:
             "which hides ball 1, to be at least as large"
         )
     order = (0, 1, 2) if radius[0] >= radius[1] else (1, 0, 2)
-    return _plan(name, scene, np.zeros((3, 2)), 0.0, order, 0, scene.table.length / 2, midway=True)
+    return _plan(name, scene, order, np.zeros((3, 2)), midway=True)
 
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:

@@ -322,7 +322,7 @@ def _cushion_jump(row: Floats, normal: Floats, radius: float, arrays: SceneArray
         if params[MOTION] == SLIDING_AND_ROLLING:
             jump[_U, _V] -= back
         return jump
-    # Transformation to (vn, vt, un, ut, R wz), the variables of `cushion.cushion_impact`.
+    # Transformation to the variables of a `cushion.CushionMotion`.
     to = np.zeros((5, _SIZE))
     to[0, _V] = to[2, _U] = normal
     to[1, _V] = to[3, _U] = -normal[1], normal[0]

@@ -29,9 +29,8 @@ from billiards_env.engine.runner import for_all_shots
 from billiards_env.engine.shots import Shots
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.jit import allocating, entry_point, kernel
+from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
-    AX,
-    AY,
     HALF_LENGTH,
     HALF_WIDTH,
     LASTS,
@@ -42,12 +41,8 @@ from billiards_env.physics.state import (
     REST,
     ROLLING,
     SLIDING,
-    VX,
-    VY,
     SceneArrays,
     Time,
-    X,
-    Y,
     before,
     later,
     moves,
@@ -85,19 +80,20 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_wall(outline, s, radius, end, kind, other, params):
+def _predict_wall(path, radius, end, kind, other, scene):
     """Returns the end, the kind and the other body of a ball's next event, with the cushions."""
-    if outline is None:
+    if scene.outline is None:
+        params = scene.params
         for k in range(4):
             sign = 1.0 if k % 2 else -1.0
             if k < 2:
-                t = line_time(params[HALF_LENGTH] - radius - sign * s[X], sign * s[VX], sign * s[AX], end)
+                t = line_time(params[HALF_LENGTH] - radius - sign * path.x, sign * path.vx, sign * path.ax, end)
             else:
-                t = line_time(params[HALF_WIDTH] - radius - sign * s[Y], sign * s[VY], sign * s[AY], end)
+                t = line_time(params[HALF_WIDTH] - radius - sign * path.y, sign * path.vy, sign * path.ay, end)
             if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
                 end, kind, other = t, BALL_CUSHION, k
         return end, kind, other
-    t, wall = any_wall_time((s[X], s[Y], s[VX], s[VY], s[AX], s[AY]), radius, end, outline)
+    t, wall = any_wall_time(path, radius, end, scene.outline)
     return (t, BALL_CUSHION, wall) if t < math.inf else (end, kind, other)
 
 
@@ -116,11 +112,12 @@ def _predict_single(i, state, scene, singles):
     elif phase == ROLLING:
         kind = ROLLING_REST
     if phase >= ROLLING:
-        end, kind, other = _predict_wall(scene.outline, s, scene.radius[i], end, kind, other, scene.params)
+        path = path_of(state, i)
+        end, kind, other = _predict_wall(path, scene.radius[i], end, kind, other, scene)
         for k in range(len(scene.pockets)):
             pocket = scene.pockets[k]
-            dx, dy = pocket[POCKET_X] - s[X], pocket[POCKET_Y] - s[Y]
-            t = circle_time(dx, dy, -s[VX], -s[VY], -s[AX], -s[AY], pocket[POCKET_RADIUS], end, 0.0)
+            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
+            t = circle_time(from_pocket, pocket[POCKET_RADIUS], end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
                 end, kind, other = t, BALL_POCKET, k
     if end < math.inf:

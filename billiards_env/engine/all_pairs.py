@@ -25,6 +25,7 @@ from billiards_env.engine.predictions import (
 )
 from billiards_env.engine.resolve import add_contact
 from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 
 MANY = 8
@@ -153,16 +154,15 @@ def screen(i, now, until, paths, apart):
     radius = paths.radius[i]
     for j in range(len(apart)):
         t = now - paths.start[j]
-        apart[j] = cannot_meet(
+        path = Path(
             paths.x[j] + t * (paths.vx[j] + 0.5 * t * paths.ax[j]) - x,
             paths.y[j] + t * (paths.vy[j] + 0.5 * t * paths.ay[j]) - y,
             paths.vx[j] + t * paths.ax[j] - vx,
             paths.vy[j] + t * paths.ay[j] - vy,
             paths.ax[j] - ax,
             paths.ay[j] - ay,
-            radius + paths.radius[j],
-            min(until, paths.end[j]) - now,
         )
+        apart[j] = cannot_meet(path, radius + paths.radius[j], min(until, paths.end[j]) - now)
 
 
 @inlined
@@ -170,16 +170,15 @@ def _apart_now(i, j, now, until, state, scene, singles):
     """Returns whether balls i and j do not meet, as `screen` does for one ball j."""
     s, r = state.rows[i], state.rows[j]
     t = now - r[T0]
-    return cannot_meet(
+    path = Path(
         r[X] + t * (r[VX] + 0.5 * t * r[AX]) - s[X],
         r[Y] + t * (r[VY] + 0.5 * t * r[AY]) - s[Y],
         r[VX] + t * r[AX] - s[VX],
         r[VY] + t * r[AY] - s[VY],
         r[AX] - s[AX],
         r[AY] - s[AY],
-        scene.radius[i] + scene.radius[j],
-        min(until, singles.hi[j]) - now,
     )
+    return cannot_meet(path, scene.radius[i] + scene.radius[j], min(until, singles.hi[j]) - now)
 
 
 @inlined

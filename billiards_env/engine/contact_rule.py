@@ -253,9 +253,28 @@ def resolve_jam(contacts, state, scene, memory):
     return True
 
 
+class CushionContact(NamedTuple):
+    """A contact of a ball with a cushion.
+
+    Attributes:
+        ball: The ball.
+        wall: The number of the cushion.
+        nx: The unit normal into the cushion along x.
+        ny: The same along y.
+        speed: Speed of approach, m/s.
+    """
+
+    ball: Any
+    wall: Any
+    nx: Any
+    ny: Any
+    speed: Any
+
+
 @kernel
-def _hit_cushion_again(i, wall, nx, ny, time, speed, state, scene, memory):
+def _hit_cushion_again(contact, time, state, scene, memory):
     """Implements `hit_cushion` for an impact that is not ordinary."""
+    i, wall, nx, ny, speed = contact
     params = scene.params
     end_runs(i, time, speed, params, memory)
     count_impact(i, time, memory)
@@ -271,16 +290,12 @@ def _hit_cushion_again(i, wall, nx, ny, time, speed, state, scene, memory):
 
 
 @inlined
-def hit_cushion(i, wall, nx, ny, time, speed, state, scene, memory):
-    """Changes the motion of ball i at a cushion.
+def hit_cushion(contact, time, state, scene, memory):
+    """Changes the motion of a ball at a cushion.
 
     Args:
-        i: The ball.
-        wall: The number of the cushion.
-        nx: The unit normal into the cushion along x.
-        ny: The same along y.
+        contact: The `CushionContact`.
         time: s.
-        speed: Speed of approach, m/s.
         state: The `State`.
         scene: The `SceneArrays`.
         memory: The `Memory`.
@@ -288,11 +303,12 @@ def hit_cushion(i, wall, nx, ny, time, speed, state, scene, memory):
     Returns:
         The number of acts of the rule.
     """
-    if is_ordinary(i, time, speed, scene.params, memory):
+    i = contact.ball
+    if is_ordinary(i, time, contact.speed, scene.params, memory):
         count_ordinary(i, time, memory)
-        reflect(state, i, nx, ny, 0.0, scene)
+        reflect(state, i, contact.nx, contact.ny, 0.0, scene)
         return 0
-    return _hit_cushion_again(i, wall, nx, ny, time, speed, state, scene, memory)
+    return _hit_cushion_again(contact, time, state, scene, memory)
 
 
 @kernel

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
-from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle
+from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
 from billiards_env.physics.jit import allocating, inlined, kernel
-from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -26,11 +26,7 @@ from billiards_env.physics.state import (
     REST,
     ROLLING,
     SLIDING,
-    VX,
-    VY,
     Time,
-    X,
-    Y,
     later,
     moves,
     own_time,
@@ -99,27 +95,24 @@ def predict_single(i, state, scene, singles):
     phase, params = state.phase[i], scene.params
     if phase in (REST, POTTED):
         return
-    s = state.rows[i]
-    end = s[LASTS]
+    end = state.rows[i, LASTS]
     kind, other = SPINNING_REST, -1
     if phase == SLIDING:
         kind = SLIDING_ROLLING
     elif phase == ROLLING:
         kind = ROLLING_REST
     if phase >= ROLLING:
-        x, y, vx, vy, ax, ay = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
-        t, wall = wall_time((x, y, vx, vy, ax, ay), scene.radius[i], end, params, scene.outline)
+        path = path_of(state, i)
+        t, wall = wall_time(path, scene.radius[i], end, params, scene.outline)
         if t < math.inf:
             end, kind, other = t, BALL_CUSHION, wall
-        bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
-        vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
-        way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
-        pockets = scene.pockets
+        swept, pockets = sweep(path, end), scene.pockets
         for k in range(len(pockets)):
-            dx, dy, reach = pockets[k, POCKET_X] - x, pockets[k, POCKET_Y] - y, pockets[k, POCKET_RADIUS]
-            if misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
+            from_pocket = relative_to(path, pockets[k, POCKET_X], pockets[k, POCKET_Y])
+            reach = pockets[k, POCKET_RADIUS]
+            if misses_circle(from_pocket, swept, reach):
                 continue
-            t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, 0.0)
+            t = circle_time(from_pocket, reach, end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
                 end, kind, other = t, BALL_POCKET, k
     if end < math.inf:
@@ -155,29 +148,23 @@ def predict_pair(i, j, now, state, scene, singles, limit):
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows
-    t = circle_time(
-        xj - xi,
-        yj - yi,
-        vxj - vxi,
-        vyj - vyi,
-        rows[j, AX] - rows[i, AX],
-        rows[j, AY] - rows[i, AY],
-        contact_distance(scene.spheres, scene.radius, i, j),
-        end,
-        NOISE * (norm(vxi, vyi) + norm(vxj, vyj)),
-    )
+    ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
+    reach = contact_distance(scene.spheres, scene.radius, i, j)
+    noise = NOISE * (norm(vxi, vyi) + norm(vxj, vyj))
+    t = circle_time(Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay), reach, end, noise)
     if t == math.inf:
         return Time(math.inf, 0.0)
     return later(now, t)
 
 
 @inlined
-def cannot_meet(dx, dy, wx, wy, bx, by, reach, end):
+def cannot_meet(path, reach, end):
     """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
 
     It may return False for balls that do not meet. The arguments are those of `contact.circle_time`; `reach` may be
     larger, such as the sum of the radii of spheres.
     """
+    dx, dy, wx, wy, bx, by = path
     dd = dx * dx + dy * dy
     # Upper bound on their mean speed of approach along the line of centres, times their distance
     dw, half_db = dx * wx + dy * wy, 0.5 * (dx * bx + dy * by)

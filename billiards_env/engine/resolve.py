@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from billiards_env.engine.contact_rule import collide, hit_cushion
+from billiards_env.engine.contact_rule import CushionContact, collide, hit_cushion
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
 from billiards_env.physics.contact import contact_distance
@@ -101,7 +101,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):
             advance(state, i, now, scene.params)
             nx, ny = wall_normal(state, i, other, scene.outline)
             speed = nx * state.rows[i, VX] + ny * state.rows[i, VY]
-            acts = hit_cushion(i, other, nx, ny, now.hi, speed, state, scene, work.memory)
+            acts = hit_cushion(CushionContact(i, other, nx, ny, speed), now.hi, state, scene, work.memory)
             shots.cushions[k, i] += 1
         else:
             end_phase(state, i, now, scene.params)

@@ -8,6 +8,7 @@ end of the interval.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
@@ -41,18 +42,13 @@ def contact_distance(spheres, radius, i, j):
 
 
 @kernel
-def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
+def circle_time(path, reach, end, noise):
     """Returns the time at which the distance of two centres next falls to `reach`.
 
     The relative position is d + w t + b t^2 / 2, so the squared distance minus reach^2 is a quartic in t.
 
     Args:
-        dx: Relative position along x, m.
-        dy: The same along y.
-        wx: Relative velocity along x, m/s.
-        wy: The same along y.
-        bx: Relative acceleration along x, m/s^2.
-        by: The same along y.
+        path: The `Path` of one centre relative to the other.
         reach: Distance of the centres at contact, m.
         end: End of the interval, s; finite unless b is zero.
         noise: Rounding of the relative velocity, m/s. Bodies that touch and approach no faster do not count as
@@ -61,6 +57,7 @@ def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise):
     Returns:
         The time of the next contact, s, or infinity.
     """
+    dx, dy, wx, wy, bx, by = path
     distance = norm(dx, dy)
     c0 = (distance - reach) * (distance + reach)
     dw = dx * wx + dy * wy
@@ -136,23 +133,45 @@ def line_time(gap, v, a, end):
     return t if t <= end else math.inf
 
 
-@inlined
-def misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
-    """Returns whether a path does not reach a circle. It may return False for a path that does not.
+class Sweep(NamedTuple):
+    """The area that a path covers until a time, for `misses_circle`.
 
-    Args:
-        dx: Position of the circle relative to the path's beginning along x, m.
-        dy: The same along y.
-        vx: Velocity at the path's beginning along x, m/s.
-        vy: The same along y.
-        reach: Radius of the circle, m.
+    Attributes:
         bend: Distance of the path's end from its tangent, times the speed, m^2/s.
         vv: Square of the speed, raised by a margin, m^2/s^2.
         way_x: Largest change of x along the path, m.
         way_y: Largest change of y along the path, m.
     """
-    side = abs(dx * vy - dy * vx) - bend
-    if side > 0.0 and side * side > reach * reach * vv + TINY:
+
+    bend: Any
+    vv: Any
+    way_x: Any
+    way_y: Any
+
+
+@inlined
+def sweep(path, end):
+    """Returns the `Sweep` of a `Path` until `end`, s."""
+    _, _, vx, vy, ax, ay = path
+    return Sweep(
+        0.5 * end * end * abs(vx * ay - vy * ax),
+        (1.0 + MARGIN) * (vx * vx + vy * vy),
+        end * (abs(vx) + 0.5 * end * abs(ax)),
+        end * (abs(vy) + 0.5 * end * abs(ay)),
+    )
+
+
+@inlined
+def misses_circle(path, swept, reach):
+    """Returns whether a path does not reach a circle. It may return False for a path that does not.
+
+    Args:
+        path: The `Path` relative to the centre of the circle.
+        swept: The path's `Sweep`.
+        reach: Radius of the circle, m.
+    """
+    side = abs(path.x * path.vy - path.y * path.vx) - swept.bend
+    if side > 0.0 and side * side > reach * reach * swept.vv + TINY:
         return True
     wide = (1.0 + MARGIN) * reach
-    return abs(dx) > wide + way_x or abs(dy) > wide + way_y
+    return abs(path.x) > wide + swept.way_x or abs(path.y) > wide + swept.way_y

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.jit import inlined, kernel
@@ -26,24 +27,44 @@ from billiards_env.physics.state import (
 )
 
 
-@inlined
-def _squeeze(needed, sx, sy, sin, cos, mu):
-    """Returns the friction and the normal impulse (pxe, pye, pze) with a given horizontal sum, per mass, m/s.
+class CushionMotion(NamedTuple):
+    """The motion of a ball at a cushion with the normal n into the cushion and the tangent t = z x n.
 
-    Args:
-        needed: Impulse away from the cushion, per mass, m/s.
-        sx: Slip at the point of contact along x, m/s.
-        sy: Slip along y, m/s.
-        sin: Sine of the angle of the point of contact above the ball's centre.
-        cos: Cosine of that angle.
-        mu: Coefficient of friction.
+    Attributes:
+        vn: Velocity along n, m/s.
+        vt: Velocity along t, m/s.
+        un: Slip on the cloth along n, m/s.
+        ut: Slip on the cloth along t, m/s.
+        rwz: Spin about the vertical axis times the radius, m/s.
     """
-    slip = math.sqrt(sx * sx + sy * sy)
-    resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
-    pze = needed / resistance if resistance > 0.0 else math.inf
-    if slip * (2.0 / 7.0) <= mu * pze:  # friction sticks
-        return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
-    return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
+
+    vn: Any
+    vt: Any
+    un: Any
+    ut: Any
+    rwz: Any
+
+
+class Nose(NamedTuple):
+    """The contact of a ball with the nose of a cushion, at height h, an angle theta above the ball's centre.
+
+    The slip is that of the cushion on the ball: friction on the ball has its direction.
+
+    Attributes:
+        sin: sin(theta) = h / R - 1.
+        cos: cos(theta).
+        sx: Slip along the tangent that points up, m/s.
+        sy: Slip along t, m/s.
+        rwn: Spin about n times the radius, m/s.
+        rwt: Spin about t times the radius, m/s.
+    """
+
+    sin: Any
+    cos: Any
+    sx: Any
+    sy: Any
+    rwn: Any
+    rwt: Any
 
 
 @inlined
@@ -56,49 +77,57 @@ def cushion_restitution(speed, params):
 
 
 @inlined
-def _nose(vn, vt, un, ut, rwz, radius, params):
-    """Returns the geometry of a contact with the nose of a cushion.
-
-    The nose touches the ball at height h, an angle theta above its centre with sin(theta) = h/R - 1. The slip (sx, sy)
-    is that of the cushion on the ball: friction on the ball has its direction.
-
-    Returns:
-        (sin, cos, sx, sy, rwn, rwt): of theta, the slip, and the spins about n and t times the radius, m/s.
-    """
+def _nose(before, radius, params):
+    """Returns the `Nose` of a cushion for a ball with the `CushionMotion` `before`."""
+    vn, vt, un, ut, rwz = before
     sin = params[CUSHION_HEIGHT] / radius - 1.0
     cos = math.sqrt(1.0 - sin * sin)
     # Spin in terms of slip: R omega_t = vn - un, R omega_n = ut - vt.
     rwt, rwn = vn - un, ut - vt
-    return sin, cos, vn * sin + rwt, -vt - rwz * cos + rwn * sin, rwn, rwt
+    return Nose(sin, cos, vn * sin + rwt, -vt - rwz * cos + rwn * sin, rwn, rwt)
 
 
 @inlined
-def _leave(vn, vt, rwn, rwt, rwz, px, pxe, pye, pze, sin, cos):
-    """Returns (vn, vt, un, ut, rwz) with the normal velocity `vn` after the impulses of a contact at the nose.
+def _squeeze(needed, nose, mu):
+    """Returns the friction and the normal impulse (pxe, pye, pze) with a given horizontal sum, per mass, m/s.
 
     Args:
-        vn: Velocity into the cushion after the impact, m/s.
-        vt: Velocity along the cushion before it, m/s.
-        rwn: Spin about n times the radius before it, m/s.
-        rwt: The same about t.
-        rwz: The same about z.
+        needed: Impulse away from the cushion, per mass, m/s.
+        nose: The `Nose`.
+        mu: Coefficient of friction.
+    """
+    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
+    slip = math.sqrt(sx * sx + sy * sy)
+    resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
+    pze = needed / resistance if resistance > 0.0 else math.inf
+    if slip * (2.0 / 7.0) <= mu * pze:  # friction sticks
+        return sx * (2.0 / 7.0), sy * (2.0 / 7.0), max(0.0, (needed - sx * (2.0 / 7.0) * sin) / cos)
+    return mu * pze * (sx / slip), mu * pze * (sy / slip), pze
+
+
+@inlined
+def _leave(before, nose, vn, px, pxe, pye, pze):
+    """Returns the `CushionMotion` after the impulses of a contact at the nose.
+
+    Args:
+        before: The `CushionMotion` before it.
+        nose: The `Nose`.
+        vn: Velocity into the cushion after it, m/s.
         px: Horizontal impulse into the cushion, per mass, m/s.
         pxe: Friction along the tangent that points up, per mass, m/s.
         pye: Friction along t, per mass, m/s.
         pze: Normal impulse, per mass, m/s.
-        sin: Sine of the angle of the nose.
-        cos: Its cosine.
     """
+    sin, cos = nose.sin, nose.cos
     pz = pxe * cos - pze * sin
-    vt += pye
-    rwn -= 2.5 * pye * sin
-    rwt += 2.5 * (px * sin - pz * cos)
-    rwz += 2.5 * pye * cos
-    return vn, vt, vn - rwt, vt + rwn, rwz
+    vt = before.vt + pye
+    rwn = nose.rwn - 2.5 * pye * sin
+    rwt = nose.rwt + 2.5 * (px * sin - pz * cos)
+    return CushionMotion(vn, vt, vn - rwt, vt + rwn, before.rwz + 2.5 * pye * cos)
 
 
 @kernel
-def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
+def han2005(before, radius, rebound, params):
     """Returns a ball's motion after an impact on a cushion with friction and spin.
 
     The law is that of Han (2005), Dynamics in Carom and Three Cushion Billiards. At the point of contact friction
@@ -107,21 +136,17 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
     raised until the ball leaves at `rebound`.
 
     Args:
-        vn: Velocity into the cushion, >= 0, m/s.
-        vt: Velocity along the tangent t = z x n, m/s.
-        un: Slip on the cloth along n, m/s.
-        ut: Slip on the cloth along t, m/s.
-        rwz: Spin about the vertical axis times the radius, m/s.
+        before: The `CushionMotion` before the impact, vn >= 0.
         radius: m.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         params: (N_PARAMS,) float64.
 
     Returns:
-        (vn, vt, un, ut, rwz, raised) after the impact, with vn <= -rebound; `raised`: whether `rebound` raised the
-        impulse.
+        (after, raised): the `CushionMotion` after the impact, vn <= -rebound, and whether `rebound` raised the impulse.
     """
-    mu = params[MU_CUSHION]
-    sin, cos, sx, sy, rwn, rwt = _nose(vn, vt, un, ut, rwz, radius, params)
+    mu, vn = params[MU_CUSHION], before.vn
+    nose = _nose(before, radius, params)
+    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     pze = (1.0 + cushion_restitution(vn, params)) * vn * cos  # impulses per mass
     if slip * (2.0 / 7.0) <= mu * pze:
@@ -132,20 +157,20 @@ def han2005(vn, vt, un, ut, rwz, radius, rebound, params):
     raised = vn + px > -rebound
     if raised:
         px = -(vn + rebound)
-        pxe, pye, pze = _squeeze(vn + rebound, sx, sy, sin, cos, mu)
-    vn_after = -rebound if raised else vn + px
-    vn, vt, un, ut, rwz = _leave(vn_after, vt, rwn, rwt, rwz, px, pxe, pye, pze, sin, cos)
-    return vn, vt, un, ut, rwz, raised
+        pxe, pye, pze = _squeeze(vn + rebound, nose, mu)
+    return _leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
 @kernel
-def stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params):
+def stronge(before, radius, rebound, params, compliance):
     """Returns a ball's motion after an impact on a compliant cushion, as `han2005` does.
 
     The normal impulse is that of `han2005`; the friction is that of `compliance.friction_impulse`. If the ball would
     leave more slowly than `rebound`, a horizontal impulse through its centre, without friction, makes up for it.
     """
-    sin, cos, sx, sy, rwn, rwt = _nose(vn, vt, un, ut, rwz, radius, params)
+    vn = before.vn
+    nose = _nose(before, radius, params)
+    sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     e = cushion_restitution(vn, params)
     pze = (1.0 + e) * vn * cos
@@ -155,35 +180,34 @@ def stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params):
         pxe, pye = friction * (sx / slip), friction * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
-    vn_after = -rebound if raised else vn + px
-    vn, vt, un, ut, rwz = _leave(vn_after, vt, rwn, rwt, rwz, px, pxe, pye, pze, sin, cos)
-    return vn, vt, un, ut, rwz, raised
+    return _leave(before, nose, -rebound if raised else vn + px, px, pxe, pye, pze), raised
 
 
 @kernel
-def mathavan2010(cloth, vn, vt, un, ut, rwz, radius, rebound, params):
+def mathavan2010(before, radius, rebound, params, cloth):
     """Returns a ball's motion after an impact by `mathavan.integrate_impact`, as `stronge` does."""
-    sin, cos, _, _, rwn, rwt = _nose(vn, vt, un, ut, rwz, radius, params)
+    vn, vt, _, _, rwz = before
+    nose = _nose(before, radius, params)
     mu, e = params[MU_CUSHION], cushion_restitution(vn, params)
-    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -rwt, rwn, rwz, sin, cos, mu, cloth[0], e)
+    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, nose.sin, nose.cos, mu, cloth[0], e)
     raised = vy > -rebound
     vn = -rebound if raised else vy
-    return vn, -vx, vn + rwx, rwy - vx, rwz, raised
+    return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised
 
 
 @inlined
-def _by_law(compliance, cloth, vn, vt, un, ut, rwz, radius, rebound, params):
+def _by_law(compliance, cloth, before, radius, rebound, params):
     if compliance is not None:
-        return stronge(compliance, vn, vt, un, ut, rwz, radius, rebound, params)
+        return stronge(before, radius, rebound, params, compliance)
     if cloth is not None:
-        return mathavan2010(cloth, vn, vt, un, ut, rwz, radius, rebound, params)
-    return han2005(vn, vt, un, ut, rwz, radius, rebound, params)
+        return mathavan2010(before, radius, rebound, params, cloth)
+    return han2005(before, radius, rebound, params)
 
 
 @inlined
-def cushion_impact(vn, vt, un, ut, rwz, radius, rebound, scene):
+def cushion_impact(before, radius, rebound, scene):
     """Returns a ball's motion after an impact on the scene's cushions with friction. See `han2005`."""
-    return _by_law(scene.stronge, scene.mathavan, vn, vt, un, ut, rwz, radius, rebound, scene.params)
+    return _by_law(scene.stronge, scene.mathavan, before, radius, rebound, scene.params)
 
 
 @kernel
@@ -207,7 +231,8 @@ def reflect(state, i, nx, ny, rebound, scene):
     if params[CUSHION] != RESTITUTION:
         radius = scene.radius[i]
         un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
-        vn, vt, un, ut, rwz, raised = cushion_impact(speed, vt, un, ut, radius * s[WZ], radius, rebound, scene)
+        before = CushionMotion(speed, vt, un, ut, radius * s[WZ])
+        (vn, vt, un, ut, rwz), raised = cushion_impact(before, radius, rebound, scene)
         s[VX], s[VY] = nx * vn - ny * vt, ny * vn + nx * vt
         s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
         s[WZ] = rwz / radius

@@ -14,6 +14,7 @@ The spin about the vertical axis decays linearly to zero in every phase, indepen
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import (
@@ -45,6 +46,45 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
+
+
+class Path(NamedTuple):
+    """The motion r + v t + a t^2 / 2 of a point, or of one point relative to another, with t from now.
+
+    Attributes:
+        x: Position along x, m.
+        y: The same along y.
+        vx: Velocity along x, m/s.
+        vy: The same along y.
+        ax: Acceleration along x, m/s^2.
+        ay: The same along y.
+    """
+
+    x: Any
+    y: Any
+    vx: Any
+    vy: Any
+    ax: Any
+    ay: Any
+
+
+@inlined
+def path_of(state, i):
+    """Returns the `Path` of ball i's centre from its own time."""
+    s = state.rows[i]
+    return Path(s[X], s[Y], s[VX], s[VY], s[AX], s[AY])
+
+
+@inlined
+def relative_to(path, x, y):
+    """Returns a `Path` relative to the point (x, y), m."""
+    return Path(path.x - x, path.y - y, path.vx, path.vy, path.ax, path.ay)
+
+
+@inlined
+def place_after(path, t):
+    """Returns the position (x, y) of a `Path` after t seconds, m."""
+    return path.x + t * (path.vx + 0.5 * t * path.ax), path.y + t * (path.vy + 0.5 * t * path.ay)
 
 
 @kernel

@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.outline import Corner, Line, Tip, pieces
-from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle
+from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
 from billiards_env.physics.jit import inlined, kernel
-from billiards_env.physics.motion import norm
+from billiards_env.physics.motion import norm, place_after, relative_to
 from billiards_env.physics.state import AX, AY, HALF_LENGTH, HALF_WIDTH, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
 
@@ -173,7 +173,7 @@ def wall_time(path, radius, end, params, outline):
     """Returns the time at which a ball next touches a cushion, s, and the number of the cushion.
 
     Args:
-        path: (x, y, vx, vy, ax, ay), the position, velocity and acceleration of the ball's centre.
+        path: The `Path` of the ball's centre.
         radius: m.
         end: End of the interval, s.
         params: (N_PARAMS,) float64.
@@ -194,7 +194,7 @@ def _exit_time(path, room_x, room_y, end):
     """Returns the time at which a path leaves a rectangle, s, and the side, 0 to 3 for -x, +x, -y, +y.
 
     Args:
-        path: (x, y, vx, vy, ax, ay).
+        path: The `Path`.
         room_x: Half the rectangle's length, m.
         room_y: Half its width, m.
         end: End of the interval, s.
@@ -222,12 +222,12 @@ def _outline_time(path, radius, end, leaves, side, outline):
 
     A ball in the box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the rail.
     """
-    x, y, vx, vy, ax, ay = path
     room_x, room_y = outline.box[BOX_X] - radius, outline.box[BOX_Y] - radius
-    if abs(x) <= room_x + CONTACT_GAP and abs(y) <= room_y + CONTACT_GAP:
+    if abs(path.x) <= room_x + CONTACT_GAP and abs(path.y) <= room_y + CONTACT_GAP:
         if leaves == math.inf:
             return math.inf, -1
-        along = y + leaves * (vy + 0.5 * leaves * ay) if side < 2 else x + leaves * (vx + 0.5 * leaves * ax)
+        x, y = place_after(path, leaves)
+        along = y if side < 2 else x
         rails = outline.rails
         for k in range(len(rails)):
             if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] < along < rails[k, RAIL_TO]:
@@ -247,19 +247,16 @@ def any_wall_time(path, radius, end, outline):
         t = _segment_time(path, radius, end, lines[k])
         if t < first or (t == first and t < math.inf and _comes_first(path, t, k, number, outline)):
             first, number, end = t, k, t
-    x, y, vx, vy, ax, ay = path
-    bend = 0.5 * end * end * abs(vx * ay - vy * ax)  # distance of the path's end from its tangent, times the speed
-    vv = (1.0 + MARGIN) * (vx * vx + vy * vy)
-    way_x, way_y = end * (abs(vx) + 0.5 * end * abs(ax)), end * (abs(vy) + 0.5 * end * abs(ay))
-    noise = NOISE * norm(vx, vy)
+    swept, noise = sweep(path, end), NOISE * norm(path.vx, path.vy)
     for k in range(len(tips)):
-        dx, dy, reach = tips[k, TIP_X] - x, tips[k, TIP_Y] - y, tips[k, TIP_RADIUS] + radius
-        if misses_circle(dx, dy, vx, vy, reach, bend, vv, way_x, way_y):
+        from_tip, reach = relative_to(path, tips[k, TIP_X], tips[k, TIP_Y]), tips[k, TIP_RADIUS] + radius
+        if misses_circle(from_tip, swept, reach):
             continue
-        t = circle_time(dx, dy, -vx, -vy, -ax, -ay, reach, end, noise)
+        t = circle_time(from_tip, reach, end, noise)
         if t > first or t == math.inf:
             continue
-        if not _faces(tips[k], x + t * (vx + 0.5 * t * ax), y + t * (vy + 0.5 * t * ay)):
+        x, y = place_after(path, t)
+        if not _faces(tips[k], x, y):
             continue
         wall = len(lines) + k
         if t < first or (number >= len(lines) and _comes_first(path, t, wall, number, outline)):
@@ -270,8 +267,8 @@ def any_wall_time(path, radius, end, outline):
 @kernel
 def _comes_first(path, t, wall, other, outline):
     """Returns whether a ball that touches two cushions after t seconds bounces off `wall` before `other`."""
-    x, y, vx, vy, ax, ay = path
-    x, y, vx, vy = x + t * (vx + 0.5 * t * ax), y + t * (vy + 0.5 * t * ay), vx + t * ax, vy + t * ay
+    x, y = place_after(path, t)
+    vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
     nx, ny = _outline_normal(x, y, wall, outline)
     mx, my = _outline_normal(x, y, other, outline)
     if abs(nx) != abs(mx):

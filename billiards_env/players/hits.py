@@ -13,7 +13,7 @@ from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.jit import inlined, kernel
-from billiards_env.physics.motion import motion_after, norm
+from billiards_env.physics.motion import Path, motion_after, norm
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -250,11 +250,11 @@ def meet_again(table, i, hit, speed, end, state):
         until = min(leg_end, cue_end, end)
         x, y, vx, vy = motion_after(state, i, now - rows[i, T0])
         cue_x, cue_y, cue_vx, cue_vy = motion_after(state, cue, now - rows[cue, T0])
-        dx, dy, wx, wy = x - cue_x, y - cue_y, vx - cue_vx, vy - cue_vy
-        bx, by = rows[i, AX] - rows[cue, AX], rows[i, AY] - rows[cue, AY]
-        if not cannot_meet(dx, dy, wx, wy, bx, by, reach, until - now):
+        ax, ay = rows[i, AX] - rows[cue, AX], rows[i, AY] - rows[cue, AY]
+        path = Path(x - cue_x, y - cue_y, vx - cue_vx, vy - cue_vy, ax, ay)
+        if not cannot_meet(path, reach, until - now):
             noise = NOISE * (norm(vx, vy) + norm(cue_vx, cue_vy))
-            if circle_time(dx, dy, wx, wy, bx, by, reach, until - now, noise) < math.inf:
+            if circle_time(path, reach, until - now, noise) < math.inf:
                 return True
         if until == end:
             return False

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.jit import inlined, kernel
-from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm
+from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, path_of
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -116,8 +116,7 @@ def begin_leg(scene, state, i):
     if not moves(state, i):
         return Leg(math.inf, -1, 0)
     lasts, wall = row[LASTS], -1
-    path = (row[X], row[Y], row[VX], row[VY], row[AX], row[AY])
-    t, number = wall_time(path, scene.radius[i], lasts, params, scene.outline)
+    t, number = wall_time(path_of(state, i), scene.radius[i], lasts, params, scene.outline)
     if t < lasts:
         lasts, wall = t, number
     return Leg(lasts, wall, _CHORDS if state.phase[i] == SLIDING else 1)

@@ -7,13 +7,14 @@ from hypothesis import strategies as st
 
 from billiards_env.physics import contact
 from billiards_env.physics.contact import line_time
+from billiards_env.physics.motion import Path
 
 INF = math.inf
 small = st.floats(-3, 3).map(lambda x: round(x, 6))
 
 
 def circle_time(dx, dy, wx, wy, bx, by, reach, end, noise=0.0):
-    return contact.circle_time(dx, dy, wx, wy, bx, by, reach, end, noise)
+    return contact.circle_time(Path(dx, dy, wx, wy, bx, by), reach, end, noise)
 
 
 def distance_after(t, dx, dy, wx, wy, bx, by):

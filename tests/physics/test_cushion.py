@@ -1,6 +1,5 @@
 import math
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -8,15 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.physics import cushion as laws
 from billiards_env.physics.compliance import friction_impulse
-from billiards_env.physics.cushion import cushion_restitution, han2005
+from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution, han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.table import Table
 
 R = 0.03
-cushion_impact: Any = laws.cushion_impact  # untyped, because a state is passed as a sequence
 
 
 def bounce(vn, vt, spin, params, rebound=0.0):
@@ -57,7 +54,7 @@ def bounce(vn, vt, spin, params, rebound=0.0):
 
 def run_han(vn, vt, spin, params, rebound=0.0):
     un, ut = vn - R * spin[1], vt + R * spin[0]
-    vn, vt, un, ut, rwz, _ = han2005(vn, vt, un, ut, R * spin[2], R, rebound, params)
+    (vn, vt, un, ut, rwz), _ = han2005(CushionMotion(vn, vt, un, ut, R * spin[2]), R, rebound, params)
     return vn, vt, np.array([(ut - vt) / R, (vn - un) / R, rwz / R])
 
 
@@ -130,8 +127,8 @@ def pool_cushion(law, height=1.28, radius=POOL_R, **physics):
 def rebound_of(scene, velocity, spin, rebound=0.0):
     """Returns (vx, vy) and the spin, rad/s, after an impact; `velocity` is (vx, vy)."""
     (vx, vy), (wx, wy, wz), radius = velocity, spin, float(scene.radius[0])
-    after = cushion_impact(vy, -vx, vy + radius * wx, -vx + radius * wy, radius * wz, radius, rebound, scene)
-    vn, vt, un, ut, rwz, _ = after
+    before = CushionMotion(vy, -vx, vy + radius * wx, -vx + radius * wy, radius * wz)
+    (vn, vt, un, ut, rwz), _ = cushion_impact(before, radius, rebound, scene)
     return np.array([-vt, vn]), np.array([un - vn, ut - vt, rwz]) / radius
 
 
@@ -291,29 +288,29 @@ ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7}
 @given(state=STATES, height=st.floats(0.8, 1.5), mu=st.floats(0, 0.5), e=st.floats(0.5, 1))
 def test_a_cushion_adds_no_energy_and_mirrors_bit_for_bit(law, state, height, mu, e):
     scene = pool_cushion(law, height, mu_cushion=mu, e_cushion=e)
-    after = cushion_impact(*state, POOL_R, 0.0, scene)
-    assert after[0] <= 0.0
-    assert energy(*after[:5]) <= energy(*state) * (1 + 10 * ERROR[law])
+    after, _ = cushion_impact(CushionMotion(*state), POOL_R, 0.0, scene)
+    assert after.vn <= 0.0
+    assert energy(*after) <= energy(*state) * (1 + 10 * ERROR[law])
     vn, vt, un, ut, rwz = state
-    mirrored = cushion_impact(vn, -vt, un, -ut, -rwz, POOL_R, 0.0, scene)
-    assert (after[0], -after[1], after[2], -after[3], -after[4]) == mirrored[:5]
+    mirrored, _ = cushion_impact(CushionMotion(vn, -vt, un, -ut, -rwz), POOL_R, 0.0, scene)
+    assert (after.vn, -after.vt, after.un, -after.ut, -after.rwz) == mirrored
 
 
 @pytest.mark.parametrize("law", LAWS)
 @given(state=STATES, power=st.integers(-20, 20))
 def test_a_rebound_is_free_of_scale(law, state, power):
     scene, scale = pool_cushion(law), 2.0**power
-    after = cushion_impact(*state, POOL_R, 0.0, scene)
-    scaled = cushion_impact(*(scale * x for x in state), POOL_R, 0.0, scene)
-    assert scaled[:5] == tuple(scale * x for x in after[:5])
+    after, _ = cushion_impact(CushionMotion(*state), POOL_R, 0.0, scene)
+    scaled, _ = cushion_impact(CushionMotion(*(scale * x for x in state)), POOL_R, 0.0, scene)
+    assert scaled == tuple(scale * x for x in after)
 
 
 @pytest.mark.parametrize("law", LAWS)
 @given(state=STATES, rebound=st.floats(0, 10))
 def test_a_ball_leaves_a_cushion_at_the_least_speed_or_faster(law, state, rebound):
-    after = cushion_impact(*state, POOL_R, rebound, pool_cushion(law))
-    assert after[0] <= -rebound
-    assert not after[5] or after[0] == -rebound
+    after, raised = cushion_impact(CushionMotion(*state), POOL_R, rebound, pool_cushion(law))
+    assert after.vn <= -rebound
+    assert not raised or after.vn == -rebound
 
 
 @pytest.mark.parametrize("law", ["restitution", *LAWS])
@@ -323,10 +320,9 @@ def test_the_restitution_of_cushions_may_fall_with_the_speed(law):
         assert cushion_restitution(speed, scene.params) == pytest.approx(e)
     plain = pool_cushion(law, e_cushion=0.837)
     if law != "restitution":
-        state = 3.0, 1.0, 0.5, 0.25, 0.125
-        assert cushion_impact(*state, POOL_R, 0.0, scene) == pytest.approx(
-            cushion_impact(*state, POOL_R, 0.0, plain), abs=1e-12
-        )
+        before = CushionMotion(3.0, 1.0, 0.5, 0.25, 0.125)
+        expected, _ = cushion_impact(before, POOL_R, 0.0, plain)
+        assert cushion_impact(before, POOL_R, 0.0, scene)[0] == pytest.approx(expected, abs=1e-12)
 
 
 # Mathavan, Jackson and Parkin (2010): angle to the cushion, side spin and roll before; velocities and spins after, m/s.

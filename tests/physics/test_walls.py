@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.physics import walls
+from billiards_env.physics.motion import Path
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
 from reference.stress.draw import star
 from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table
@@ -26,7 +27,7 @@ def arrays(a_table):
 
 def wall_time(path, a_table, end=INF, radius=R):
     """Returns the time of the next contact and the number of the cushion."""
-    return walls.wall_time(tuple(map(float, path)), radius, end, NO_PARAMS, arrays(a_table))
+    return walls.wall_time(Path(*map(float, path)), radius, end, NO_PARAMS, arrays(a_table))
 
 
 def position(path, t):
@@ -102,8 +103,8 @@ def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
     assert quick.box[BOX_X] == a_table.length / 2
     rng = np.random.default_rng(0)
     for place in free_places(a_table, R, rng, 300):
-        path = (*map(float, place), *rng.normal(size=2), *(rng.normal(size=2) * rng.choice([0.0, 2.0])))
-        end = INF if path[4] == 0.0 else 2.0
+        path = Path(*map(float, place), *rng.normal(size=2), *(rng.normal(size=2) * rng.choice([0.0, 2.0])))
+        end = INF if path.ax == 0.0 else 2.0
         assert walls.wall_time(path, R, end, NO_PARAMS, quick) == walls.any_wall_time(path, R, end, quick)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env.physics.contact import circle_time
+from billiards_env.physics.motion import Path
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate
 from reference.stress import families
@@ -96,6 +97,6 @@ def test_balls_pressed_together_after_a_plastic_impact_do_not_overlap():
     w = -0.017122560659014407, -0.018728753672848042
     b = (-0.7138650904257209, 0.9617146344222578)
     reach = 0.02380369697768553 + 0.03458301769799349
-    t = circle_time(*d, *w, *b, reach, 0.13277429667059007, 0.0)
+    t = circle_time(Path(*d, *w, *b), reach, 0.13277429667059007, 0.0)
     place = [x + t * (v + t * a / 2) for x, v, a in zip(d, w, b, strict=True)]
     assert np.hypot(place[0], place[1]) == pytest.approx(reach, abs=1e-15)
