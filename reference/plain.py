@@ -80,10 +80,9 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_wall(path, radius, end, kind, other, scene):
+def _predict_wall(outline, path, radius, end, kind, other, params):
     """Returns the end, the kind and the other body of a ball's next event, with the cushions."""
-    if scene.outline is None:
-        params = scene.params
+    if outline is None:
         for k in range(4):
             sign = 1.0 if k % 2 else -1.0
             if k < 2:
@@ -93,7 +92,7 @@ def _predict_wall(path, radius, end, kind, other, scene):
             if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
                 end, kind, other = t, BALL_CUSHION, k
         return end, kind, other
-    t, wall = any_wall_time(path, radius, end, scene.outline)
+    t, wall = any_wall_time(path, radius, end, outline)
     return (t, BALL_CUSHION, wall) if t < math.inf else (end, kind, other)
 
 
@@ -113,7 +112,7 @@ def _predict_single(i, state, scene, singles):
         kind = ROLLING_REST
     if phase >= ROLLING:
         path = path_of(state, i)
-        end, kind, other = _predict_wall(path, scene.radius[i], end, kind, other, scene)
+        end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.params)
         for k in range(len(scene.pockets)):
             pocket = scene.pockets[k]
             from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
