@@ -13,7 +13,9 @@ from billiards_env.physics.strike import CueNumbers, cue_numbers
 NUMBERS = 3
 """The number of these numbers."""
 
-_MOST = 0.7  # of the mean side and top, so that the mean offset is below the miscue
+MOST = 0.7
+"""The largest mean side and top, so that the mean offset is below the miscue."""
+
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
 
 
@@ -44,7 +46,7 @@ def cue_parts(cue: CueNumbers, side: Tensor, top: Tensor, elevation: Tensor) -> 
 
     The turn and the gain are those of a level strike without a miscue, see `billiards_env.physics.strike`.
     """
-    side, top = _MOST * side.tanh(), _MOST * top.tanh()
+    side, top = MOST * side.tanh(), MOST * top.tanh()
     x, k = cue.miscue * side, 2.5 * cue.miscue**2 * (side * side + top * top)
     cc = 1.0 - x * x
     turn = 2.5 * x * cc.sqrt() / (1.0 + cue.end_ratio + 2.5 * cc)

@@ -15,7 +15,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from torch import Tensor, nn
 
-from agents.cue_parts import NUMBERS, cue_parts, turned
+from agents.cue_parts import MOST, NUMBERS, cue_of, cue_parts, turned
 from agents.mixture import NEVER
 from billiards_env.envs import BilliardsEnv
 from billiards_env.physics.strike import CueNumbers
@@ -32,13 +32,42 @@ _FARTHEST = 1.5  # m; larger distances from the goal are inputs of this size
 TASKS = ("pot", "clear", "position")
 """The tasks of the head."""
 
+_LENGTHS = (-0.6, -0.3, 0.3, 0.6)
+OFFSETS = ((0.0, 0.0), *((0.0, top) for top in _LENGTHS), *((side, 0.0) for side in _LENGTHS))
+"""Offsets of the tip (side, top) in the components of a policy of strikes, over the miscue offset."""
+
 _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
+
+
+_OFFSET = 2  # the number of inputs about the offset of the tip, with a cue
+
+
+def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
+    """Returns the offsets of the tip at which each pot has components, over the miscue offset."""
+    return OFFSETS if cue is not None else OFFSETS[:1]
+
+
+class Layouts(NamedTuple):
+    """The observations of m tables, in metres.
+
+    Attributes:
+        positions: (m, n, 2), the balls.
+        potted: (m, n) bool.
+        goals: (m, g, 2), the goals.
+        rest: (m, size), the rest of the observations.
+    """
+
+    positions: Floats
+    potted: NDArray[np.bool_]
+    goals: Floats
+    rest: Floats
 
 
 class PotFeatures(BaseFeaturesExtractor):
     """Features of the easiest pots of each layout, pot by pot, (m, size).
 
-    On a table without a pot, the first pot is a full hit on the nearest ball.
+    If actions are strikes, the pots follow for each offset of the tip in `OFFSETS`. On a table without a pot, the first
+    pot is a full hit on the nearest ball.
 
     Args:
         space: The space of observations, `(size,)`.
@@ -56,9 +85,13 @@ class PotFeatures(BaseFeaturesExtractor):
                 "another head"
             )
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
-        self.goals = len(env.goals)
+        self.goals, self.cue = len(env.goals), cue_of(env)
         others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
-        super().__init__(space, most * (_FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others))
+        if self.cue is not None:
+            others += _OFFSET
+        self.rows = most * len(offsets(self.cue))
+        width = _FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others
+        super().__init__(space, self.rows * width)
         self.scale = np.array(self.scene.half_extents)
         self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
 
@@ -75,21 +108,36 @@ class PotFeatures(BaseFeaturesExtractor):
 
     def compute(self, observations: Tensor) -> Tensor:
         """Returns the features of observations (m, size)."""
-        m, n = len(observations), self.scene.n_balls
-        points = observations.numpy().astype(np.float64)
-        balls = points[:, : 2 * n].reshape(m, n, 2)
-        goals = points[:, 2 * n : 2 * (n + self.goals)].reshape(m, self.goals, 2) * self.scale
-        rest = points[:, 2 * (n + self.goals) :]
+        layouts = self._layouts(observations.numpy().astype(np.float64))
+        features = np.concatenate([self._pots(layouts, offset) for offset in offsets(self.cue)], axis=1)
+        alone = ~features[..., 0].any(1)
+        if alone.any():
+            features[alone, 0] = self._full_hits(layouts.positions[alone], layouts.potted[alone])
+        return torch.from_numpy(features).flatten(1)
+
+    def _layouts(self, points: Floats) -> Layouts:
+        """Returns the layouts of observations (m, size)."""
+        m, n = len(points), self.scene.n_balls
+        balls, goals, rest = np.split(points, (2 * n, 2 * (n + self.goals)), axis=1)
+        balls = balls.reshape(m, n, 2)
         potted = np.any(np.abs(balls) >= 1.0, axis=-1)  # a ball in play is inside
-        positions = balls * self.scale
-        found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most)
+        return Layouts(balls * self.scale, potted, goals.reshape(m, self.goals, 2) * self.scale, rest)
+
+    def _pots(self, layouts: Layouts, offset: tuple[float, float]) -> NDArray[np.float32]:
+        """Returns the features (m, most, width) of the pots for one offset of the tip over the miscue offset."""
+        positions, potted, goals, rest = layouts
+        miscue = 0.0 if self.cue is None else self.cue.miscue
+        tip = miscue * offset[0], miscue * offset[1]
+        found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most, offset=tip)
+        m, k = found.ball.shape
         rows, shots = found.rows, found.shots
-        exists = np.arange(self.most) < found.count[:, None]
+        exists = np.arange(k) < found.count[:, None]
         tolerance = np.where(exists, rows[..., pots.TOLERANCE], 1.0)
         speed, gaps = shots[..., pots.SPEED] / self.max_speed, shots[..., pots.GAPS :]
+        turn = np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)
         columns = (
             exists,
-            np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0),
+            turn,
             tolerance,
             shots[..., pots.DX],
             shots[..., pots.DY],
@@ -106,18 +154,14 @@ class PotFeatures(BaseFeaturesExtractor):
             speed,
             gaps / (np.abs(gaps) + _NEAR),
             # The same for all pots: the share of the balls left, and the rest of the observation after the goal.
-            np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, self.most, 1)),
-            np.broadcast_to(rest[:, None], (m, self.most, rest.shape[1])),
+            np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, k, 1)),
+            np.broadcast_to(rest[:, None], (m, k, rest.shape[1])),
             *(self._goal(rows, shots, positions[:, 0], goals[:, i]) for i in range(self.goals)),
+            *(() if self.cue is None else (offset[0] * turn, np.full((m, k), offset[1]))),
         )
-        features = np.concatenate(
-            [np.asarray(column, np.float32).reshape(m, self.most, -1) for column in columns], axis=-1
-        )
+        features = np.concatenate([np.asarray(column, np.float32).reshape(m, k, -1) for column in columns], axis=-1)
         features *= exists[..., None]
-        alone = found.count == 0
-        if alone.any():
-            features[alone, 0] = self._full_hits(positions[alone], potted[alone])
-        return torch.from_numpy(features).flatten(1)
+        return features
 
     def _goal(self, rows: Floats, shots: Floats, cue_ball: Floats, goals: Floats) -> Floats:
         """Returns the inputs about the goals (m, 2), (m, k, N_GOAL), for `Pots.rows` and `Pots.shots`.
@@ -155,7 +199,7 @@ class PotFeatures(BaseFeaturesExtractor):
         ways = positions - positions[:, :1]
         lengths = np.where(self.targets & ~potted, np.hypot(ways[..., 0], ways[..., 1]), np.inf)
         nearest = ways[np.arange(len(ways)), lengths.argmin(1)]
-        hits = np.zeros((len(ways), self.features_dim // self.most), np.float32)
+        hits = np.zeros((len(ways), self.features_dim // self.rows), np.float32)
         hits[:, 0] = hits[:, 1] = hits[:, 2] = 1.0
         hits[:, 3 : 3 + 2 * _S] = (nearest / np.hypot(*nearest.T).clip(1e-9)[:, None]).repeat(_S, axis=1)
         hits[:, 3 + 2 * _S : 3 + 3 * _S] = 1.0
@@ -250,16 +294,20 @@ class PotHead(nn.Module):
     ) -> None:
         super().__init__()
         others = 0 if cue is None else NUMBERS
-        self.most, self.width, self.cue, self.others = components, features_dim // components, cue, others
+        self.rows, self.cue, self.others = components * len(offsets(cue)), cue, others
+        self.width = features_dim // self.rows
         last = hidden[-1]
         layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
         self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
+        end = self.width - _FIRST_INPUT - (_OFFSET if cue is not None else 0)
+        self.distances = slice(end - _S, end)  # the inputs that are distances from the goal, if there is one
         self.output = nn.Linear(last, (3 + others) * _S)
         nn.init.zeros_(self.output.weight)
         nn.init.zeros_(self.output.bias)
         # Effects on the weight of a component: of the tolerance, of a scratch and of the speed.
         self.ease, self.scratch, self.haste = (nn.Parameter(torch.tensor(value)) for value in (3.0, 6.0, 1.0))
         self.near = nn.Parameter(torch.tensor(6.0)) if goals else None  # of the distance from the goal
+        self.spin = nn.Parameter(torch.tensor(2.0)) if cue is not None else None  # of the offset of the tip
         self.log_along = nn.Parameter(torch.tensor(math.log(0.04)))
         self.log_across = nn.Parameter(torch.tensor(math.log(0.3)))  # over the tolerance
         self.log_others = nn.Parameter(torch.full((others, 1), math.log(0.1)))
@@ -275,10 +323,13 @@ class PotHead(nn.Module):
         gaps = pot.inputs[:, _FIRST_SPEED + _S :][:, : _S * pots.N_GAPS].unflatten(1, (_S, pots.N_GAPS))
         logit = weight + self.ease * pot.inputs[:, :1] - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
         if self.near is not None:
-            logit = logit - self.near * pot.inputs[:, -_S:]
+            logit = logit - self.near * pot.inputs[:, self.distances]
         angle, speed = aside * pot.tolerance * pot.turn, pot.speed * torch.exp(0.5 * faster.tanh())
         if self.cue is not None:
-            cue = cue_parts(self.cue, *others)
+            offset = pot.inputs[:, -_OFFSET:]
+            logit = logit - self.spin * offset.norm(dim=1, keepdim=True)
+            left, above = torch.atanh(offset / MOST).split(1, 1)
+            cue = cue_parts(self.cue, others[0] + left, others[1] + above, others[2])
             side = cue.side * pot.turn  # a reflection changes the side
             angle, speed = angle + cue.turn * pot.turn, speed / cue.gain
             others = [side, cue.top, cue.elevation]
@@ -294,9 +345,9 @@ class PotHead(nn.Module):
         )
         none = torch.tensor([NEVER] * _S + [0.0] * (len(parts) - 1) * _S)
         latent = none.repeat(len(table), 1).index_copy(0, places, torch.cat(parts, 1))
-        pooled = torch.zeros(len(table), hidden.shape[1]).index_copy(0, places, hidden).unflatten(0, (-1, self.most))
+        pooled = torch.zeros(len(table), hidden.shape[1]).index_copy(0, places, hidden).unflatten(0, (-1, self.rows))
         # From the order (pot, part, speed) to (part, pot, speed).
-        latent = latent.view(-1, self.most, len(parts), _S).transpose(1, 2).flatten(1)
+        latent = latent.view(-1, self.rows, len(parts), _S).transpose(1, 2).flatten(1)
         return latent, self.value_net(torch.cat((pooled.sum(1), pooled.amax(1)), 1))
 
     def forward_actor(self, features: Tensor) -> Tensor:

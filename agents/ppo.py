@@ -18,6 +18,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv
+from torch import Tensor
 
 from agents.config import ENV_ID, Config, load
 from agents.policy import MixturePolicy
@@ -201,10 +202,9 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         why = str(error).split("\n", 1)[0] or type(error).__name__
         raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
     if extend:
+        weights = {**policy.state_dict(), **weights}
         for name, own in policy.state_dict().items():
-            found = weights.get(name)
-            if found is not None and len(found.shape) == len(own.shape) > 0 and found.shape[1:] == own.shape[1:]:
-                weights[name] = torch.cat((found, own[len(found) :]))
+            weights[name] = _extended(weights[name], own)
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]
@@ -212,6 +212,15 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
             raise RuntimeError(f"missing {missing}, unknown {unknown}")
     except (AttributeError, RuntimeError, TypeError) as error:
         raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
+
+
+def _extended(found: Tensor, own: Tensor) -> Tensor:
+    """Returns weights `found` with the additional rows of `own` or with zeros in additional columns."""
+    if len(found.shape) != len(own.shape) or sum(a != b for a, b in zip(found.shape, own.shape, strict=True)) != 1:
+        return found
+    if len(found) < len(own):
+        return torch.cat((found, own[len(found) :]))
+    return torch.nn.functional.pad(found, (0, max(0, own.shape[-1] - found.shape[-1])))
 
 
 def _is_value(name: str) -> bool:

@@ -167,6 +167,8 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
+    colours = mpl.colormaps["tab20"]
+    axes.set_prop_cycle(color=[colours(i) for i in (*range(0, 20, 2), *range(1, 20, 2))])
     for kind, results in found.items():
         pairs = [(r["condition"], r["error"]) for r in results if r["error"]]
         axes.plot(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.6, label=kind)

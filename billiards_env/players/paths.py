@@ -47,51 +47,68 @@ def cross(ax, ay, bx, by):
     return ax * by - ay * bx
 
 
+@inlined
+def _rolling_share(slip):
+    """Returns the speed at which a ball begins to roll, over its initial speed. The slip falls by 7/2 of the speed."""
+    return 1.0 - (2.0 / 7.0) * slip
+
+
 @kernel
-def launch(params, distance, speed):
-    """Returns the initial speed of a ball without spin whose speed is `speed` after `distance`, m/s."""
+def launch(params, distance, speed, slip):
+    """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
+
+    Args:
+        params: (N_PARAMS,) float64.
+        distance: m.
+        speed: m/s.
+        slip: The ball's initial slip over its initial speed: 1 without spin, 0 if it rolls, less than 0 if it spins
+            faster than it rolls. It matters only if balls slide.
+    """
     slide, roll = params[SLIDE], params[ROLL]
     if params[MOTION] == IDEAL:
         return speed
     if params[MOTION] == ROLLING_ONLY:
         return math.sqrt(speed * speed + 2.0 * roll * distance)
-    # The ball slides to 5/7 of its speed, over 12/49 v^2 / (mu_s g), and then rolls.
-    sliding = math.sqrt(speed * speed + 2.0 * slide * distance)
-    if speed >= 5.0 / 7.0 * sliding:
-        return sliding
-    return math.sqrt((speed * speed + 2.0 * roll * distance) / (25.0 / 49.0 + 24.0 / 49.0 * roll / slide))
+    # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
+    slide, share = math.copysign(slide, slip), _rolling_share(slip)
+    square = speed * speed + 2.0 * slide * distance
+    if square > 0.0 and math.copysign(1.0, slip) * (speed * speed - share * share * square) >= 0.0:
+        return math.sqrt(square)
+    return math.sqrt((speed * speed + 2.0 * roll * distance) / (share * share + (1.0 - share * share) * roll / slide))
 
 
 @kernel
-def arrival(params, distance, speed):
-    """Returns the speed and slip, m/s, after `distance` of a ball that starts at `speed` without spin."""
+def arrival(params, distance, speed, slip):
+    """Returns the speed and slip, m/s, after `distance` of a ball that starts at `speed`. For `slip` see `launch`."""
     slide, roll = params[SLIDE], params[ROLL]
     if params[MOTION] == IDEAL:
         return speed, 0.0
     if params[MOTION] == ROLLING_ONLY:
         return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
-    square = speed * speed - 2.0 * slide * distance
-    if square > (5.0 / 7.0 * speed) * (5.0 / 7.0 * speed):
+    slide, share = math.copysign(slide, slip), _rolling_share(slip)
+    square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
+    if math.copysign(1.0, slip) * (square - rolling) > 0.0:
         left = math.sqrt(square)
-        return left, 3.5 * left - 2.5 * speed
-    rolled = distance - 12.0 / 49.0 * speed * speed / slide
-    return math.sqrt(max(25.0 / 49.0 * speed * speed - 2.0 * roll * rolled, 0.0)), 0.0
+        return left, slip * speed - 3.5 * (speed - left)
+    rolled = distance - (speed * speed - rolling) / (2.0 * slide)
+    return math.sqrt(max(rolling - 2.0 * roll * rolled, 0.0)), 0.0
 
 
 @kernel
-def travel_time(params, distance, speed):
-    """Returns the time in which a ball that starts at `speed` without spin covers `distance`, s.
+def travel_time(params, distance, speed, slip):
+    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For `slip` see `launch`.
 
     The ball must not come to rest before.
     """
-    left, slip = arrival(params, distance, speed)
+    left, rest = arrival(params, distance, speed, slip)
     if params[MOTION] == IDEAL:
         return distance / speed
     if params[MOTION] == ROLLING_ONLY:
         return (speed - left) / params[ROLL]
-    if slip > 0.0:
-        return (speed - left) / params[SLIDE]
-    return 2.0 / 7.0 * speed / params[SLIDE] + (5.0 / 7.0 * speed - left) / params[ROLL]
+    slide, rolling = math.copysign(params[SLIDE], slip), _rolling_share(slip) * speed
+    if rest != 0.0:
+        return (speed - left) / slide
+    return (speed - rolling) / slide + (rolling - left) / params[ROLL]
 
 
 class Leg(NamedTuple):

@@ -1,8 +1,8 @@
 """Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
 
 A pot is a way to send one object ball into one pocket: directly or, on a table without a direct pot, off one cushion (a
-bank). Shots in which the cue ball meets a
-cushion before the object ball, and the effect of a third ball on the cue ball after the hit, are not considered.
+bank). Shots in which the cue ball meets a cushion before the object ball are not considered. Third balls have no effect
+on the path of the cue ball after the hit.
 """
 
 from __future__ import annotations
@@ -30,10 +30,7 @@ SPEEDS = np.array([0.0, 0.1, 0.25, 0.5, 1.0])
 
 # Columns of `Pots.rows`.
 GHOST_X, GHOST_Y = 0, 1  # m: the cue ball's centre at the hit
-CUT_COS, CUT_SIN = (
-    2,
-    3,
-)  # of the angle from the cue ball's direction to the object ball's; the sine is positive to the left
+CUT_COS, CUT_SIN = 2, 3  # of the angle between the directions of the balls; the sine is positive to the left
 APPROACH, RUN = 4, 5  # m: distances of the cue ball to the hit, and of the object ball to the pocket
 MOUTH = 6  # rad: half the angle of the open mouth as seen from the object ball, minus the error of its direction
 TOLERANCE = 7  # rad: the largest error of the cue ball's direction that pots the ball, to first order
@@ -102,6 +99,7 @@ def find_pots(
     max_speed: float,
     cue: int = 0,
     most: int | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle. On a table without a direct pot, these are banks.
 
@@ -119,6 +117,8 @@ def find_pots(
         max_speed: Speed of the fastest shot, m/s.
         cue: The number of the cue ball.
         most: The largest number of pots on a table; the easiest are kept. None for all.
+        offset: The offsets of the tip to the left of the centre of the cue ball and above it, in ball radii, of a level
+            strike. Both together make the cue ball swerve, which is not considered.
     """
     balls = np.flatnonzero(targets)
     m, k = len(positions), len(balls) * len(scene.table.pockets) if most is None else most
@@ -129,7 +129,8 @@ def find_pots(
         np.zeros((m, k, WIDTH)),
         np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
     )
-    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, max_speed, tuple(pots))
+    slip, twist = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
+    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, max_speed, slip, twist, tuple(pots))
     return pots
 
 
@@ -159,12 +160,12 @@ def pot_shots(
 
 
 @entry_point
-def search_tables(scene, cue, balls, positions, potted, max_speed, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`."""
+def search_tables(scene, cue, balls, positions, potted, max_speed, slip, twist, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`, and `Table` for `slip` and `twist`."""
     scene, pots = SceneArrays(*scene), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = Table(scene, cue, positions[t], potted[t], max_speed)
+        table = Table(scene, cue, positions[t], potted[t], max_speed, slip, twist)
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
@@ -207,9 +208,9 @@ def _least_speed(table, aim):
     largest speed.
     """
     params, approach, gained = table.scene.params, aim.hit.approach, gain(table, aim.ball, aim.hit)
-    least = launch(params, approach, launch(params, aim.run, _ARRIVAL) / gained)
+    least = launch(params, approach, launch(params, aim.run, _ARRIVAL, 1.0) / gained, table.slip)
     if least > table.max_speed:
-        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL) / gained)
+        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL, 1.0) / gained, table.slip)
     return least
 
 

@@ -89,9 +89,9 @@ def test_speeds_range_from_the_least_that_pots_to_the_largest_allowed():
     assert len(pots_of(at(positions, max_speed=0.99 * slower)).speed) == 0
 
 
-@pytest.mark.parametrize("motion", ["sliding", "rolling"])
+@pytest.mark.parametrize(("motion", "slip"), [("rolling", 1.0), *(("sliding", s) for s in (1.0, 2.0, 0.3, 0.0, -0.25))])
 @pytest.mark.parametrize("distance", [0.01, 0.2, 1.0, 2.0])
-def test_the_speeds_of_a_ball_agree_with_the_engine(motion, distance):
+def test_the_speeds_of_a_ball_agree_with_the_engine(motion, slip, distance):
     scene = Scene.from_dict(
         {
             "balls": {"radius": [0.03], "mass": [0.2]},
@@ -103,21 +103,22 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, distance):
     params = scene_arrays(scene).params
 
     def run(speed, time=None):
-        return simulate(scene, [[0.0, 0.0]], [speed, 0.0], max_time=time)
+        spins = [[0.0, (1.0 - slip) * speed / 0.03, 0.0]] if motion == "sliding" else None
+        return simulate(scene, [[0.0, 0.0]], [speed, 0.0], spins=spins, max_time=time)
 
-    start = launch(params, distance, 0.0)
+    start = launch(params, distance, 0.0, slip)
     assert run(start).positions[0, 0] == pytest.approx(distance, rel=1e-12)
     for speed in (0.1, 1.0, 5.0):
-        start = launch(params, distance, speed)
+        start = launch(params, distance, speed, slip)
         low, high = 0.0, 100.0
         for _ in range(100):  # bisection for the time of arrival
             middle = (low + high) / 2
             low, high = (middle, high) if run(start, middle).positions[0, 0] < distance else (low, middle)
         shot = run(start, low)
         assert shot.velocities[0, 0] == pytest.approx(speed, rel=1e-9)
-        left, slip = arrival(params, distance, start)
+        left, rest = arrival(params, distance, start, slip)
         assert left == pytest.approx(speed, rel=1e-12)
-        assert slip == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
+        assert rest == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
 
 
 def test_scratches_of_a_cue_ball_that_follows_are_predicted():

@@ -82,16 +82,31 @@ def test_mirror_images_give_mirrored_pots(three, signs):
     assert (there[mirrored.pocket] == there[found.pocket] * signs)[exists].all()
 
 
-def test_the_cue_ball_comes_to_rest_where_its_path_ends():
-    scene, rng = Scene.named("pool"), np.random.default_rng(3)
+@pytest.mark.parametrize(
+    ("name", "offset"),
+    [
+        ("pool", (0.0, 0.0)),
+        ("pool", (0.3, 0.0)),
+        ("pool", (0.0, -0.4)),
+        ("real_pool", (-0.2, -0.3)),
+        ("real_pool", (0.2, 0.4)),
+    ],
+)
+def test_the_cue_ball_comes_to_rest_where_its_path_ends(name, offset):
+    scene, rng = Scene.named(name), np.random.default_rng(3)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
     potted = np.zeros((100, 2), np.bool_)
-    found = search(scene, positions, potted, most=1)
+    found = search(scene, positions, potted, most=1, offset=offset)
     shots = found.shots[:, 0, 0]
     played = shots[:, pots.SPEED] > 0
     velocities = shots[:, [pots.SPEED]] * shots[:, pots.DX : pots.DY + 1]
-    batch = simulate_batch(scene, positions[played], velocities[played])
+    spins = np.zeros((100, 2, 3))
+    side, top = 2.5 / scene.balls.radius[0] * np.array(offset)
+    spins[:, 0] = np.column_stack((-top * velocities[:, 1], top * velocities[:, 0], -side * shots[:, pots.SPEED]))
+    batch = simulate_batch(scene, positions[played], velocities[played], spins=spins[played])
+    assert batch.potted[:, 1].mean() > 0.98
     alone = batch.potted[:, 1] & ~batch.potted[:, 0] & (batch.cushions_before_hit[:, 1] == 0)
+    alone &= batch.cushions[:, 0] < pots.N_GAPS
     assert alone.sum() > 60
     ends = shots[played][:, pots.END_X : pots.END_Y + 1]
     # The path begins at the instant of the hit, which is exact; the two balls do not meet again.
