@@ -32,8 +32,8 @@ A component is one Gaussian of the mixture, with axes along and across its direc
 * "mixture": several with learned directions.
 * "bins": one for each of equally spaced directions.
 * "hits": one for each of several hits on each ball, from thin on one side to thin on the other.
-* "pots": one for each pot that geometry finds, at each of several speeds. The task must be "pot", "clear" or
-  "position".
+* "pots": one for each pot that geometry finds, at each of several speeds and, if actions are strikes, for each of
+  several offsets of the tip. The task must be "pot", "clear" or "position".
 """
 
 

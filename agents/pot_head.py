@@ -1,4 +1,8 @@
-"""The head "pots": components for each pot that `billiards_env.players.pots` finds, one for each of several speeds."""
+"""The head "pots": components for each pot that `billiards_env.players.pots` finds.
+
+A pot has one component for each of several speeds and, if actions are strikes, for each of several offsets of the tip.
+Geometry gives the aim and the path of the cue ball for each of them.
+"""
 
 from __future__ import annotations
 
@@ -269,9 +273,10 @@ class PotHead(nn.Module):
     """Networks with the same weights for every pot.
 
     They play with any number of balls. Their shots do not depend on the order of the balls, and reflected tables have
-    reflected shots. For each pot and speed they compute the weight of the component, a factor of the speed, and a turn
-    of the direction as a multiple of the tolerance. Before the training the weights are large for large tolerances and
-    low speeds, and small for shots after which the cue ball enters a pocket before it meets a cushion.
+    reflected shots. For each pot, offset of the tip and speed they compute the weight of the component, a factor of the
+    speed, and a turn of the direction as a multiple of the tolerance. Before the training the weights are large for
+    large tolerances and low speeds. They are small for offsets of the tip, and for shots after which the cue ball
+    enters a pocket before it meets a cushion.
 
     Args:
         features_dim: The size of the features.

@@ -177,7 +177,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
     axes.set(xscale="log", yscale="log", xlabel="condition number of the shot (m)", ylabel="error of the engine (m)")
     axes.set_title("The error equals that of rounding the input")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, markerscale=4, loc="upper left")
+    axes.legend(fontsize=8, markerscale=4, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part.png")
     figure.savefig(part, dpi=110)
