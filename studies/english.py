@@ -26,6 +26,7 @@ from agents.evaluate import deterministic, evaluation_seeds, play_together
 from agents.intervals import as_percent, over_seeds
 from agents.ppo import load_policy, make_vector
 from agents.runs import train_all
+from agents.train import learning_curve
 from benchmarks import machine, machine_line, table
 from billiards_env.files import write_json
 from studies import RESULTS, RUNS
@@ -107,6 +108,7 @@ def measure(runs: Path, jobs: int) -> dict[str, Any]:
         recipe = load(CONFIGS / f"{name}.yaml")
         found["recipes"][name] = {
             "steps": recipe.timesteps,
+            "start": {run: [learning_curve(f / run)[0].success for f in folders[name]] for run in (VELOCITY, STRIKE)},
             "exact": {run: [success(f / run, {}) for f in folders[name]] for run in (FIRST, VELOCITY, STRIKE)},
             "stepped": {run: [success(f / run, STEPPED) for f in folders[name]] for run in (VELOCITY, STRIKE)},
             "players": players(recipe.env),
@@ -133,6 +135,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         for player in PLAYERS:
             results = [recipe["players"][action][player]["success_rate"] for action in (VELOCITY, STRIKE)]
             rows.append((name, player, *(f"{rate:.1%}" for rate in results), "", ""))
+        starts = [as_percent(over_seeds(recipe["start"][run])) for run in (VELOCITY, STRIKE)]
+        rows.append((name, "policy at the start", *starts, "", ""))
         policies = [as_percent(over_seeds(world[run])) for world in (exact, stepped) for run in (VELOCITY, STRIKE)]
         rows.append((name, "policy", *policies))
         changes = [(exact[STRIKE], exact[VELOCITY])] + [(stepped[run], exact[run]) for run in (VELOCITY, STRIKE)]

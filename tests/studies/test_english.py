@@ -21,6 +21,7 @@ def test_the_tables_show_the_gain_by_strikes_and_the_effect_of_the_timestep():
         for action, rate in ((VELOCITY, 0.5), (STRIKE, 0.7))
     }
     recipe = {
+        "start": {VELOCITY: [0.2, 0.2], STRIKE: [0.35, 0.35]},
         "exact": {FIRST: [0.2, 0.2], VELOCITY: [0.3, 0.3], STRIKE: [0.4, 0.4]},
         "stepped": {VELOCITY: [0.25, 0.25], STRIKE: [0.1, 0.1]},
         "players": players,
@@ -28,6 +29,9 @@ def test_the_tables_show_the_gain_by_strikes_and_the_effect_of_the_timestep():
     made = blocks({"machine": machine(), "recipes": {"position": recipe}, "run_outs": {"nine_ball": players}})
     assert "| position | search:200 |" in made["results"]
     assert "50.0% |" in made["results"]
+    start = next(line for line in made["results"].splitlines() if "at the start" in line)
+    assert start.split("|")[3].strip() == "20.0% (20.0 to 20.0)"
+    assert start.split("|")[4].strip() == "35.0% (35.0 to 35.0)"
     assert "| nine_ball | search:200 |    50.0% |   2.50 |  70.0% |   2.50 |" in made["run_outs"]
     gain = made["gain"].splitlines()[-1]
     assert [cell.strip() for cell in gain.strip("|").split("|")] == [
