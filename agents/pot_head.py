@@ -43,7 +43,8 @@ OFFSETS = ((0.0, 0.0), *((0.0, top) for top in _LENGTHS), *((side, 0.0) for side
 _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
 
 
-_OFFSET = 2  # the number of inputs about the offset of the tip, with a cue
+OFFSET_INPUTS = 2
+"""The number of inputs about the offset of the tip, with a cue."""
 
 
 def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
@@ -92,7 +93,7 @@ class PotFeatures(BaseFeaturesExtractor):
         self.goals, self.cue = len(env.goals), cue_of(env)
         others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
         if self.cue is not None:
-            others += _OFFSET
+            others += OFFSET_INPUTS
         self.rows = most * len(offsets(self.cue))
         width = _FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others
         super().__init__(space, self.rows * width)
@@ -304,7 +305,7 @@ class PotHead(nn.Module):
         last = hidden[-1]
         layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
         self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
-        end = self.width - _FIRST_INPUT - (_OFFSET if cue is not None else 0)
+        end = self.width - _FIRST_INPUT - (OFFSET_INPUTS if cue is not None else 0)
         self.distances = slice(end - _S, end)  # the inputs that are distances from the goal, if there is one
         self.output = nn.Linear(last, (3 + others) * _S)
         nn.init.zeros_(self.output.weight)
@@ -330,8 +331,8 @@ class PotHead(nn.Module):
         if self.near is not None:
             logit = logit - self.near * pot.inputs[:, self.distances]
         angle, speed = aside * pot.tolerance * pot.turn, pot.speed * torch.exp(0.5 * faster.tanh())
-        if self.cue is not None:
-            offset = pot.inputs[:, -_OFFSET:]
+        if self.cue is not None and self.spin is not None:
+            offset = pot.inputs[:, -OFFSET_INPUTS:]
             logit = logit - self.spin * offset.norm(dim=1, keepdim=True)
             left, above = torch.atanh(offset / MOST).split(1, 1)
             cue = cue_parts(self.cue, others[0] + left, others[1] + above, others[2])

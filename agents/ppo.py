@@ -22,12 +22,14 @@ from torch import Tensor
 
 from agents.config import ENV_ID, Config, load
 from agents.policy import MixturePolicy
-from agents.pot_head import FeatureBuffer, PotFeatures
+from agents.pot_head import OFFSET_INPUTS, FeatureBuffer, PotFeatures, PotHead
 from agents.vec_env import SameStepVecEnv
 from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
+
+_SPIN = "mlp_extractor.spin"  # a weight of the head "pots" that only policies of strikes have
 
 # Environment seeds are below this number in training, and not below it in evaluation.
 _FIRST_EVALUATION_SEED = 2**31
@@ -202,9 +204,12 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         why = str(error).split("\n", 1)[0] or type(error).__name__
         raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
     if extend:
-        weights = {**policy.state_dict(), **weights}
+        offset = OFFSET_INPUTS if isinstance(policy.mlp_extractor, PotHead) else 0
         for name, own in policy.state_dict().items():
-            weights[name] = _extended(weights[name], own)
+            if name in weights:
+                weights[name] = _extended(weights[name], own, offset)
+            elif name == _SPIN:
+                weights[name] = own
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]
@@ -214,13 +219,13 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
 
 
-def _extended(found: Tensor, own: Tensor) -> Tensor:
-    """Returns weights `found` with the additional rows of `own` or with zeros in additional columns."""
-    if len(found.shape) != len(own.shape) or sum(a != b for a, b in zip(found.shape, own.shape, strict=True)) != 1:
-        return found
-    if len(found) < len(own):
+def _extended(found: Tensor, own: Tensor, inputs: int) -> Tensor:
+    """Returns weights `found` with the additional rows of `own`, or with zeros for this number of additional inputs."""
+    if found.dim() == own.dim() > 0 and found.shape[1:] == own.shape[1:]:
         return torch.cat((found, own[len(found) :]))
-    return torch.nn.functional.pad(found, (0, max(0, own.shape[-1] - found.shape[-1])))
+    if found.dim() == own.dim() == 2 and (len(found), found.shape[1] + inputs) == own.shape:
+        return torch.nn.functional.pad(found, (0, inputs))
+    return found
 
 
 def _is_value(name: str) -> bool:

@@ -27,7 +27,7 @@ def test_the_tables_show_the_gain_by_strikes_and_the_effect_of_the_timestep():
         "players": players,
     }
     made = blocks({"machine": machine(), "recipes": {"position": recipe}, "run_outs": {"nine_ball": players}})
-    assert "| position | search:200 |" in made["results"]
+    assert "| position | search:200          |" in made["results"]
     assert "50.0% |" in made["results"]
     start = next(line for line in made["results"].splitlines() if "at the start" in line)
     assert start.split("|")[3].strip() == "20.0% (20.0 to 20.0)"
