@@ -299,6 +299,18 @@ def test_the_untrained_head_pots_pots_more_than_nine_balls_in_ten():
     assert infos["final_info"]["success"].mean() > 0.9
 
 
+def test_draw_follow_and_side_bring_the_cue_ball_nearer_to_the_goal():
+    success = {}
+    for action in ("velocity", "strike"):
+        env = {"task": "position", "action": action}
+        envs, actor = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep", **env), make("pots", **env)
+        observations, _ = envs.reset(seed=0)
+        actions = actor.predict(observations, deterministic=True)[0]
+        success[action] = envs.step(actions)[-1]["final_info"]["success"].mean()
+    assert np.abs(actions[:, 2:4]).max(axis=1).mean() > 0.2
+    assert success["strike"] > success["velocity"] + 0.1, success
+
+
 @pytest.mark.parametrize("head", HEADS)
 def test_a_policy_of_strikes_starts_from_one_of_velocities(head, tmp_path):
     old, new = disturbed(head), make(head, action="strike")
