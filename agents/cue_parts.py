@@ -41,18 +41,23 @@ def cue_of(env: BilliardsEnv) -> CueNumbers | None:
     return cue_numbers(env.scene) if env.action == "strike" else None
 
 
+def speed_gain(cue: CueNumbers, side: Tensor, top: Tensor) -> Tensor:
+    """Returns the speed of the ball over its speed after a central strike, for offsets over the miscue offset."""
+    k = 2.5 * cue.miscue**2 * (side * side + top * top)
+    mass, e = 1.0 + cue.mass_ratio, cue.restitution
+    return (1.0 + torch.sqrt((e * e * (mass + k) - k) / mass)) / (mass + k) * (mass / (1.0 + e))
+
+
 def cue_parts(cue: CueNumbers, side: Tensor, top: Tensor, elevation: Tensor) -> CueParts:
     """Returns the cue of the components from outputs of a network, (m, k) each. Zeros are a level, central strike.
 
     The turn and the gain are those of a level strike without a miscue, see `billiards_env.physics.strike`.
     """
     side, top = MOST * side.tanh(), MOST * top.tanh()
-    x, k = cue.miscue * side, 2.5 * cue.miscue**2 * (side * side + top * top)
+    x = cue.miscue * side
     cc = 1.0 - x * x
     turn = 2.5 * x * cc.sqrt() / (1.0 + cue.end_ratio + 2.5 * cc)
-    mass, e = 1.0 + cue.mass_ratio, cue.restitution
-    gain = (1.0 + torch.sqrt((e * e * (mass + k) - k) / mass)) / (mass + k) * (mass / (1.0 + e))
-    return CueParts(side, top, _LEVEL + elevation, turn, gain)
+    return CueParts(side, top, _LEVEL + elevation, turn, speed_gain(cue, side, top))
 
 
 def turned(dx: Tensor, dy: Tensor, tangent: Tensor) -> tuple[Tensor, Tensor]:

@@ -19,7 +19,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from torch import Tensor, nn
 
-from agents.cue_parts import MOST, NUMBERS, cue_of, cue_parts, turned
+from agents.cue_parts import MOST, NUMBERS, cue_of, cue_parts, speed_gain, turned
 from agents.mixture import NEVER
 from billiards_env.envs import BilliardsEnv
 from billiards_env.physics.strike import CueNumbers
@@ -131,9 +131,11 @@ class PotFeatures(BaseFeaturesExtractor):
     def _pots(self, layouts: Layouts, offset: tuple[float, float]) -> NDArray[np.float32]:
         """Returns the features (m, most, width) of the pots for one offset of the tip over the miscue offset."""
         positions, potted, goals, rest = layouts
-        miscue = 0.0 if self.cue is None else self.cue.miscue
-        tip = miscue * offset[0], miscue * offset[1]
-        found = pots.find_pots(self.scene, self.targets, positions, potted, self.max_speed, most=self.most, offset=tip)
+        tip, fastest = offset, self.max_speed
+        if self.cue is not None:  # a strike off the centre gives the ball less speed
+            tip = self.cue.miscue * offset[0], self.cue.miscue * offset[1]
+            fastest *= speed_gain(self.cue, *torch.tensor(offset, dtype=torch.float64)).item()
+        found = pots.find_pots(self.scene, self.targets, positions, potted, fastest, most=self.most, offset=tip)
         m, k = found.ball.shape
         rows, shots = found.rows, found.shots
         exists = np.arange(k) < found.count[:, None]
