@@ -14,7 +14,7 @@ NUMBERS = 3
 """The number of these numbers."""
 
 MOST = 0.7
-"""The largest mean side and top, so that the mean offset is below the miscue."""
+"""Largest mean of side and of top, divided by the miscue offset. It keeps the mean offset below the miscue."""
 
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
 

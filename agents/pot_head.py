@@ -36,20 +36,26 @@ _FARTHEST = 1.5  # m; larger distances from the goal are inputs of this size
 TASKS = ("pot", "clear", "position")
 """The tasks of the head."""
 
-_LENGTHS = (-0.6, -0.3, 0.3, 0.6)
-OFFSETS = ((0.0, 0.0), *((0.0, top) for top in _LENGTHS), *((side, 0.0) for side in _LENGTHS))
-"""Offsets of the tip (side, top) in the components of a policy of strikes, over the miscue offset."""
+_SHARES = (-0.6, -0.3, 0.3, 0.6)
+OFFSETS = ((0.0, 0.0), *((0.0, top) for top in _SHARES), *((side, 0.0) for side in _SHARES))
+"""Offsets of the tip (side, top) in the components of a policy of strikes, divided by the miscue offset. None has both,
+because the cue ball would then swerve, which geometry ignores."""
 
 _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
 
 
 OFFSET_INPUTS = 2
-"""The number of inputs about the offset of the tip, with a cue."""
+"""Number of inputs that describe the offset of the tip. Only policies of strikes have them."""
 
 
 def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
     """Returns the offsets of the tip at which each pot has components, over the miscue offset."""
     return OFFSETS if cue is not None else OFFSETS[:1]
+
+
+def _hand(rows: Floats) -> Floats:
+    """Returns 1 for pots that cut the object ball to the left, and -1 for the others, for `Pots.rows`."""
+    return np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)
 
 
 class Layouts(NamedTuple):
@@ -71,7 +77,7 @@ class Layouts(NamedTuple):
 class PotFeatures(BaseFeaturesExtractor):
     """Features of the easiest pots of each layout, pot by pot, (m, size).
 
-    If actions are strikes, the pots follow for each offset of the tip in `OFFSETS`. On a table without a pot, the first
+    If actions are strikes, the pots are listed once for each offset in `OFFSETS`. On a table without a pot, the first
     pot is a full hit on the nearest ball.
 
     Args:
@@ -94,9 +100,9 @@ class PotFeatures(BaseFeaturesExtractor):
         others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
         if self.cue is not None:
             others += OFFSET_INPUTS
-        self.rows = most * len(offsets(self.cue))
+        self.n_rows = most * len(offsets(self.cue))
         width = _FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others
-        super().__init__(space, self.rows * width)
+        super().__init__(space, self.n_rows * width)
         self.scale = np.array(self.scene.half_extents)
         self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
 
@@ -115,7 +121,7 @@ class PotFeatures(BaseFeaturesExtractor):
         """Returns the features of observations (m, size)."""
         layouts = self._layouts(observations.numpy().astype(np.float64))
         features = np.concatenate([self._pots(layouts, offset) for offset in offsets(self.cue)], axis=1)
-        alone = ~features[..., 0].any(1)
+        alone = ~features[..., 0].any(1)  # the first feature of a pot is 1 if the pot exists
         if alone.any():
             features[alone, 0] = self._full_hits(layouts.positions[alone], layouts.potted[alone])
         return torch.from_numpy(features).flatten(1)
@@ -129,7 +135,7 @@ class PotFeatures(BaseFeaturesExtractor):
         return Layouts(balls * self.scale, potted, goals.reshape(m, self.goals, 2) * self.scale, rest)
 
     def _pots(self, layouts: Layouts, offset: tuple[float, float]) -> NDArray[np.float32]:
-        """Returns the features (m, most, width) of the pots for one offset of the tip over the miscue offset."""
+        """Returns the features (m, most, width) of the pots for an offset of the tip, divided by the miscue offset."""
         positions, potted, goals, rest = layouts
         tip, fastest = offset, self.max_speed
         if self.cue is not None:  # a strike off the centre gives the ball less speed
@@ -141,10 +147,10 @@ class PotFeatures(BaseFeaturesExtractor):
         exists = np.arange(k) < found.count[:, None]
         tolerance = np.where(exists, rows[..., pots.TOLERANCE], 1.0)
         speed, gaps = shots[..., pots.SPEED] / self.max_speed, shots[..., pots.GAPS :]
-        turn = np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)
+        hand = _hand(rows)
         columns = (
             exists,
-            turn,
+            hand,
             tolerance,
             shots[..., pots.DX],
             shots[..., pots.DY],
@@ -164,7 +170,7 @@ class PotFeatures(BaseFeaturesExtractor):
             np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, k, 1)),
             np.broadcast_to(rest[:, None], (m, k, rest.shape[1])),
             *(self._goal(rows, shots, positions[:, 0], goals[:, i]) for i in range(self.goals)),
-            *(() if self.cue is None else (offset[0] * turn, np.full((m, k), offset[1]))),
+            *(() if self.cue is None else (offset[0] * hand, np.full((m, k), offset[1]))),
         )
         features = np.concatenate([np.asarray(column, np.float32).reshape(m, k, -1) for column in columns], axis=-1)
         features *= exists[..., None]
@@ -179,7 +185,7 @@ class PotFeatures(BaseFeaturesExtractor):
         geometry expects the cue ball to come to rest, on this table, and its length.
         """
         ghost = rows[..., pots.GHOST_X : pots.GHOST_Y + 1]
-        hand = np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)[..., None]
+        hand = _hand(rows)[..., None]
         ahead, way = ghost - cue_ball[:, None], goals[:, None] - ghost
         ahead /= np.linalg.norm(ahead, axis=-1, keepdims=True).clip(1e-9)
         left = np.stack((-ahead[..., 1], ahead[..., 0]), -1)
@@ -206,7 +212,7 @@ class PotFeatures(BaseFeaturesExtractor):
         ways = positions - positions[:, :1]
         lengths = np.where(self.targets & ~potted, np.hypot(ways[..., 0], ways[..., 1]), np.inf)
         nearest = ways[np.arange(len(ways)), lengths.argmin(1)]
-        hits = np.zeros((len(ways), self.features_dim // self.rows), np.float32)
+        hits = np.zeros((len(ways), self.features_dim // self.n_rows), np.float32)
         hits[:, 0] = hits[:, 1] = hits[:, 2] = 1.0
         hits[:, 3 : 3 + 2 * _S] = (nearest / np.hypot(*nearest.T).clip(1e-9)[:, None]).repeat(_S, axis=1)
         hits[:, 3 + 2 * _S : 3 + 3 * _S] = 1.0
@@ -278,7 +284,7 @@ class PotHead(nn.Module):
     They play with any number of balls. Their shots do not depend on the order of the balls, and reflected tables have
     reflected shots. For each pot, offset of the tip and speed they compute the weight of the component, a factor of the
     speed, and a turn of the direction as a multiple of the tolerance. Before the training the weights are large for
-    large tolerances and low speeds. They are small for offsets of the tip, and for shots after which the cue ball
+    large tolerances and low speeds. They are small for shots with spin, and for shots after which the cue ball
     enters a pocket before it meets a cushion.
 
     Args:
@@ -302,8 +308,8 @@ class PotHead(nn.Module):
     ) -> None:
         super().__init__()
         others = 0 if cue is None else NUMBERS
-        self.rows, self.cue, self.others = components * len(offsets(cue)), cue, others
-        self.width = features_dim // self.rows
+        self.n_rows, self.cue, self.others = components * len(offsets(cue)), cue, others
+        self.width = features_dim // self.n_rows
         last = hidden[-1]
         layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
         self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
@@ -315,7 +321,7 @@ class PotHead(nn.Module):
         # Effects on the weight of a component: of the tolerance, of a scratch and of the speed.
         self.ease, self.scratch, self.haste = (nn.Parameter(torch.tensor(value)) for value in (3.0, 6.0, 1.0))
         self.near = nn.Parameter(torch.tensor(6.0)) if goals else None  # of the distance from the goal
-        self.spin = nn.Parameter(torch.tensor(2.0)) if cue is not None else None  # of the offset of the tip
+        self.spin = nn.Parameter(torch.tensor(2.0)) if cue is not None else None  # of the tip's offset
         self.log_along = nn.Parameter(torch.tensor(math.log(0.04)))
         self.log_across = nn.Parameter(torch.tensor(math.log(0.3)))  # over the tolerance
         self.log_others = nn.Parameter(torch.full((others, 1), math.log(0.1)))
@@ -353,9 +359,9 @@ class PotHead(nn.Module):
         )
         none = torch.tensor([NEVER] * _S + [0.0] * (len(parts) - 1) * _S)
         latent = none.repeat(len(table), 1).index_copy(0, places, torch.cat(parts, 1))
-        pooled = torch.zeros(len(table), hidden.shape[1]).index_copy(0, places, hidden).unflatten(0, (-1, self.rows))
+        pooled = torch.zeros(len(table), hidden.shape[1]).index_copy(0, places, hidden).unflatten(0, (-1, self.n_rows))
         # From the order (pot, part, speed) to (part, pot, speed).
-        latent = latent.view(-1, self.rows, len(parts), _S).transpose(1, 2).flatten(1)
+        latent = latent.view(-1, self.n_rows, len(parts), _S).transpose(1, 2).flatten(1)
         return latent, self.value_net(torch.cat((pooled.sum(1), pooled.amax(1)), 1))
 
     def forward_actor(self, features: Tensor) -> Tensor:

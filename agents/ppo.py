@@ -186,8 +186,8 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
     Args:
         policy: The policy, which changes.
         path: The file.
-        extend: Whether the file may hold a policy of velocities if this is a policy of strikes. The weights of the
-            other numbers then do not change.
+        extend: Whether a policy of strikes may load a policy of velocities. The weights for side, top and elevation
+            then keep their values, and the weights of the inputs for the offset of the tip become zero.
 
     Raises:
         OSError: If the file cannot be read.
@@ -204,10 +204,11 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         why = str(error).split("\n", 1)[0] or type(error).__name__
         raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
     if extend:
-        offset = OFFSET_INPUTS if isinstance(policy.mlp_extractor, PotHead) else 0
+        head = policy.mlp_extractor
+        inputs = OFFSET_INPUTS if isinstance(head, PotHead) and head.cue is not None else 0
         for name, own in policy.state_dict().items():
             if name in weights:
-                weights[name] = _extended(weights[name], own, offset)
+                weights[name] = _extended(weights[name], own, inputs)
             elif name == _SPIN:
                 weights[name] = own
     try:
@@ -220,7 +221,10 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
 
 
 def _extended(found: Tensor, own: Tensor, inputs: int) -> Tensor:
-    """Returns weights `found` with the additional rows of `own`, or with zeros for this number of additional inputs."""
+    """Returns weights in the shape of `own`. Missing rows come from `own`, and missing columns for `inputs` are zero.
+
+    Weights of other shapes are returned unchanged.
+    """
     if found.dim() == own.dim() > 0 and found.shape[1:] == own.shape[1:]:
         return torch.cat((found, own[len(found) :]))
     if found.dim() == own.dim() == 2 and (len(found), found.shape[1] + inputs) == own.shape:

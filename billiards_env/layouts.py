@@ -385,13 +385,16 @@ def _plan(
 ) -> Plan:
     """Returns a plan that draws the balls `drawn`, in this order; the other balls lie at their `spots`.
 
-    The drawn balls stay at x <= `x_most`, in the D behind it if there is a `d_radius`. Raises if the balls cannot fit.
+    The drawn balls stay at x <= `x_most`. If `d_radius` is finite, they also stay in the D of this radius.
+
+    Raises:
+        ValueError: If the balls cannot fit.
     """
     placed = [i for i in range(scene.n_balls) if i not in drawn]
     order, n_spots = np.array([*placed, *drawn], np.int64), len(placed)
     radius = np.array(scene.balls.radius)
     x_limit, y_limit = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
-    x_least = x_most - d_radius if d_radius < math.inf else -math.inf
+    x_least = x_most - d_radius if d_radius < math.inf else -math.inf  # inf - inf is not a number
     limits = np.column_stack(
         (np.maximum(-x_limit, x_least), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))
     )
@@ -400,7 +403,7 @@ def _plan(
             raise _no_room(name, i, float(radius[i]))
     pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
-    outline, d = None, (x_most, d_radius)
+    outline, d = None, (x_most if d_radius < math.inf else 0.0, d_radius)
     if not scene.table.is_rectangular:
         lines, tips = pieces(scene.table.outline)
         outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)

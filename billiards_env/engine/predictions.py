@@ -161,8 +161,12 @@ def predict_pair(i, j, now, state, scene, singles, limit):
 def cannot_meet(path, reach, end):
     """Returns whether two balls do not meet by `end`, without roots and branches, so that it can be vectorised.
 
-    It may return False for balls that do not meet. The arguments are those of `contact.circle_time`; `reach` may be
-    larger, such as the sum of the radii of spheres.
+    False does not mean that they meet.
+
+    Args:
+        path: The `Path` of one centre relative to the other.
+        reach: Distance of the centres at contact, m, or a larger one, such as the sum of the radii of spheres.
+        end: End of the interval, s.
     """
     dx, dy, wx, wy, bx, by = path
     dd = dx * dx + dy * dy

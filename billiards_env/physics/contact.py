@@ -134,19 +134,19 @@ def line_time(gap, v, a, end):
 
 
 class Sweep(NamedTuple):
-    """The area that a path covers until a time, for `misses_circle`.
+    """Bounds on a path until a time, for `misses_circle`.
 
     Attributes:
         bend: Distance of the path's end from its tangent, times the speed, m^2/s.
-        vv: Square of the speed, raised by a margin, m^2/s^2.
-        way_x: Largest change of x along the path, m.
-        way_y: Largest change of y along the path, m.
+        speed_squared: Square of the speed, raised by a margin, m^2/s^2.
+        most_dx: Largest change of x along the path, m.
+        most_dy: Largest change of y along the path, m.
     """
 
     bend: Any
-    vv: Any
-    way_x: Any
-    way_y: Any
+    speed_squared: Any
+    most_dx: Any
+    most_dy: Any
 
 
 @inlined
@@ -163,7 +163,7 @@ def sweep(path, end):
 
 @inlined
 def misses_circle(path, swept, reach):
-    """Returns whether a path does not reach a circle. It may return False for a path that does not.
+    """Returns whether a path does not reach a circle. False does not mean that the path reaches it.
 
     Args:
         path: The `Path` relative to the centre of the circle.
@@ -171,7 +171,7 @@ def misses_circle(path, swept, reach):
         reach: Radius of the circle, m.
     """
     side = abs(path.x * path.vy - path.y * path.vx) - swept.bend
-    if side > 0.0 and side * side > reach * reach * swept.vv + TINY:
+    if side > 0.0 and side * side > reach * reach * swept.speed_squared + TINY:
         return True
     wide = (1.0 + MARGIN) * reach
-    return abs(path.x) > wide + swept.way_x or abs(path.y) > wide + swept.way_y
+    return abs(path.x) > wide + swept.most_dx or abs(path.y) > wide + swept.most_dy

@@ -46,9 +46,10 @@ class CushionMotion(NamedTuple):
 
 
 class Nose(NamedTuple):
-    """The contact of a ball with the nose of a cushion, at height h, an angle theta above the ball's centre.
+    """The contact of a ball with the nose of a cushion.
 
-    The slip is that of the cushion on the ball: friction on the ball has its direction.
+    The nose touches the ball at the height h. The contact is at the angle theta above the ball's centre. The slip is
+    the velocity of the cushion relative to the ball, and friction on the ball acts along it.
 
     Attributes:
         sin: sin(theta) = h / R - 1.
@@ -110,9 +111,9 @@ def _leave(before, nose, vn, px, pxe, pye, pze):
     """Returns the `CushionMotion` after the impulses of a contact at the nose.
 
     Args:
-        before: The `CushionMotion` before it.
+        before: The `CushionMotion` before the impact.
         nose: The `Nose`.
-        vn: Velocity into the cushion after it, m/s.
+        vn: Velocity into the cushion after the impact, m/s.
         px: Horizontal impulse into the cushion, per mass, m/s.
         pxe: Friction along the tangent that points up, per mass, m/s.
         pye: Friction along t, per mass, m/s.
@@ -142,7 +143,8 @@ def han2005(before, radius, rebound, params):
         params: (N_PARAMS,) float64.
 
     Returns:
-        (after, raised): the `CushionMotion` after the impact, vn <= -rebound, and whether `rebound` raised the impulse.
+        after: The `CushionMotion` after the impact, with vn <= -rebound.
+        raised: Whether `rebound` raised the impulse.
     """
     mu, vn = params[MU_CUSHION], before.vn
     nose = _nose(before, radius, params)

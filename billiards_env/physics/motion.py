@@ -49,7 +49,7 @@ from billiards_env.physics.state import (
 
 
 class Path(NamedTuple):
-    """The motion r + v t + a t^2 / 2 of a point, or of one point relative to another, with t from now.
+    """The motion r + v t + a t^2 / 2 of a point, or of one point relative to another, t seconds after a given time.
 
     Attributes:
         x: Position along x, m.

@@ -13,7 +13,7 @@ from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.jit import inlined, kernel
-from billiards_env.physics.motion import Path, motion_after, norm
+from billiards_env.physics.motion import Path, motion_after, norm, spin_after
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -23,7 +23,6 @@ from billiards_env.physics.state import (
     MOTION,
     REST,
     SLIDING_AND_ROLLING,
-    SPIN_DECAY,
     T0,
     UX,
     UY,
@@ -57,8 +56,8 @@ class Table(NamedTuple):
         positions: (n, 2) m.
         potted: (n,) bool, the balls off the table.
         max_speed: Speed of the fastest shot, m/s.
-        slip: The cue ball's initial slip over its initial speed, see `paths.launch`.
-        twist: Its spin about the vertical axis times the radius, over its initial speed.
+        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `paths.launch`.
+        spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
     """
 
     scene: SceneArrays
@@ -66,8 +65,8 @@ class Table(NamedTuple):
     positions: NDArray[np.float64]
     potted: NDArray[np.bool_]
     max_speed: float
-    slip: float
-    twist: float
+    slip_ratio: float
+    spin_ratio: float
 
 
 class Hit(NamedTuple):
@@ -136,7 +135,7 @@ def play_hit(table, i, hit, speed, state):
         Whether the cue ball reaches ball i at this speed.
     """
     scene, params, cue = table.scene, table.scene.params, table.cue
-    left, slip = arrival(params, hit.approach, speed, table.slip)
+    left, slip = arrival(params, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)
     impulse = pair_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], params[E_BALL])
     state.rows[cue] = 0.0
@@ -145,10 +144,9 @@ def play_hit(table, i, hit, speed, state):
     row[X], row[Y], row[VX], row[VY] = hit.x, hit.y, left * hit.dx, left * hit.dy
     if params[MOTION] == SLIDING_AND_ROLLING:
         row[UX], row[UY] = slip * hit.dx, slip * hit.dy
-        if table.twist != 0.0:
-            rest = abs(table.twist) * speed / scene.radius[cue]
-            rest -= params[SPIN_DECAY] * travel_time(params, hit.approach, speed, table.slip)
-            row[WZ] = math.copysign(max(rest, 0.0), table.twist)
+        if table.spin_ratio != 0.0:
+            time = travel_time(params, hit.approach, speed, table.slip_ratio)
+            row[WZ] = spin_after(table.spin_ratio * speed / scene.radius[cue], time, params)
     state.rows[i, X], state.rows[i, Y] = table.positions[i, X], table.positions[i, Y]
     rub_pair(scene.ball_friction, cue, i, hit.line_x, hit.line_y, impulse, state, scene)
     for ball, push in ((cue, -impulse * scene.inv_mass[cue]), (i, impulse * scene.inv_mass[i])):
@@ -243,7 +241,7 @@ def meet_before(table, i, hit, speed, run, state):
     lost = gained * (inv_mass[table.cue] / inv_mass[i])
     if (along - lost) * (along - lost) + (1.0 - along * along) < gained * gained:
         return False
-    left, _ = arrival(params, hit.approach, speed, table.slip)
+    left, _ = arrival(params, hit.approach, speed, table.slip_ratio)
     return meet_again(table, i, hit, speed, travel_time(params, run, gained * left, 1.0), state)
 
 

@@ -48,67 +48,74 @@ def cross(ax, ay, bx, by):
 
 
 @inlined
-def _rolling_share(slip):
-    """Returns the speed at which a ball begins to roll, over its initial speed. The slip falls by 7/2 of the speed."""
-    return 1.0 - (2.0 / 7.0) * slip
+def _sliding(slide, slip_ratio):
+    """Returns the deceleration of a ball that slides, m/s^2, and the share of its speed with which it begins to roll.
+
+    While a ball slides, its slip changes 7/2 times as fast as its speed. A ball that spins faster than it rolls
+    (slip_ratio < 0) gains speed.
+    """
+    return math.copysign(slide, slip_ratio), 1.0 - (2.0 / 7.0) * slip_ratio
 
 
 @kernel
-def launch(params, distance, speed, slip):
+def launch(params, distance, speed, slip_ratio):
     """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
 
     Args:
         params: (N_PARAMS,) float64.
         distance: m.
         speed: m/s.
-        slip: The ball's initial slip over its initial speed: 1 without spin, 0 if it rolls, less than 0 if it spins
-            faster than it rolls. It matters only if balls slide.
+        slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
+            rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
     """
-    slide, roll = params[SLIDE], params[ROLL]
+    roll = params[ROLL]
     if params[MOTION] == IDEAL:
         return speed
     if params[MOTION] == ROLLING_ONLY:
         return math.sqrt(speed * speed + 2.0 * roll * distance)
     # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
-    slide, share = math.copysign(slide, slip), _rolling_share(slip)
+    slide, share = _sliding(params[SLIDE], slip_ratio)
     square = speed * speed + 2.0 * slide * distance
-    if square > 0.0 and math.copysign(1.0, slip) * (speed * speed - share * share * square) >= 0.0:
+    if square > 0.0 and math.copysign(1.0, slip_ratio) * (speed * speed - share * share * square) >= 0.0:
         return math.sqrt(square)
     return math.sqrt((speed * speed + 2.0 * roll * distance) / (share * share + (1.0 - share * share) * roll / slide))
 
 
 @kernel
-def arrival(params, distance, speed, slip):
-    """Returns the speed and slip, m/s, after `distance` of a ball that starts at `speed`. For `slip` see `launch`."""
-    slide, roll = params[SLIDE], params[ROLL]
+def arrival(params, distance, speed, slip_ratio):
+    """Returns the speed and the slip of a ball after `distance`, m/s.
+
+    The ball starts at `speed`, m/s. For the other arguments see `launch`.
+    """
+    roll = params[ROLL]
     if params[MOTION] == IDEAL:
         return speed, 0.0
     if params[MOTION] == ROLLING_ONLY:
         return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
-    slide, share = math.copysign(slide, slip), _rolling_share(slip)
+    slide, share = _sliding(params[SLIDE], slip_ratio)
     square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
-    if math.copysign(1.0, slip) * (square - rolling) > 0.0:
+    if math.copysign(1.0, slip_ratio) * (square - rolling) > 0.0:
         left = math.sqrt(square)
-        return left, slip * speed - 3.5 * (speed - left)
+        return left, slip_ratio * speed - 3.5 * (speed - left)
     rolled = distance - (speed * speed - rolling) / (2.0 * slide)
     return math.sqrt(max(rolling - 2.0 * roll * rolled, 0.0)), 0.0
 
 
 @kernel
-def travel_time(params, distance, speed, slip):
-    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For `slip` see `launch`.
+def travel_time(params, distance, speed, slip_ratio):
+    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For the arguments see `launch`.
 
     The ball must not come to rest before.
     """
-    left, rest = arrival(params, distance, speed, slip)
+    left, slip = arrival(params, distance, speed, slip_ratio)
     if params[MOTION] == IDEAL:
         return distance / speed
     if params[MOTION] == ROLLING_ONLY:
         return (speed - left) / params[ROLL]
-    slide, rolling = math.copysign(params[SLIDE], slip), _rolling_share(slip) * speed
-    if rest != 0.0:
+    slide, share = _sliding(params[SLIDE], slip_ratio)
+    if slip != 0.0:
         return (speed - left) / slide
-    return (speed - rolling) / slide + (rolling - left) / params[ROLL]
+    return (speed - share * speed) / slide + (share * speed - left) / params[ROLL]
 
 
 class Leg(NamedTuple):

@@ -1,8 +1,8 @@
 """Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
 
 A pot is a way to send one object ball into one pocket: directly or, on a table without a direct pot, off one cushion (a
-bank). Shots in which the cue ball meets a cushion before the object ball are not considered. Third balls have no effect
-on the path of the cue ball after the hit.
+bank). Shots in which the cue ball meets a cushion before the object ball are not considered. The path of the cue ball
+after the hit ignores third balls.
 """
 
 from __future__ import annotations
@@ -114,11 +114,12 @@ def find_pots(
         targets: (n,) bool, the balls to pot.
         positions: (m, n, 2) m.
         potted: (m, n) bool, the balls off the table.
-        max_speed: Speed of the fastest shot, m/s.
+        max_speed: Largest initial speed of the cue ball, m/s.
         cue: The number of the cue ball.
         most: The largest number of pots on a table; the easiest are kept. None for all.
-        offset: The offsets of the tip to the left of the centre of the cue ball and above it, in ball radii, of a level
-            strike. Both together make the cue ball swerve, which is not considered.
+        offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
+            both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The search ignores
+            this swerve.
     """
     balls = np.flatnonzero(targets)
     m, k = len(positions), len(balls) * len(scene.table.pockets) if most is None else most
@@ -129,8 +130,9 @@ def find_pots(
         np.zeros((m, k, WIDTH)),
         np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
     )
-    slip, twist = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, max_speed, slip, twist, tuple(pots))
+    slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
+    stroke = float(max_speed), slip_ratio, spin_ratio
+    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, stroke, tuple(pots))
     return pots
 
 
@@ -160,12 +162,12 @@ def pot_shots(
 
 
 @entry_point
-def search_tables(scene, cue, balls, positions, potted, max_speed, slip, twist, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`, and `Table` for `slip` and `twist`."""
+def search_tables(scene, cue, balls, positions, potted, stroke, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last three fields of `Table`."""
     scene, pots = SceneArrays(*scene), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = Table(scene, cue, positions[t], potted[t], max_speed, slip, twist)
+        table = Table(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
@@ -208,9 +210,9 @@ def _least_speed(table, aim):
     largest speed.
     """
     params, approach, gained = table.scene.params, aim.hit.approach, gain(table, aim.ball, aim.hit)
-    least = launch(params, approach, launch(params, aim.run, _ARRIVAL, 1.0) / gained, table.slip)
+    least = launch(params, approach, launch(params, aim.run, _ARRIVAL, 1.0) / gained, table.slip_ratio)
     if least > table.max_speed:
-        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL, 1.0) / gained, table.slip)
+        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL, 1.0) / gained, table.slip_ratio)
     return least
 
 

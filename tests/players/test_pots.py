@@ -6,7 +6,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.engine import scene_arrays
 from billiards_env.envs import BilliardsEnv
-from billiards_env.players.paths import arrival, launch
+from billiards_env.players.paths import arrival, launch, travel_time
 from billiards_env.players.pots import pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS
 
@@ -116,6 +116,7 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, slip, distance):
             low, high = (middle, high) if run(start, middle).positions[0, 0] < distance else (low, middle)
         shot = run(start, low)
         assert shot.velocities[0, 0] == pytest.approx(speed, rel=1e-9)
+        assert travel_time(params, distance, start, slip) == pytest.approx(low, rel=1e-9)
         left, rest = arrival(params, distance, start, slip)
         assert left == pytest.approx(speed, rel=1e-12)
         assert rest == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
