@@ -120,7 +120,7 @@ def enters_pocket(table, hit):
     return pocket_gap(table.scene.pockets, -1, start_x, start_y, hit.x, hit.y) < 0.0
 
 
-@kernel
+@inlined
 def play_hit(table, i, hit, speed, state):
     """Sets the motion of the cue ball and of ball i after a hit.
 
