@@ -51,6 +51,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "growth": ("benchmarks.growth", growth.blocks),
     "pressed": ("benchmarks.pressed", pressed.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
+    "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "real_timestep": ("benchmarks.real_timestep", real_timestep.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
     "rendering": ("benchmarks.rendering", rendering.blocks),

@@ -246,7 +246,7 @@ def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
     own = default_places(tmp_path / "mine.yaml")
     assert {path.is_relative_to(recipes.RUNS / "mine") for path in dataclasses.astuple(own)} == {True}
-    for name in ("recipes", "prior_knowledge"):
+    for name in ("recipes", "prior_knowledge", "prior_knowledge_long"):
         found = default_places(recipes.CONFIG.parent / f"{name}.yaml")
         assert found.runs == recipes.RUNS / name
         assert found.summary == recipes.RESULTS / f"{name}.json"
