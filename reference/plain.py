@@ -27,6 +27,7 @@ from billiards_env.engine.predictions import (
 from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import for_all_shots
 from billiards_env.engine.shots import Shots
+from billiards_env.physics.clusters import empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.jit import allocating, entry_point, kernel
 from billiards_env.physics.motion import path_of, relative_to
@@ -190,5 +191,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch in place; the arguments are those of `engine.pic.run_shots`."""
     arrays = SceneArrays(*scene)
-    work = make_workspace(arrays, empty_queue(arrays), most_contacts(arrays))
+    most = most_contacts(arrays)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
+    work = make_workspace(arrays, empty_queue(arrays), most, scratch)
     _run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log))

@@ -347,7 +347,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):
         contacts: The `Contacts`. This function sets `rebound`.
         state: The `State`.
         scene: The `SceneArrays`.
-        scratch: The `clusters.Scratch`.
+        scratch: The `clusters.Scratch`; None for at most two balls.
         memory: The `Memory`.
 
     Returns:

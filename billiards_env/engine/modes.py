@@ -54,6 +54,8 @@ A break has hundreds of events, at most thousands; a heap of balls pressed into 
 
 def engine_of(mode: str, n_balls: int) -> Callable[..., None]:
     """Returns the function that runs shots of a number of balls in a mode."""
+    if mode == "pic" and n_balls <= 2:
+        return pic.run_shots_of_two
     return pic.run_shots_of_many if mode == "pic" and n_balls >= MANY_BALLS else MODES[mode]
 
 

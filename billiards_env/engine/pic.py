@@ -7,7 +7,7 @@ motion, and predicts their next events. At one instant it resolves pockets first
 problem, then cushions, then the ends of phases.
 
 A queue stores the predictions: `engine.all_pairs` for few balls, `engine.cell_grid` for many. Both lead to the same
-bits.
+bits. Two balls have no simultaneous impacts, so their engine is compiled without the code for these.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Workspace(NamedTuple):
         state: The `State` of the balls.
         queue: The queue of predictions.
         contacts: The `Contacts` at one instant.
-        scratch: The `Scratch` of their resolution.
+        scratch: The `Scratch` of their resolution; None for at most two balls.
         memory: The `Memory` of the contact-time rule.
         changed: (2 most + n,) int64, balls whose motion the last event has changed.
     """
@@ -47,13 +47,13 @@ class Workspace(NamedTuple):
     state: State
     queue: Any
     contacts: Contacts
-    scratch: Scratch
+    scratch: Scratch | None
     memory: Memory
     changed: Any
 
 
 @allocating
-def make_workspace(scene, queue, most):
+def make_workspace(scene, queue, most, scratch):
     """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     changed = np.empty(2 * most + n, np.int64)
@@ -61,7 +61,7 @@ def make_workspace(scene, queue, most):
         empty_state(n),
         queue,
         empty_contacts(most),
-        empty_scratch(n, most, scene.ball_friction),
+        scratch,
         empty_memory(n),
         changed,
     )
@@ -161,7 +161,17 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
         log: The `Log`; it holds the last shot.
     """
     arrays = SceneArrays(*scene)
-    work = make_workspace(arrays, all_pairs.empty_queue(arrays), all_pairs.most_contacts(arrays))
+    most = all_pairs.most_contacts(arrays)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
+    work = make_workspace(arrays, all_pairs.empty_queue(arrays), most, scratch)
+    end_call(_run_all_pairs(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
+
+
+@entry_point
+def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
+    """Computes the same bits as `run_shots` for at most two balls. It compiles in less time."""
+    arrays = SceneArrays(*scene)
+    work = make_workspace(arrays, all_pairs.empty_queue(arrays), 1, None)
     end_call(_run_all_pairs(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
 
 
@@ -169,5 +179,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
 def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):
     """Computes the same bits as `run_shots`, faster for many balls."""
     arrays = SceneArrays(*scene)
-    work = make_workspace(arrays, cell_grid.empty_queue(arrays), cell_grid.most_contacts(arrays))
+    most = cell_grid.most_contacts(arrays)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
+    work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)
     end_call(_run_cell_grid(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))

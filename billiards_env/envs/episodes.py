@@ -110,7 +110,7 @@ class Progress(NamedTuple):
         tally: (m, N_TALLY) int64: points of the last shot, points of the episode, shots left, and whether the episode
             is a success so far.
         over: (m,) bool: whether the episode has ended.
-        on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
+        on: (m, n) bool in a run-out, None in other tasks: the balls that are on.
     """
 
     positions: Any
@@ -136,7 +136,7 @@ class Episodes:
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         plan: The layout at the start of an episode.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks of `tasks.GOAL_RADIUS`, none in the others.
-        on: See `Progress`.
+        on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
     """
@@ -173,7 +173,8 @@ class Episodes:
             settings.layout in BREAKS,
         )
         self._starts = *shots[:4], self.start, self.potted_before
-        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over, self.on
+        on = self.on if settings.task in RUN_OUTS else None
+        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over, on
         self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
         self._struck = shots.velocities, shots.spins, self.miscues
         self._hits = shots.cushions, shots.cushions_before_hit, shots.first_hit
@@ -267,7 +268,7 @@ def observe(k, rules, progress, observations):
     It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
     ball is on. If there is room for one more number, this is the fraction of the shots that are left.
     """
-    positions, goals, on = progress.positions, progress.goals, progress.on
+    positions, goals = progress.positions, progress.goals
     n, n_goals = positions.shape[1], goals.shape[1]
     for i in range(n):
         observations[k, 2 * i] = min(max(positions[k, i, X] / rules.half_length, -1.0), 1.0)
@@ -275,12 +276,19 @@ def observe(k, rules, progress, observations):
     for i in range(n_goals):
         observations[k, 2 * (n + i)] = goals[k, i, X] / rules.half_length
         observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / rules.half_width
-    last = 2 * (n + n_goals)
-    for i in range(1, on.shape[1]):
-        observations[k, last] = 1.0 if on[k, i] else 0.0
-        last += 1
+    last = observe_on(progress.on, k, 2 * (n + n_goals), observations)
     if observations.shape[1] > last:
         observations[k, last] = progress.tally[k, SHOTS_LEFT] / rules.max_shots
+
+
+@kernel
+def observe_on(on, k, begin, observations):
+    """Writes whether each object ball of episode k is on, from column `begin`. Returns the next column."""
+    if on is None:
+        return begin
+    for i in range(1, on.shape[1]):
+        observations[k, begin + i - 1] = 1.0 if on[k, i] else 0.0
+    return begin + on.shape[1] - 1
 
 
 @entry_point
@@ -295,7 +303,7 @@ def begin_episodes(begin, end, mask, rules, progress, observations):
             tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
             tally[k, SHOTS_LEFT] = rules.max_shots
             progress.over[k] = False
-            begin_on(rules.task, k, rules.is_break, progress.on)
+            begin_on(progress.on, rules.task, k, rules.is_break)
         observe(k, rules, progress, observations)
 
 

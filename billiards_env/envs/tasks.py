@@ -75,7 +75,7 @@ class Outcome(NamedTuple):
         cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
             ball, -1 if it did not touch it.
         first_hit: (m,) int64, the first ball that the cue ball touched, -1 if none.
-        on: (m, n) bool in the run-outs, (m, 0) in the others: the balls that the cue ball may touch first in the next
+        on: (m, n) bool in the run-outs, None in the others: the balls that the cue ball may touch first in the next
             shot.
     """
 
@@ -141,6 +141,14 @@ def judge(task, k, targets, outcome):
         return judge_position(k, targets, outcome)
     if task == CLEAR:
         return judge_clear(k, targets, outcome)
+    return judge_run_out(outcome.on, task, k, targets, outcome)
+
+
+@kernel
+def judge_run_out(on, task, k, targets, outcome):
+    """Returns the result of shot k of a run-out."""
+    if on is None:
+        return 0, False, False
     if task == NINE_BALL:
         return judge_nine_ball(k, targets, outcome)
     return judge_eight_ball(k, targets, outcome)
@@ -326,7 +334,9 @@ def judge_eight_ball(k, targets, outcome):
 
 
 @kernel
-def begin_on(task, k, is_break, on):
+def begin_on(on, task, k, is_break):
     """Writes the balls that are on in the first shot of episode k of a run-out."""
+    if on is None:
+        return
     for i in range(1, on.shape[1]):
         on[k, i] = i == 1 if task == NINE_BALL else is_break or i != 8

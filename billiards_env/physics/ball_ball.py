@@ -32,6 +32,8 @@ def change_velocity(state, i, dvx, dvy, params):
 @kernel
 def _exchange_many(count, contacts, state, scene, scratch):
     """Implements `exchange` for more than one contact."""
+    if scratch is None:
+        return 0
     e, wanted, friction = scene.params[E_BALL], scratch.wanted, scene.ball_friction
     forget_normal_impulses(friction, count, scratch)
     for c in range(count):
@@ -84,7 +86,7 @@ def exchange(count, contacts, state, scene, scratch):
         contacts: The `Contacts`.
         state: The `State`.
         scene: The `SceneArrays`.
-        scratch: The `clusters.Scratch`.
+        scratch: The `clusters.Scratch`; None for at most two balls, which have one contact.
 
     Returns:
         The number of contacts whose speed of separation `rebound` has raised.

@@ -1,8 +1,8 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
 Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`.
-The decorators use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher,
-the cache and events of compilation), so `pyproject.toml` has an upper bound on its version.
+The decorators use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher, the
+library of code, the cache and events of compilation), so `pyproject.toml` has an upper bound on its version.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ import numba
 from numba.core import config as _numba_config
 from numba.core import event as _event
 from numba.core.caching import FunctionCache as _FunctionCache
+from numba.core.codegen import JITCodeLibrary as _JITCodeLibrary
+from numba.core.compiler import Compiler as _Compiler
 from numba.core.registry import CPUDispatcher as _CPUDispatcher
+from numba.core.types import unliteral as _unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -102,11 +105,49 @@ _jit: Any = numba.jit  # its type hints leave out some options
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 
+class _KernelLibrary(_JITCodeLibrary):
+    """The LLVM code of a kernel. Callers link it into their own code, so it is not translated to machine code.
+
+    Numba would translate every kernel, which takes a tenth of the time until the first shot.
+    """
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Returns 0, the address of a function without machine code."""
+        self._ensure_finalized()
+        return 0
+
+    @property
+    def codegen(self) -> Any:
+        """The object whose `set_env` numba calls after it compiles a function."""
+        return self
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Does nothing: only machine code has an environment."""
+
+
+class _KernelCompiler(_Compiler):
+    """Numba's compiler with a `_KernelLibrary`."""
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compiles a function."""
+        self.state.library = _KernelLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        return super().compile_extra(func)
+
+
 class _Kernel(_CPUDispatcher):
-    """A compiled function. Its wrapper for calls from Python is compiled only at the first such call.
+    """A compiled function. Its machine code and its wrapper for Python are compiled only at the first call from Python.
 
     Numba would compile a wrapper with every function, which takes a quarter of the time until the first shot.
     """
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Compiles the function for a call. Numba would compile it once more for arguments that are constants."""
+        return super().get_call_template([_unliteral(a) for a in args], {k: _unliteral(a) for k, a in kws.items()})
 
     @functools.cached_property
     def _for_python(self) -> Callable[..., Any]:
@@ -119,7 +160,8 @@ class _Kernel(_CPUDispatcher):
 def _make_kernel(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = _Kernel(function, targetoptions={**_OPTIONS, "no_cpython_wrapper": True, **options})
+    targetoptions = {**_OPTIONS, "no_cpython_wrapper": True, **options}
+    made: Any = _Kernel(function, targetoptions=targetoptions, pipeline_class=_KernelCompiler)
     return made
 
 
@@ -179,7 +221,7 @@ class _Announcer(_event.Listener):
             self.announced = True
             again = "kept for later runs" if _FOLDER else "again in every process"
             clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
-            print(f"{clear}billiards_env: compiling, about half a minute, {again} ...", file=sys.stderr, flush=True)
+            print(f"{clear}billiards_env: compiling, up to half a minute, {again} ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         """Handles the end of a compilation by numba."""

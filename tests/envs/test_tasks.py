@@ -44,8 +44,7 @@ def one(task, targets=BOTH, **changes: Any):
     goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
     first_hit = np.array([1, 1, shot["first_hit"]])
-    on = np.zeros((3, 0), np.bool_)
-    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit, first_hit, on))
+    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit, first_hit, None))
 
 
 def balls(*numbers):
@@ -305,9 +304,9 @@ def test_eight_ball(shot, result, on):
 
 def test_the_balls_that_are_on_at_the_start():
     on = np.zeros((2, 16), np.bool_)
-    begin_on(EIGHT_BALL, 0, True, on)
-    begin_on(EIGHT_BALL, 1, False, on)
+    begin_on(on, EIGHT_BALL, 0, True)
+    begin_on(on, EIGHT_BALL, 1, False)
     assert [set(np.flatnonzero(row).tolist()) for row in on] == [ALL, ALL - {8}]
     on = np.zeros((1, 10), np.bool_)
-    begin_on(NINE_BALL, 0, True, on)
+    begin_on(on, NINE_BALL, 0, True)
     assert np.flatnonzero(on[0]).tolist() == [1]

@@ -137,7 +137,7 @@ def test_long_compilations_are_announced_in_one_line(tmp_path, seconds, lines):
     code.write_text(COMPILES)
     done = subprocess.run([sys.executable, code, str(seconds)], env=env, check=True, capture_output=True, text=True)
     said = done.stderr.splitlines()
-    assert said == ["billiards_env: compiling, about half a minute, kept for later runs ..."] * lines
+    assert said == ["billiards_env: compiling, up to half a minute, kept for later runs ..."] * lines
 
 
 SHOOTS = """
@@ -217,6 +217,24 @@ def test_the_wrapper_for_python_is_compiled_only_if_python_calls_the_kernel(deco
     (compiled,) = double.overloads.values()
     assert not [f.name for f in compiled.library.get_defined_functions() if "cpython" in f.name or "cfunc" in f.name]
     assert double(3) == 6
+
+
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.allocating])
+def test_only_the_callers_of_a_kernel_have_machine_code(decorate):
+    double: Any = decorate(lambda x: 2 * x)
+    caller: Any = calling(double)
+    caller(3)
+    for function, expected in ((double, False), (caller, True)):
+        (compiled,) = function.overloads.values()
+        engine = compiled.library._codegen._engine
+        assert engine.is_symbol_defined(compiled.fndesc.llvm_func_name) is expected
+
+
+def test_a_constant_as_an_argument_does_not_compile_a_kernel_again():
+    power: Any = jit.kernel(lambda x, y: x**y)
+    caller: Any = jit.entry_point(lambda x: power(x, x) + power(x, 2) + power(3, y=x) + power(4, 5))
+    assert caller(2) == 4 + 4 + 9 + 1024
+    assert len(power.overloads) == 1
 
 
 def test_merged_kernels_are_compiled_alone_only_if_python_calls_them():
