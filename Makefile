@@ -59,7 +59,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
-results: $(WORKS)  ## train every recipe with several seeds (about three hours; recipes with results are not trained again)
+results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
 	$(WORK)/python -m studies.choices
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
