@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import functools
 import math
 from typing import NamedTuple
 
@@ -69,9 +69,10 @@ class Shots(NamedTuple):
     n_contact_rule: Int64s
 
 
-def empty_shots(m: int, n: int) -> Shots:
-    """Returns `Shots` for m shots of n balls, with undefined content."""
-    shapes = (
+@functools.lru_cache(maxsize=64)
+def _places(m: int, n: int) -> tuple[list[tuple[tuple[int, ...], np.dtype, int]], int]:
+    """Returns the shape, the type and the offset of each array of `Shots` in one block, and the size of the block."""
+    kinds = (
         ((m, n, 2), np.float64),
         ((m, n, 2), np.float64),
         ((m, n, 3), np.float64),
@@ -81,12 +82,20 @@ def empty_shots(m: int, n: int) -> Shots:
         ((m, n), np.int32),
         *[((m,), np.int64)] * 4,
     )
-    sizes = [-(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8 for shape, kind in shapes]
+    places, size = [], 0
+    for shape, kind in kinds:
+        places.append((shape, np.dtype(kind), size))
+        size += -(-math.prod(shape) * np.dtype(kind).itemsize // 8) * 8
+    return places, size
+
+
+def empty_shots(m: int, n: int) -> Shots:
+    """Returns `Shots` for m shots of n balls, with undefined content."""
+    places, size = _places(m, n)
     # The operating system provides one large block several times faster than its parts one by one: NumPy requests huge
     # pages only for large blocks, and the C library returns the smaller ones to the system after each batch.
-    memory = np.empty(sum(sizes), np.uint8)
-    starts = itertools.accumulate(sizes[:-1], initial=0)
-    return Shots(*(np.ndarray(shape, kind, memory, at) for (shape, kind), at in zip(shapes, starts, strict=True)))
+    memory = np.empty(size, np.uint8)
+    return Shots(*[np.ndarray(shape, kind, memory, at) for shape, kind, at in places])
 
 
 @inlined
