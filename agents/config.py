@@ -100,6 +100,7 @@ class Policy:
         components: The number of components, see `agents.policy.MixturePolicy`; "gaussian" and "turned" ignore it.
         speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
             "gaussian" and "pots" ignore it.
+        banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
         hidden: The number of units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
         std: The schedule of the standard deviations; None if they are learned.
@@ -108,6 +109,7 @@ class Policy:
     head: str = "gaussian"
     components: int = 1
     speeds: tuple[float, ...] = (0.1, 1.0)
+    banks: bool = False
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     std: Std | None = None

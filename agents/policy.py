@@ -48,6 +48,7 @@ class MixturePolicy(ActorCriticPolicy):
             of pots. "turned" ignores it.
         speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
             "pots" ignores it.
+        banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
         net_arch: The number of units of each hidden layer, at least one layer.
         kwargs: Other keyword arguments of `ActorCriticPolicy`.
 
@@ -71,11 +72,18 @@ class MixturePolicy(ActorCriticPolicy):
         head: str = "pots",
         components: int = 4,
         speeds: Sequence[float] = (0.1, 1.0),
+        banks: bool = False,
         net_arch: Sequence[int] = (64, 64),
         **kwargs: Any,
     ) -> None:
         choose("policy.head", head, HEADS)
-        self.own = {"env": dict(env or {}), "head": head, "components": components, "speeds": tuple(speeds)}
+        self.own = {
+            "env": dict(env or {}),
+            "head": head,
+            "components": components,
+            "speeds": tuple(speeds),
+            "banks": banks,
+        }
         self.game = cast(BilliardsEnv, gym.make("Billiards-v0", **self.own["env"]).unwrapped)
         space = args[0] if args else kwargs["observation_space"]
         if space.shape != self.game.observation_space.shape:
@@ -85,7 +93,9 @@ class MixturePolicy(ActorCriticPolicy):
             )
         kwargs.setdefault("optimizer_kwargs", {"eps": 1e-5, "fused": True})  # eps as in Stable-Baselines3
         kwargs["features_extractor_class"] = PotFeatures if head == "pots" else Reflected
-        kwargs["features_extractor_kwargs"] = {"env": self.game} | ({"most": components} if head == "pots" else {})
+        kwargs["features_extractor_kwargs"] = {"env": self.game}
+        if head == "pots":
+            kwargs["features_extractor_kwargs"] |= {"most": components, "banks": banks}
         super().__init__(*args, net_arch=list(net_arch), **kwargs)
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:

@@ -84,18 +84,20 @@ class PotFeatures(BaseFeaturesExtractor):
         space: The space of observations, `(size,)`.
         env: The environment.
         most: The largest number of pots.
+        banks: Whether to find banks also on tables with a direct pot.
 
     Raises:
         ValueError: If the task of the environment is not one of `TASKS`.
     """
 
-    def __init__(self, space: gym.spaces.Box, env: BilliardsEnv, most: int) -> None:
+    def __init__(self, space: gym.spaces.Box, env: BilliardsEnv, most: int, banks: bool = False) -> None:
         if env.task not in TASKS:
             raise ValueError(
                 f"policy.head = 'pots' in the task {env.task!r}: expected one of the tasks {', '.join(TASKS)}, or "
                 "another head"
             )
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
+        self.banks = banks
         self.goals, self.cue = len(env.goals), cue_of(env)
         others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
         if self.cue is not None:
@@ -141,7 +143,9 @@ class PotFeatures(BaseFeaturesExtractor):
         if self.cue is not None:  # a strike off the centre gives the ball less speed
             tip = self.cue.miscue * offset[0], self.cue.miscue * offset[1]
             fastest *= speed_gain(self.cue, *torch.tensor(offset, dtype=torch.float64)).item()
-        found = pots.find_pots(self.scene, self.targets, positions, potted, fastest, most=self.most, offset=tip)
+        found = pots.find_pots(
+            self.scene, self.targets, positions, potted, fastest, most=self.most, offset=tip, banks=self.banks
+        )
         m, k = found.ball.shape
         rows, shots = found.rows, found.shots
         exists = np.arange(k) < found.count[:, None]

@@ -245,7 +245,8 @@ def _policy_arguments(config: Config) -> dict[str, Any]:
     p = config.policy
     arguments: dict[str, Any] = {"net_arch": list(p.hidden), "activation_fn": _ACTIVATIONS[p.activation]}
     if p.head != "gaussian":
-        arguments |= {"env": dict(config.env), "head": p.head, "components": p.components, "speeds": p.speeds}
+        own = {name: getattr(p, name) for name in ("head", "components", "speeds", "banks")}
+        arguments |= {"env": dict(config.env), **own}
     return arguments
 
 

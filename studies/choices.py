@@ -43,7 +43,8 @@ def measure(policies: Path, layouts: int, seed: int) -> dict[str, Any]:
         * `another_pot`: the share of the layouts on which the policies choose different pots.
         * `easier`: the share of these layouts on which the policy trained with noise chooses the pot with the larger
           tolerance.
-        * `policies`: for each policy, its success without and with noise and the medians of its shots.
+        * `policies`: for each policy, its success without and with noise, the medians of its shots and the share of
+          banks.
 
         Shares have a 95 % interval.
 
@@ -76,6 +77,7 @@ def measure(policies: Path, layouts: int, seed: int) -> dict[str, Any]:
             "tolerance": float(np.degrees(np.median(rows[:, pots.TOLERANCE]))),
             "cut": float(np.degrees(np.median(np.arccos(rows[:, pots.CUT_COS].clip(-1, 1))))),
             "run": float(np.median(rows[:, pots.RUN])),
+            "banks": float((rows[:, pots.WALL] >= 0).mean()),
         }
     different = chosen[0] != chosen[1]
     easier = (tolerances[1] > tolerances[0])[different]
@@ -88,7 +90,7 @@ def measure(policies: Path, layouts: int, seed: int) -> dict[str, Any]:
 def _nearest_pots(game: Any, velocities: Any) -> tuple[Any, Any]:
     """Returns the pots with the directions nearest to those of the shots: their rows (m, WIDTH) and numbers (m,)."""
     env = game.single_env
-    found = pots.find_pots(env.scene, env.targets, game.positions, game.potted, env.max_speed)
+    found = pots.find_pots(env.scene, env.targets, game.positions, game.potted, env.max_speed, banks=True)
     directions = found.shots[:, :, :, pots.DX : pots.DY + 1]
     along = (directions * (velocities / np.hypot(*velocities.T)[:, None])[:, None, None]).sum(-1).max(-1)
     along[np.arange(along.shape[1]) >= found.count[:, None]] = -2.0
@@ -106,6 +108,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "median tolerance, degrees",
         "median cut angle, degrees",
         "median distance to the pocket, m",
+        "banks",
     )
     rows = []
     for name, label in NAMES.items():
@@ -114,7 +117,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
             "{:.1%} ({:.1f} to {:.1f})".format(rate, *(100 * end for end in interval))
             for rate, interval in zip((p["success"], p["success_with_noise"]), p["intervals"], strict=True)
         )
-        rows.append((label, *cells, *(f"{p[key]:.2f}" for key in ("speed", "tolerance", "cut", "run"))))
+        medians = (f"{p[key]:.2f}" for key in ("speed", "tolerance", "cut", "run"))
+        rows.append((label, *cells, *medians, f"{p['banks']:.1%}"))
     another, easier = (
         "{:.0%} ({:.0f} to {:.0f})".format(r["share"], *(100 * end for end in r["interval"]))
         for r in (result["another_pot"], result["easier"])

@@ -292,6 +292,18 @@ def test_without_a_pot_the_head_pots_plays_a_full_hit_on_the_nearest_ball():
     np.testing.assert_allclose(shots[:, 1], 0, atol=1e-5)
 
 
+def test_with_banks_the_head_pots_has_more_components(tmp_path):
+    observations = layouts(200)
+    plain, more = train("pots", components=8), train("pots", components=8, banks=True)
+    few, many = ((components(model.policy, observations).logit > NEVER).sum(1) for model in (plain, more))
+    assert (many >= few).all()
+    assert (many > few).float().mean() > 0.2
+    more.save(tmp_path / "model")
+    loaded = PPO.load(tmp_path / "model", device="cpu")
+    shots, again = (model.predict(observations, deterministic=True)[0] for model in (more, loaded))
+    np.testing.assert_array_equal(again, shots)
+
+
 def test_the_untrained_head_pots_pots_more_than_nine_balls_in_ten():
     envs, actor = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep"), make("pots")
     observations, _ = envs.reset(seed=0)

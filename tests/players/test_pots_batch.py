@@ -181,6 +181,22 @@ def test_banks_are_found_only_without_a_direct_pot(played):
     assert (found.count > 0).mean() > 0.99
 
 
+def test_banks_on_request_are_added_to_the_direct_pots(played):
+    positions, found, *_ = played
+    scene = Scene.named("pool")
+    more = search(scene, positions, np.zeros(positions.shape[:2], np.bool_), banks=True)
+    bank = more.rows[..., pots.WALL] >= 0
+    exists = np.arange(more.ball.shape[1]) < more.count[:, None]
+    direct = (found.rows[..., pots.WALL] < 0) & (np.arange(found.ball.shape[1]) < found.count[:, None])
+    assert more.rows[exists & ~bank].tobytes() == found.rows[direct].tobytes()
+    assert more.shots[exists & ~bank].tobytes() == found.shots[direct].tobytes()
+    assert ((bank & exists).any(1) & direct.any(1)).mean() > 0.3
+    tolerance = np.where(exists, more.rows[..., pots.TOLERANCE], 0.0)
+    assert (np.diff(tolerance, axis=1) <= 0.0).all()
+    t, k, _, drops = play(scene, positions, more)
+    assert drops[bank[t, k]].mean() > 0.95
+
+
 def test_an_ideal_bank_is_that_of_a_mirror():
     # One small pocket near the middle of the cushion +y; the cue ball is on that side of the object ball.
     pocket_y, ball_y = 0.56, -0.1

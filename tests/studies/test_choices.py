@@ -17,6 +17,7 @@ def test_both_policies_play_the_same_layouts():
         assert policy["success"] > policy["success_with_noise"] > 0.5
         assert 0 < policy["speed"] <= 4.0
         assert policy["tolerance"] > 0
+    assert found["policies"]["pot_noise"]["banks"] > found["policies"]["pot"]["banks"]
     assert 0 < found["another_pot"]["share"] < 1
     low, high = found["easier"]["interval"]
     assert low <= found["easier"]["share"] <= high
@@ -30,7 +31,7 @@ def test_the_nearest_pot_of_a_shot_along_a_pot_is_this_pot():
     game: Any = choices.make_vector(choices.load_policy(choices.POLICIES / "pot")[0], 50).unwrapped
     game.reset(seed=0)
     env = game.single_env
-    found = choices.pots.find_pots(env.scene, env.targets, game.positions, game.potted, env.max_speed)
+    found = choices.pots.find_pots(env.scene, env.targets, game.positions, game.potted, env.max_speed, banks=True)
     chosen = rng.integers(0, np.maximum(found.count, 1))
     rows = np.arange(50)
     shots = found.shots[rows, chosen, 0]
