@@ -259,7 +259,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--address", help='address of a Ray cluster that plays, e.g. "auto" (default: this machine)')
     args = parser.parse_args(arguments)
-    families.run("pool, 1 object ball", 0, 1)  # compiles the kernels once, for all processes
+    for family in ("pool, 1 object ball", "pool, 5 object balls"):
+        families.run(family, 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()
     kept = ROOT / "runs" / "stress" / _version()
     with ProcessPoolExecutor(args.workers) if args.address is None else RayExecutor(args.address, kept) as pool:

@@ -69,6 +69,7 @@ def measure(policies: Path, layouts: int, seed: int) -> dict[str, Any]:
         rows, which = _nearest_pots(game, velocities)
         chosen.append(which)
         tolerances.append(rows[:, pots.TOLERANCE])
+        rows = rows[rows[:, pots.TOLERANCE] > 0]  # without the layouts that have no pot
         found["policies"][name] = {
             "success": success[0]["success_rate"],
             "success_with_noise": success[1]["success_rate"],

@@ -36,7 +36,8 @@ from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import CUSHIONS, MOTIONS, Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
-"""The function that runs shots for each mode. All have the same arguments."""
+"""The function that runs shots for each mode. `engine_of` returns other functions of PIC for at most two and for many
+balls. All have the same arguments."""
 
 MANY_BALLS = 160
 """From this number of balls on PIC uses `engine.cell_grid`.

@@ -7,7 +7,8 @@ motion, and predicts their next events. At one instant it resolves pockets first
 problem, then cushions, then the ends of phases.
 
 A queue stores the predictions: `engine.all_pairs` for few balls, `engine.cell_grid` for many. Both lead to the same
-bits. Two balls have no simultaneous impacts, so their engine is compiled without the code for these.
+bits. Two balls have only one impact with each other at an instant, so their engine is compiled without the code for
+several impacts.
 """
 
 from __future__ import annotations
@@ -169,7 +170,10 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
 
 @entry_point
 def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
-    """Computes the same bits as `run_shots` for at most two balls. It compiles in less time."""
+    """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
+
+    With more balls it would write outside the arrays.
+    """
     arrays = SceneArrays(*scene)
     work = make_workspace(arrays, all_pairs.empty_queue(arrays), 1, None)
     end_call(_run_all_pairs(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))

@@ -146,7 +146,7 @@ def judge(task, k, targets, outcome):
 
 @kernel
 def judge_run_out(on, task, k, targets, outcome):
-    """Returns the result of shot k of a run-out."""
+    """Returns the result of shot k of a run-out; `on` is `Outcome.on`. Numba compiles it only for run-outs."""
     if on is None:
         return 0, False, False
     if task == NINE_BALL:

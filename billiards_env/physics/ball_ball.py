@@ -31,7 +31,7 @@ def change_velocity(state, i, dvx, dvy, params):
 
 @kernel
 def _exchange_many(count, contacts, state, scene, scratch):
-    """Implements `exchange` for more than one contact."""
+    """Implements `exchange` for more than one contact. Without scratch arrays numba compiles nothing else."""
     if scratch is None:
         return 0
     e, wanted, friction = scene.params[E_BALL], scratch.wanted, scene.ball_friction

@@ -117,7 +117,7 @@ class _KernelLibrary(_JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Returns 0, the address of a function without machine code."""
+        """Returns 0, the address of a function without machine code: a kernel can be called but not used as a value."""
         self._ensure_finalized()
         return 0
 
@@ -127,7 +127,7 @@ class _KernelLibrary(_JITCodeLibrary):
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Does nothing: only machine code has an environment."""
+        """Does nothing. A kernel has no environment, so it cannot print objects or format the text of an exception."""
 
 
 class _KernelCompiler(_Compiler):
@@ -221,7 +221,7 @@ class _Announcer(_event.Listener):
             self.announced = True
             again = "kept for later runs" if _FOLDER else "again in every process"
             clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
-            print(f"{clear}billiards_env: compiling, up to half a minute, {again} ...", file=sys.stderr, flush=True)
+            print(f"{clear}billiards_env: compiling, up to a minute, {again} ...", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         """Handles the end of a compilation by numba."""

@@ -1,8 +1,8 @@
 """Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
 
-A pot is a way to send one object ball into one pocket: directly or, on a table without a direct pot, off one cushion (a
-bank). Shots in which the cue ball meets a cushion before the object ball are not considered. The path of the cue ball
-after the hit ignores third balls.
+A pot is a way to send one object ball into one pocket: directly, or off one cushion (a bank). By default banks are
+searched only on tables without a direct pot. Shots in which the cue ball meets a cushion before the object ball are not
+considered. The path of the cue ball after the hit ignores third balls.
 """
 
 from __future__ import annotations
@@ -102,7 +102,9 @@ def find_pots(
     offset: tuple[float, float] = (0.0, 0.0),
     banks: bool = False,
 ) -> Pots:
-    """Returns the pots on m tables whose paths have no obstacle. On a table without a direct pot, these are banks.
+    """Returns the pots on m tables whose paths have no obstacle.
+
+    Banks are among them on tables without a direct pot, or with `banks` on all tables.
 
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
     ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
@@ -117,14 +119,18 @@ def find_pots(
         potted: (m, n) bool, the balls off the table.
         max_speed: Largest initial speed of the cue ball, m/s.
         cue: The number of the cue ball.
-        most: The largest number of pots on a table; the easiest are kept. None for all.
+        most: The largest number of pots on a table; the easiest are kept. None for the number of balls to pot times
+            the number of pockets, with `banks` five times as many.
         offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
             both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The search ignores
             this swerve.
         banks: Whether to find banks also on tables with a direct pot. The search then takes about three times as long.
+            A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
     """
     balls = np.flatnonzero(targets)
-    m, k = len(positions), len(balls) * len(scene.table.pockets) if most is None else most
+    m, k = len(positions), most
+    if k is None:
+        k = len(balls) * len(scene.table.pockets) * (5 if banks else 1)  # a direct pot and a bank off each cushion
     pots = Pots(
         np.empty(m, np.int64),
         np.zeros((m, k), np.int64),

@@ -137,7 +137,7 @@ def test_long_compilations_are_announced_in_one_line(tmp_path, seconds, lines):
     code.write_text(COMPILES)
     done = subprocess.run([sys.executable, code, str(seconds)], env=env, check=True, capture_output=True, text=True)
     said = done.stderr.splitlines()
-    assert said == ["billiards_env: compiling, up to half a minute, kept for later runs ..."] * lines
+    assert said == ["billiards_env: compiling, up to a minute, kept for later runs ..."] * lines
 
 
 SHOOTS = """
