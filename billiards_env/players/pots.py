@@ -98,6 +98,7 @@ def find_pots(
     potted: NDArray[np.bool_],
     max_speed: float,
     cue: int = 0,
+    *,
     most: int | None = None,
     offset: tuple[float, float] = (0.0, 0.0),
     banks: bool = False,
