@@ -37,32 +37,9 @@ SOON = 1e-6
 """s. Pairs that are predicted to meet at most this long after an impact are tested for contact at it."""
 
 
-class Paths(NamedTuple):
-    """Copies of the balls' paths, one array for each quantity, for `screen`.
-
-    The arrays have c >= n entries, a multiple of `LANES`, so that vectorised loops have no remainder.
-
-    Attributes:
-        x: (c,) float64, position at the ball's own time, m.
-        y: m.
-        vx: Velocity at the ball's own time, m/s.
-        vy: m/s.
-        ax: Acceleration, m/s^2.
-        ay: m/s^2.
-        start: The ball's own time, s.
-        end: Time of the ball's next event alone, s.
-        radius: m.
-    """
-
-    x: Any
-    y: Any
-    vx: Any
-    vy: Any
-    ax: Any
-    ay: Any
-    start: Any
-    end: Any
-    radius: Any
+# Rows of `Queue.paths`: position, velocity, acceleration, start and end of the path, radius of the ball.
+PATH_X, PATH_Y, PATH_VX, PATH_VY, PATH_AX, PATH_AY, PATH_START, PATH_END, PATH_RADIUS = range(9)
+PATH_ROWS = 9
 
 
 class Queue(NamedTuple):
@@ -75,7 +52,8 @@ class Queue(NamedTuple):
         nearest_hi: (n,) float64, the earliest time of row i of `hi`.
         nearest_lo: (n,) float64, its second part.
         nearest: (n,) int64, the ball j of that meeting; n if there is none.
-        paths: The `Paths`.
+        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`: the rows above, in SI units. c >= n is a
+            multiple of `LANES`, so that vectorised loops have no remainder.
         apart: (c,) bool, scratch: the balls that `screen` has excluded.
         changed: (n,) bool, the balls that `predict` was called for; False between calls.
     """
@@ -86,7 +64,7 @@ class Queue(NamedTuple):
     nearest_hi: Any
     nearest_lo: Any
     nearest: Any
-    paths: Paths
+    paths: Any
     apart: Any
     changed: Any
 
@@ -103,17 +81,7 @@ def empty_queue(scene):
         np.empty(n),
         np.empty(n),
         np.empty(n, np.int64),
-        Paths(
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-            np.zeros(c),
-        ),
+        np.zeros((PATH_ROWS, c)),
         np.zeros(c, np.bool_),
         np.zeros(n, np.bool_),
     )
@@ -135,8 +103,9 @@ def clear(state, scene, queue):
 def _copy_path(i, state, scene, queue):
     """Copies ball i's path for `screen`."""
     s, paths = state.rows[i], queue.paths
-    paths.x[i], paths.y[i], paths.vx[i], paths.vy[i], paths.ax[i], paths.ay[i] = s[X], s[Y], s[VX], s[VY], s[AX], s[AY]
-    paths.start[i], paths.end[i], paths.radius[i] = s[T0], queue.singles.hi[i], scene.radius[i]
+    for c in range(PATH_START):  # the first columns of a row of `State` are the first rows
+        paths[c, i] = s[c]
+    paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], queue.singles.hi[i], scene.radius[i]
 
 
 @inlined
@@ -147,22 +116,22 @@ def screen(i, now, until, paths, apart):
         i: The ball, whose own time is `now`.
         now: s.
         until: End of ball i's path or of the shot, s.
-        paths: The `Paths`.
+        paths: `Queue.paths`.
         apart: (c,) bool out.
     """
-    x, y, vx, vy, ax, ay = paths.x[i], paths.y[i], paths.vx[i], paths.vy[i], paths.ax[i], paths.ay[i]
-    radius = paths.radius[i]
+    x, y, vx, vy = paths[PATH_X, i], paths[PATH_Y, i], paths[PATH_VX, i], paths[PATH_VY, i]
+    ax, ay, radius = paths[PATH_AX, i], paths[PATH_AY, i], paths[PATH_RADIUS, i]
     for j in range(len(apart)):
-        t = now - paths.start[j]
+        t = now - paths[PATH_START, j]
         path = Path(
-            paths.x[j] + t * (paths.vx[j] + 0.5 * t * paths.ax[j]) - x,
-            paths.y[j] + t * (paths.vy[j] + 0.5 * t * paths.ay[j]) - y,
-            paths.vx[j] + t * paths.ax[j] - vx,
-            paths.vy[j] + t * paths.ay[j] - vy,
-            paths.ax[j] - ax,
-            paths.ay[j] - ay,
+            paths[PATH_X, j] + t * (paths[PATH_VX, j] + 0.5 * t * paths[PATH_AX, j]) - x,
+            paths[PATH_Y, j] + t * (paths[PATH_VY, j] + 0.5 * t * paths[PATH_AY, j]) - y,
+            paths[PATH_VX, j] + t * paths[PATH_AX, j] - vx,
+            paths[PATH_VY, j] + t * paths[PATH_AY, j] - vy,
+            paths[PATH_AX, j] - ax,
+            paths[PATH_AY, j] - ay,
         )
-        apart[j] = cannot_meet(path, radius + paths.radius[j], min(until, paths.end[j]) - now)
+        apart[j] = cannot_meet(path, radius + paths[PATH_RADIUS, j], min(until, paths[PATH_END, j]) - now)
 
 
 @inlined

@@ -21,14 +21,14 @@ import numpy as np
 
 from billiards_env.engine import all_pairs, cell_grid
 from billiards_env.engine.contact_rule import Memory, empty_memory, forget
-from billiards_env.engine.log import Log, clear_log, log_segment
+from billiards_env.engine.log import clear_log, log_segment
 from billiards_env.engine.predictions import PAIR_RANK
 from billiards_env.engine.resolve import resolve_impacts, resolve_singles
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, Shots
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, entry_point, inlined, merged
+from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, merged
 from billiards_env.physics.motion import advance, begin_phase
 from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
 
@@ -148,7 +148,7 @@ _run_all_pairs = for_all_shots(event_loop(all_pairs))
 _run_cell_grid = for_all_shots(event_loop(cell_grid))
 
 
-@entry_point
+@allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
@@ -165,10 +165,10 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
     most = all_pairs.most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, all_pairs.empty_queue(arrays), most, scratch)
-    end_call(_run_all_pairs(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
+    end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
 
-@entry_point
+@allocating_entry_point
 def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
     """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
 
@@ -176,14 +176,14 @@ def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
     """
     arrays = SceneArrays(*scene)
     work = make_workspace(arrays, all_pairs.empty_queue(arrays), 1, None)
-    end_call(_run_all_pairs(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
+    end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
 
-@entry_point
+@allocating_entry_point
 def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):
     """Computes the same bits as `run_shots`, faster for many balls."""
     arrays = SceneArrays(*scene)
     most = cell_grid.most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)
-    end_call(_run_cell_grid(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
+    end_call(_run_cell_grid(begin, end, scene, work, limit, max_events, shots, log))

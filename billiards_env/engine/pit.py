@@ -30,19 +30,18 @@ from billiards_env.engine.log import (
     ROLLING_REST,
     SLIDING_ROLLING,
     SPINNING_REST,
-    Log,
     clear_log,
     log_event,
     log_segment,
 )
 from billiards_env.engine.runner import INTERRUPTED, for_all_shots
-from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, Shots, count_hit
+from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, entry_point, inlined, kernel, merged
+from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, kernel, merged
 from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     DT,
@@ -473,9 +472,8 @@ def run(k, scene, work, limit, max_events, shots, log):
 _run_all = for_all_shots(run)
 
 
-@entry_point
+@allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    arrays = SceneArrays(*scene)
-    work = make_workspace(arrays)
-    end_call(_run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log)))
+    work = make_workspace(SceneArrays(*scene))
+    end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from billiards_env.engine.shots import load, store
+from billiards_env.engine.log import Log
+from billiards_env.engine.shots import Shots, load, store
 from billiards_env.physics.interrupt import interrupted
 from billiards_env.physics.jit import kernel
+from billiards_env.physics.state import SceneArrays
 
 INTERRUPTED = -1
 """Result of a loop that was interrupted (see `physics.interrupt`). The shot has no outcome then."""
@@ -24,7 +26,11 @@ def for_all_shots(run: Any) -> Any:
 
     @kernel
     def run_all(begin, end, scene, work, limit, max_events, shots, log):
-        """Runs shots `begin` to `end` - 1. Returns whether it was interrupted."""
+        """Runs shots `begin` to `end` - 1. Returns whether it was interrupted.
+
+        `scene` holds `SceneArrays`, `shots` holds `Shots` and `log` a `Log`, as plain tuples.
+        """
+        scene, shots, log = SceneArrays(*scene), Shots(*shots), Log(*log)
         pending = 0
         for k in range(begin, end):
             load(k, shots, scene, work.state)

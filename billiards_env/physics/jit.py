@@ -1,14 +1,14 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
-Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`.
-The decorators use parts of numba that its documentation does not cover (`_nrt`, `forceinline`, the dispatcher, the
-library of code, the cache and events of compilation), so `pyproject.toml` has an upper bound on its version.
+Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`
+or `allocating_entry_point`. The decorators use parts of numba that its documentation does not cover (`_nrt`,
+`forceinline`, the dispatcher and the cache), so `pyproject.toml` has an upper bound on its version.
 """
 
 from __future__ import annotations
 
 import contextlib
-import functools
+import gc
 import hashlib
 import os
 import re
@@ -16,18 +16,16 @@ import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
 from numba.core import config as _numba_config
-from numba.core import event as _event
 from numba.core.caching import FunctionCache as _FunctionCache
-from numba.core.codegen import JITCodeLibrary as _JITCodeLibrary
-from numba.core.compiler import Compiler as _Compiler
-from numba.core.registry import CPUDispatcher as _CPUDispatcher
-from numba.core.types import unliteral as _unliteral
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import CPUDispatcher
+
+from billiards_env.physics.compiler import Kernel, ShortCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -98,70 +96,16 @@ def cache_folder() -> Path | None:
 
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # numba defines its attributes at run time
-_jit: Any = numba.jit  # its type hints leave out some options
 
 # Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
 # `error_model="numpy"` a division by zero is infinite and does not raise an exception.
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 
-class _KernelLibrary(_JITCodeLibrary):
-    """The LLVM code of a kernel. Callers link it into their own code, so it is not translated to machine code.
-
-    Numba would translate every kernel, which takes a tenth of the time until the first shot.
-    """
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """Returns 0, the address of a function without machine code: a kernel can be called but not used as a value."""
-        self._ensure_finalized()
-        return 0
-
-    @property
-    def codegen(self) -> Any:
-        """The object whose `set_env` numba calls after it compiles a function."""
-        return self
-
-    def set_env(self, name: str, environment: Any) -> None:
-        """Does nothing. A kernel has no environment, so it cannot print objects or format the text of an exception."""
-
-
-class _KernelCompiler(_Compiler):
-    """Numba's compiler with a `_KernelLibrary`."""
-
-    def compile_extra(self, func: Any) -> Any:
-        """Compiles a function."""
-        self.state.library = _KernelLibrary(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
-
-
-class _Kernel(_CPUDispatcher):
-    """A compiled function. Its machine code and its wrapper for Python are compiled only at the first call from Python.
-
-    Numba would compile a wrapper with every function, which takes a quarter of the time until the first shot.
-    """
-
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Compiles the function for a call. Numba would compile it once more for arguments that are constants."""
-        return super().get_call_template([_unliteral(a) for a in args], {k: _unliteral(a) for k, a in kws.items()})
-
-    @functools.cached_property
-    def _for_python(self) -> Callable[..., Any]:
-        return _jit(**{**self.targetoptions, "no_cpython_wrapper": False})(self.py_func)
-
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        return self._for_python(*args, **kwargs)
-
-
 def _make_kernel(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    targetoptions = {**_OPTIONS, "no_cpython_wrapper": True, **options}
-    made: Any = _Kernel(function, targetoptions=targetoptions, pipeline_class=_KernelCompiler)
+    made: Any = Kernel(function, {**_OPTIONS, **options})
     return made
 
 
@@ -198,35 +142,42 @@ def allocating(function: F) -> F:
 
 LONG = 1.0
 """s. A message announces a compilation that takes longer."""
+_announced = False
 
 
-class _Announcer(_event.Listener):
-    """Prints one line to stderr in a process if the compilation of an entry point takes longer than `LONG`."""
+def _announce() -> None:
+    """Prints one line to stderr in a process."""
+    global _announced
+    if not _announced:
+        _announced = True
+        again = "kept for later runs" if _FOLDER else "again in every process"
+        clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
+        print(f"{clear}billiards_env: compiling, up to a minute, {again} ...", file=sys.stderr, flush=True)
 
-    def __init__(self) -> None:
-        self.announced = False
-        self.timers: dict[Callable[..., Any], threading.Timer] = {}
 
-    def on_start(self, event: Any) -> None:
-        """Handles the start of a compilation by numba, of any package."""
-        function = event.data["dispatcher"].py_func
-        if function in _ENTRY_POINTS and not self.announced:
-            timer = self.timers[function] = threading.Timer(LONG, self.announce)
-            timer.daemon = True
-            timer.start()
+@contextlib.contextmanager
+def _rare_collections() -> Iterator[None]:
+    """Makes Python look for garbage rarely, because a compilation creates many objects that stay."""
+    before = gc.get_threshold()
+    gc.set_threshold(100_000, 50, 100)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
-    def announce(self) -> None:
-        """Prints the line, unless the process has printed it before."""
-        if not self.announced:
-            self.announced = True
-            again = "kept for later runs" if _FOLDER else "again in every process"
-            clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
-            print(f"{clear}billiards_env: compiling, up to a minute, {again} ...", file=sys.stderr, flush=True)
 
-    def on_end(self, event: Any) -> None:
-        """Handles the end of a compilation by numba."""
-        timer = self.timers.pop(event.data["dispatcher"].py_func, None)
-        if timer is not None:
+class _EntryPoint(CPUDispatcher):
+    """A function that Python calls. A message announces a long compilation."""
+
+    def compile(self, sig: Any) -> Any:
+        """Compiles the function for types of arguments, or reads it from the cache."""
+        timer = threading.Timer(LONG, _announce)
+        timer.daemon = True
+        timer.start()
+        try:
+            with global_compiler_lock, _rare_collections():
+                return super().compile(sig)
+        finally:
             timer.cancel()
 
 
@@ -258,20 +209,26 @@ class _Cache(_FunctionCache):
         print(f"billiards_env: {what}: {function} in {self.cache_path} ({error!r})", file=sys.stderr)
 
 
-_ENTRY_POINTS: set[Callable[..., Any]] = set()
-_event.register("numba:compile", _Announcer())
-
-
-def entry_point(function: F) -> F:
-    """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
-    _ENTRY_POINTS.add(function)
-    dispatcher = _jit(**_OPTIONS)(function)
-    if _FOLDER is not None and not _config.DISABLE_JIT:
+def _make_entry_point(function: F, **options: Any) -> F:
+    if _config.DISABLE_JIT:
+        return function
+    made: Any = _EntryPoint(function, targetoptions={**_OPTIONS, **options}, pipeline_class=ShortCompiler)
+    if _FOLDER is not None:
         # Numba reads the folder when it creates the cache. Other packages keep their own folder.
         before = _config.CACHE_DIR
         _config.CACHE_DIR = str(_FOLDER)
         try:
-            dispatcher._cache = _Cache(function)
+            made._cache = _Cache(function)
         finally:
             _config.CACHE_DIR = before
-    return dispatcher
+    return made
+
+
+def entry_point(function: F) -> F:
+    """Compiles a function that Python calls, and keeps its machine code on disk. It cannot create arrays."""
+    return _make_entry_point(function, _nrt=False)
+
+
+def allocating_entry_point(function: F) -> F:
+    """Compiles an `entry_point` that may create arrays. A call takes some microseconds longer."""
+    return _make_entry_point(function)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import scene_arrays
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import entry_point, inlined, kernel, merged
+from billiards_env.physics.jit import allocating_entry_point, inlined, kernel, merged
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
@@ -170,7 +170,7 @@ def pot_shots(
     )
 
 
-@entry_point
+@allocating_entry_point
 def search_tables(scene, cue, balls, positions, potted, stroke, banks, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last three fields of `Table`."""
     scene, pots = SceneArrays(*scene), Pots(*pots)

@@ -7,11 +7,11 @@ import numpy as np
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.jit import entry_point
+from billiards_env.physics.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
 
 
-@entry_point
+@allocating_entry_point
 def collide_pair(rows, nx, ny, closing, rebound, scene):
     """Runs `exchange` on balls 0 and 1 with these rows."""
     scene = SceneArrays(*scene)

@@ -7,13 +7,13 @@ import numpy as np
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.jit import entry_point
+from billiards_env.physics.jit import allocating_entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster
 
 
-@entry_point
+@allocating_entry_point
 def collide(first, second, nx, ny, closing, rebound, rows, scene):
     """Runs `exchange` on balls with these rows."""
     scene = SceneArrays(*scene)

@@ -13,7 +13,7 @@ from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST
-from billiards_env.physics.jit import allocating, entry_point
+from billiards_env.physics.jit import allocating, allocating_entry_point
 from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster, triangle
@@ -28,7 +28,7 @@ def fill(first, second, nx, ny, closing, rebound):
     return contacts
 
 
-@entry_point
+@allocating_entry_point
 def plastic(first, second, nx, ny, wanted, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
     count, n = len(first), len(inv_mass)
@@ -39,7 +39,7 @@ def plastic(first, second, nx, ny, wanted, inv_mass):
     return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, 0::2] + scratch.change[:, 1::2]
 
 
-@entry_point
+@allocating_entry_point
 def summed(first, second, nx, ny, impulse, inv_mass):
     """Returns the changes of velocity (n, 2) by these impulses, and whether each ball has one (n,)."""
     count, n = len(first), len(inv_mass)
@@ -49,7 +49,7 @@ def summed(first, second, nx, ny, impulse, inv_mass):
     return dv, done
 
 
-@entry_point
+@allocating_entry_point
 def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
     """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
     state = State(rows, np.zeros(len(rows), np.int8))

@@ -1,4 +1,7 @@
+import contextlib
+import gc
 import importlib
+import operator
 import os
 import subprocess
 import sys
@@ -7,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import types
 from numba.core.errors import TypingError
+from numba.core.registry import cpu_target
 
-from billiards_env.physics import jit
+from billiards_env.physics import compiler, jit
 
 
 @pytest.fixture
@@ -56,7 +61,14 @@ def test_other_files_do_not_change_the_hash(package):
 def test_every_module_with_a_decorator_is_hashed():
     """A module that uses a decorator has it, or `jit`, in its namespace, whatever the form of its import."""
     root = Path(jit.__file__).resolve().parents[1]
-    decorators = [jit.kernel, jit.inlined, jit.merged, jit.allocating, jit.entry_point]
+    decorators = [
+        jit.kernel,
+        jit.inlined,
+        jit.merged,
+        jit.allocating,
+        jit.entry_point,
+        jit.allocating_entry_point,
+    ]
     hashed = jit.kernel_sources()
     for path in root.rglob("*.py"):
         if path.name == "__init__.py":  # has its submodules in its namespace, and no functions
@@ -207,7 +219,7 @@ def test_processes_that_compile_at_the_same_time_share_one_cache(tmp_path):
 
 
 def calling(inner):
-    return jit.entry_point(lambda x: inner(x) + 1)
+    return jit.allocating_entry_point(lambda x: inner(x) + 1)
 
 
 @pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.allocating])
@@ -251,11 +263,59 @@ def test_kernels_are_plain_functions_if_numba_is_disabled():
     subprocess.run([sys.executable, "-c", code], env=env, check=True)
 
 
-def test_only_allocating_kernels_can_create_arrays():
-    make = lambda n: np.zeros(n).sum()  # noqa: E731
-    assert jit.allocating(make)(3) == 0.0
+@pytest.mark.parametrize(
+    ("allocates", "other"), [(jit.allocating, jit.kernel), (jit.allocating_entry_point, jit.entry_point)]
+)
+def test_only_allocating_functions_can_create_arrays(allocates, other):
+    assert allocates(lambda n: np.zeros(n).sum())(3) == 0.0
     with pytest.raises(TypingError):
-        jit.kernel(make)(3)
+        other(lambda n: np.zeros(n).sum())(3)
+
+
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.entry_point])
+def test_a_function_that_cannot_create_arrays_cannot_call_one_that_does(decorate):
+    """The arrays would not be freed. Numba alone compiles the call if it has compiled `make` before."""
+    make: Any = jit.allocating(lambda n: np.zeros(n))
+    assert jit.allocating_entry_point(lambda n: make(n)[0])(3) == 0.0
+    with pytest.raises(TypingError, match="expected a caller that may create arrays"):
+        calling(decorate(lambda n: make(n)[0]))(3)
+
+
+def test_arrays_of_a_function_that_cannot_create_them_keep_their_references():
+    set_first: Any = jit.entry_point(lambda arrays: arrays[0].shape[0] + arrays[1][0])
+    arrays = np.ones(3), np.ones(2)
+    before = [sys.getrefcount(array) for array in arrays]
+    for _ in range(10):
+        assert set_first(arrays) == 4.0
+    assert [sys.getrefcount(array) for array in arrays] == before
+
+
+@pytest.mark.parametrize("function", [lambda x: x + 1, lambda x: x.missing])
+def test_a_compilation_restores_the_settings_of_the_garbage_collector(function):
+    before = gc.get_threshold()
+    with contextlib.suppress(TypingError):
+        jit.entry_point(function)(3)
+    assert gc.get_threshold() == before
+
+
+def test_numba_infers_the_type_of_an_operator_once_for_the_same_operands():
+    numba: Any = cpu_target.typing_context
+    context = compiler._typing_context(numba)
+    operands = types.float64, types.int64
+    first = context.resolve_function_type(operator.add, operands, {})
+    assert first == numba.resolve_function_type(operator.add, operands, {})
+    assert context.resolve_function_type(operator.add, list(operands), {}) is first
+    assert context.resolve_function_type(operator.add, (types.int64, types.int64), {}).return_type == types.int64
+
+
+def test_options_of_a_compilation_are_equal_if_they_have_the_same_values():
+    options, other = compiler._Flags(), compiler._Flags()
+    assert options == other
+    assert hash(options) == hash(other)
+    setattr(other, "nrt", True)  # noqa: B010  (a property that numba creates)
+    assert options != other
+    assert other == other.copy()
+    assert hash(other) == hash(other.copy())
 
 
 def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
