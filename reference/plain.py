@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON, most_contacts
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST, Log
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
 from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.predictions import (
     PAIR_RANK,
@@ -26,10 +26,9 @@ from billiards_env.engine.predictions import (
 )
 from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import for_all_shots
-from billiards_env.engine.shots import Shots
 from billiards_env.physics.clusters import empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
-from billiards_env.physics.jit import allocating, entry_point, kernel
+from billiards_env.physics.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
     HALF_LENGTH,
@@ -187,11 +186,11 @@ def gather(now, state, scene, queue, contacts, limit):
 _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 
-@entry_point
+@allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` of a batch in place; the arguments are those of `engine.pic.run_shots`."""
     arrays = SceneArrays(*scene)
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)
-    _run_all(begin, end, arrays, work, limit, max_events, Shots(*shots), Log(*log))
+    _run_all(begin, end, scene, work, limit, max_events, shots, log)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from billiards_env.physics.jit import entry_point
+from billiards_env.physics.jit import allocating_entry_point, entry_point
 
 CUE_BALL = 0
 """The ball that the engine strikes, as in `engine.shots`."""
@@ -39,7 +39,7 @@ def write_outcomes(centres, positions, potted, cushions, cushions_before_hit, fi
         after[k] = met and first >= 0
 
 
-@entry_point
+@allocating_entry_point
 def group_rows(rows, group, examples):
     """Groups equal rows, in the order of their first row.
 

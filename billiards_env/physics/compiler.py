@@ -22,16 +22,17 @@ from numba.core.typed_passes import NopythonRewrites
 from numba.core.types import unliteral
 from numba.core.untyped_passes import InlineClosureLikes
 
-_SKIPPED = (InlineClosureLikes, NopythonRewrites)  # functions inside functions, and expressions of whole arrays
+# These passes are for functions defined in a function, comprehensions, and expressions of whole arrays.
+_SKIPPED = (InlineClosureLikes, NopythonRewrites)
 
-# Not `contains`: numba compiles its code with the options of the caller.
+# `contains` is left out, because numba compiles its code with the options of the caller.
 _OPERATORS = {bool, *(f for f in vars(operator).values() if callable(f))} - {operator.contains}
 
 
 class _Flags(Flags):
     """Numba's options of a compilation, with a faster comparison.
 
-    Numba compares the options for every operator, and its own comparison looks up each option by its name.
+    Numba compares them several times for every operator, and looks up each of the options by its name.
     """
 
     __slots__ = ()
@@ -44,9 +45,9 @@ class _Flags(Flags):
 
 
 class _TypingContext:
-    """Numba's typing context, which infers the type of an operator once for each combination of operands.
+    """Numba's typing context, which finds the signature of an operator once for the same types of operands.
 
-    Numba would try twenty implementations for each of thousands of operators.
+    Numba would try about twenty implementations each time the operator occurs.
     """
 
     def __init__(self, context: Any) -> None:
@@ -88,8 +89,8 @@ class ShortCompiler(Compiler):
 class _KernelLibrary(JITCodeLibrary):
     """The LLVM code of a kernel. Callers link it into their own code, so it is not translated to machine code.
 
-    Numba would translate every kernel, which takes a tenth of the time until the first shot. It would also run three
-    optimisations. Only the last one changes the machine code of the callers.
+    Numba would translate every kernel, which takes a tenth of the time until the first shot. It would also optimise a
+    kernel in three steps; the last one is enough, because the callers optimise it again with their own code.
     """
 
     def _optimize_functions(self, ll_module: Any) -> None:
@@ -119,7 +120,7 @@ class _KernelLibrary(JITCodeLibrary):
 
 
 class _KernelCompiler(ShortCompiler):
-    """The same with a `_KernelLibrary`."""
+    """A `ShortCompiler` with a `_KernelLibrary`."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compiles a function."""

@@ -30,7 +30,7 @@ from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import allocating, entry_point, kernel
+from billiards_env.physics.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
@@ -213,7 +213,7 @@ def _check(log, scene, mass, acts, found):
         found[BROKEN] = 1.0
 
 
-@entry_point
+@allocating_entry_point
 def _run_checked(scene, limit, max_events, shots, log, found):
     arrays, record = SceneArrays(*scene), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.outline import Corner
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import entry_point
+from billiards_env.physics.jit import allocating_entry_point
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Balls, Physics, Scene
@@ -23,7 +23,7 @@ _TRIES = 1000
 _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding
 
 
-@entry_point
+@allocating_entry_point
 def _scatter(rng, radius, spheres, order, half_x, half_y, pockets, outline, frozen, out):
     """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
 

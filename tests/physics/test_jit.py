@@ -281,12 +281,12 @@ def test_a_function_that_cannot_create_arrays_cannot_call_one_that_does(decorate
         calling(decorate(lambda n: make(n)[0]))(3)
 
 
-def test_arrays_of_a_function_that_cannot_create_them_keep_their_references():
-    set_first: Any = jit.entry_point(lambda arrays: arrays[0].shape[0] + arrays[1][0])
+def test_an_entry_point_does_not_change_the_number_of_references_to_an_array():
+    add: Any = jit.entry_point(lambda arrays: arrays[0].shape[0] + arrays[1][0])
     arrays = np.ones(3), np.ones(2)
     before = [sys.getrefcount(array) for array in arrays]
     for _ in range(10):
-        assert set_first(arrays) == 4.0
+        assert add(arrays) == 4.0
     assert [sys.getrefcount(array) for array in arrays] == before
 
 
@@ -298,7 +298,7 @@ def test_a_compilation_restores_the_settings_of_the_garbage_collector(function):
     assert gc.get_threshold() == before
 
 
-def test_numba_infers_the_type_of_an_operator_once_for_the_same_operands():
+def test_the_signature_of_an_operator_is_found_once_for_the_same_types():
     numba: Any = cpu_target.typing_context
     context = compiler._typing_context(numba)
     operands = types.float64, types.int64
