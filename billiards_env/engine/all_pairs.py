@@ -37,9 +37,10 @@ SOON = 1e-6
 """s. Pairs that are predicted to meet at most this long after an impact are tested for contact at it."""
 
 
-# Rows of `Queue.paths`: position, velocity, acceleration, start and end of the path, radius of the ball.
-PATH_X, PATH_Y, PATH_VX, PATH_VY, PATH_AX, PATH_AY, PATH_START, PATH_END, PATH_RADIUS = range(9)
+# Rows of `Queue.paths`. A path starts at the ball's own time and ends at the time of the ball's next event alone. The
+# position and the velocity are those at its start.
 PATH_ROWS = 9
+PATH_X, PATH_Y, PATH_VX, PATH_VY, PATH_AX, PATH_AY, PATH_START, PATH_END, PATH_RADIUS = range(PATH_ROWS)
 
 
 class Queue(NamedTuple):
@@ -52,7 +53,7 @@ class Queue(NamedTuple):
         nearest_hi: (n,) float64, the earliest time of row i of `hi`.
         nearest_lo: (n,) float64, its second part.
         nearest: (n,) int64, the ball j of that meeting; n if there is none.
-        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`: the rows above, in SI units. c >= n is a
+        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`, in SI units. c is at least n and a
             multiple of `LANES`, so that vectorised loops have no remainder.
         apart: (c,) bool, scratch: the balls that `screen` has excluded.
         changed: (n,) bool, the balls that `predict` was called for; False between calls.
@@ -103,7 +104,7 @@ def clear(state, scene, queue):
 def _copy_path(i, state, scene, queue):
     """Copies ball i's path for `screen`."""
     s, paths = state.rows[i], queue.paths
-    for c in range(PATH_START):  # the first columns of a row of `State` are the first rows
+    for c in range(PATH_START):  # X to AY are also the first columns of `State.rows`
         paths[c, i] = s[c]
     paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], queue.singles.hi[i], scene.radius[i]
 

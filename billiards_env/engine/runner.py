@@ -28,7 +28,7 @@ def for_all_shots(run: Any) -> Any:
     def run_all(begin, end, scene, work, limit, max_events, shots, log):
         """Runs shots `begin` to `end` - 1. Returns whether it was interrupted.
 
-        `scene` holds `SceneArrays`, `shots` holds `Shots` and `log` a `Log`, as plain tuples.
+        `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.
         """
         scene, shots, log = SceneArrays(*scene), Shots(*shots), Log(*log)
         pending = 0

@@ -1,8 +1,6 @@
-"""Numba's compiler without the work that the functions of this package do not need.
+"""Numba's compiler without the steps that this package does not need.
 
-The first shot without a cache compiles 130 functions. Most of the time is spent in Python, in numba. The classes of
-this module replace parts of numba that its documentation does not cover, so `pyproject.toml` has an upper bound on its
-version.
+The first shot without a cache compiles more than a hundred functions. Numba's own Python code takes most of this time.
 """
 
 from __future__ import annotations
@@ -13,6 +11,7 @@ from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
 from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
@@ -22,17 +21,17 @@ from numba.core.typed_passes import NopythonRewrites
 from numba.core.types import unliteral
 from numba.core.untyped_passes import InlineClosureLikes
 
-# These passes are for functions defined in a function, comprehensions, and expressions of whole arrays.
+# Without these passes a compiled function must not contain comprehensions or other functions.
 _SKIPPED = (InlineClosureLikes, NopythonRewrites)
 
-# `contains` is left out, because numba compiles its code with the options of the caller.
-_OPERATORS = {bool, *(f for f in vars(operator).values() if callable(f))} - {operator.contains}
+_OPERATORS = {bool, *(f for f in vars(operator).values() if callable(f))}
 
 
 class _Flags(Flags):
     """Numba's options of a compilation, with a faster comparison.
 
-    Numba compares them several times for every operator, and looks up each of the options by its name.
+    Two objects are equal if the same options are set to the same values. Numba compares options several times for every
+    operator, and its comparison reads each option by its name.
     """
 
     __slots__ = ()
@@ -45,9 +44,9 @@ class _Flags(Flags):
 
 
 class _TypingContext:
-    """Numba's typing context, which finds the signature of an operator once for the same types of operands.
+    """Numba's typing context, which stores the signatures of operators.
 
-    Numba would try about twenty implementations each time the operator occurs.
+    Numba would try many implementations each time that an operator occurs.
     """
 
     def __init__(self, context: Any) -> None:
@@ -58,13 +57,17 @@ class _TypingContext:
         return getattr(self._context, name)
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Returns the signature of a call."""
-        if kws or func not in _OPERATORS:
-            return self._context.resolve_function_type(func, args, kws)
-        key = func, tuple(args)
-        if key not in self._signatures:
-            self._signatures[key] = self._context.resolve_function_type(func, args, kws)
-        return self._signatures[key]
+        """Returns the signature of a call, or None if there is none."""
+        key = None
+        if not kws and getattr(func, "typing_key", func) in _OPERATORS:
+            # Numba compiles some operators with the options of their caller.
+            key = func, tuple(args), ConfigStack.top_or_none()
+            if key in self._signatures:
+                return self._signatures[key]
+        signature = self._context.resolve_function_type(func, args, kws)
+        if key is not None and signature is not None:
+            self._signatures[key] = signature
+        return signature
 
 
 _typing_context = functools.cache(_TypingContext)
@@ -87,10 +90,10 @@ class ShortCompiler(Compiler):
 
 
 class _KernelLibrary(JITCodeLibrary):
-    """The LLVM code of a kernel. Callers link it into their own code, so it is not translated to machine code.
+    """The LLVM code of a kernel. Callers link it into their own code, so numba does not translate it to machine code.
 
-    Numba would translate every kernel, which takes a tenth of the time until the first shot. It would also optimise a
-    kernel in three steps; the last one is enough, because the callers optimise it again with their own code.
+    Numba translates every function, and optimises it three times. Here only the last optimisation runs, because the
+    callers optimise the code again.
     """
 
     def _optimize_functions(self, ll_module: Any) -> None:
@@ -106,13 +109,13 @@ class _KernelLibrary(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Returns 0, the address of a function without machine code: a kernel can be called but not used as a value."""
+        """Returns 0. A kernel has no machine code, so compiled code can call it but cannot use it as a value."""
         self._ensure_finalized()
         return 0
 
     @property
     def codegen(self) -> Any:
-        """The object whose `set_env` numba calls after it compiles a function."""
+        """This object. Numba calls `codegen.set_env` after a compilation."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
@@ -131,32 +134,33 @@ class _KernelCompiler(ShortCompiler):
 class Kernel(CPUDispatcher):
     """A function that other compiled functions call.
 
-    Its machine code and its wrapper for Python are compiled only at the first call from Python. Numba would compile a
-    wrapper with every function, which takes a quarter of the time until the first shot.
+    Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """
 
     _compiler: Any
 
-    def __init__(self, function: Any, options: dict[str, Any]) -> None:
-        options = {**options, "no_cpython_wrapper": True}
-        super().__init__(function, targetoptions=options, pipeline_class=_KernelCompiler)
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
+        options = {**(targetoptions or {}), "no_cpython_wrapper": True}
+        super().__init__(py_func, locals, options, _KernelCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Compiles the function for a call. Numba would compile it once more for arguments that are constants.
+        """Compiles the function for a call. Constants have the type of their value, so they need no other compilation.
 
         Raises:
             TypingError: If the function may create arrays, and its caller cannot. The arrays would never be freed.
         """
-        if self.targetoptions.get("_nrt", True) and not ConfigStack().top().nrt:
+        caller = ConfigStack.top_or_none()
+        if self.targetoptions.get("_nrt", True) and caller is not None and not caller.nrt:
             raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that may create arrays")
         return super().get_call_template([unliteral(a) for a in args], {k: unliteral(a) for k, a in kws.items()})
 
     def compile(self, sig: Any) -> Any:
-        """Compiles the function for types of arguments. Numba would also measure the time of each step."""
+        """Compiles the function for these types of arguments, without the timers and the cache of numba's method."""
         args, return_type = normalize_signature(sig)
-        if args not in self.overloads:
-            with self._compiling_counter:
-                self.add_overload(self._compiler.compile(args, return_type))
+        with global_compiler_lock:
+            if args not in self.overloads:
+                with self._compiling_counter:
+                    self.add_overload(self._compiler.compile(args, return_type))
         return self.overloads[args].entry_point
 
     @functools.cached_property

@@ -1,8 +1,8 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
 Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`
-or `allocating_entry_point`. The decorators use parts of numba that its documentation does not cover (`_nrt`,
-`forceinline`, the dispatcher and the cache), so `pyproject.toml` has an upper bound on its version.
+or `allocating_entry_point`. This module and `physics.compiler` use parts of numba that its documentation does not
+cover, such as `_nrt`, `forceinline` and the dispatcher, so `pyproject.toml` has an upper bound on its version.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from typing import Any, TypeVar
 
 from numba.core import config as _numba_config
 from numba.core.caching import FunctionCache as _FunctionCache
-from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from billiards_env.physics.compiler import Kernel, ShortCompiler
@@ -105,7 +104,7 @@ _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_w
 def _make_kernel(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = Kernel(function, {**_OPTIONS, **options})
+    made: Any = Kernel(function, targetoptions={**_OPTIONS, **options})
     return made
 
 
@@ -141,12 +140,12 @@ def allocating(function: F) -> F:
 
 
 LONG = 1.0
-"""s. A message announces a compilation that takes longer."""
+"""s. A compilation that takes longer prints a message."""
 _announced = False
 
 
 def _announce() -> None:
-    """Prints one line to stderr in a process."""
+    """Prints one line to stderr, at most once in a process."""
     global _announced
     if not _announced:
         _announced = True
@@ -156,29 +155,36 @@ def _announce() -> None:
 
 
 @contextlib.contextmanager
+def _announced_if_long() -> Iterator[None]:
+    """Prints a message if the block takes longer than `LONG`."""
+    timer = threading.Timer(LONG, _announce)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+@contextlib.contextmanager
 def _rare_collections() -> Iterator[None]:
-    """Makes Python look for garbage rarely, because a compilation creates many objects that stay."""
+    """Raises the thresholds of the garbage collector. A compilation creates many objects that stay."""
     before = gc.get_threshold()
-    gc.set_threshold(100_000, 50, 100)
+    if before[0] > 0:  # 0 switches the collector off
+        gc.set_threshold(100_000, 50, 100)
     try:
         yield
     finally:
         gc.set_threshold(*before)
 
 
-class _EntryPoint(CPUDispatcher):
-    """A function that Python calls. A message announces a long compilation."""
+class _EntryCompiler(ShortCompiler):
+    """The compiler of functions that Python calls. It runs only for functions that are not in the cache."""
 
-    def compile(self, sig: Any) -> Any:
-        """Compiles the function for types of arguments, or reads it from the cache."""
-        timer = threading.Timer(LONG, _announce)
-        timer.daemon = True
-        timer.start()
-        try:
-            with global_compiler_lock, _rare_collections():
-                return super().compile(sig)
-        finally:
-            timer.cancel()
+    def compile_extra(self, func: Any) -> Any:
+        """Compiles a function and all functions that it calls. The caller holds numba's lock."""
+        with _announced_if_long(), _rare_collections():
+            return super().compile_extra(func)
 
 
 class _Cache(_FunctionCache):
@@ -212,7 +218,7 @@ class _Cache(_FunctionCache):
 def _make_entry_point(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = _EntryPoint(function, targetoptions={**_OPTIONS, **options}, pipeline_class=ShortCompiler)
+    made: Any = CPUDispatcher(function, targetoptions={**_OPTIONS, **options}, pipeline_class=_EntryCompiler)
     if _FOLDER is not None:
         # Numba reads the folder when it creates the cache. Other packages keep their own folder.
         before = _config.CACHE_DIR
@@ -225,10 +231,14 @@ def _make_entry_point(function: F, **options: Any) -> F:
 
 
 def entry_point(function: F) -> F:
-    """Compiles a function that Python calls, and keeps its machine code on disk. It cannot create arrays."""
+    """Compiles a function that Python calls, and keeps its machine code on disk.
+
+    The function cannot create or return arrays, because it does not use numba's run time (`_nrt`). It writes its
+    results to arrays that it is given.
+    """
     return _make_entry_point(function, _nrt=False)
 
 
 def allocating_entry_point(function: F) -> F:
-    """Compiles an `entry_point` that may create arrays. A call takes some microseconds longer."""
+    """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
     return _make_entry_point(function)

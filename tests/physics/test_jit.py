@@ -3,6 +3,7 @@ import gc
 import importlib
 import operator
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -10,11 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba.core import types
 from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
 
-from billiards_env.physics import compiler, jit
+from billiards_env.physics import compiler, jit, motion
 
 
 @pytest.fixture
@@ -152,6 +152,18 @@ def test_long_compilations_are_announced_in_one_line(tmp_path, seconds, lines):
     assert said == ["billiards_env: compiling, up to a minute, kept for later runs ..."] * lines
 
 
+def test_code_in_the_cache_is_loaded_without_a_message(tmp_path):
+    (tmp_path / "shoots.py").write_text("from billiards_env.physics import jit\njit.LONG = 0.0\n" + SHOOTS)
+    for lines in (1, 0):
+        env = os.environ | {
+            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+            "PYTHONPATH": str(Path(jit.__file__).parents[2]),
+        }
+        start = [sys.executable, tmp_path / "shoots.py"]
+        done = subprocess.run(start, env=env, check=True, capture_output=True, text=True)
+        assert len(done.stderr.splitlines()) == lines
+
+
 SHOOTS = """
 import sys
 from billiards_env.physics import jit
@@ -273,15 +285,15 @@ def test_only_allocating_functions_can_create_arrays(allocates, other):
 
 
 @pytest.mark.parametrize("decorate", [jit.kernel, jit.entry_point])
-def test_a_function_that_cannot_create_arrays_cannot_call_one_that_does(decorate):
-    """The arrays would not be freed. Numba alone compiles the call if it has compiled `make` before."""
+def test_a_function_that_cannot_create_arrays_cannot_call_an_allocating_one(decorate):
+    """Without the check, numba compiles the call if `make` is compiled already, and the arrays are never freed."""
     make: Any = jit.allocating(lambda n: np.zeros(n))
     assert jit.allocating_entry_point(lambda n: make(n)[0])(3) == 0.0
     with pytest.raises(TypingError, match="expected a caller that may create arrays"):
         calling(decorate(lambda n: make(n)[0]))(3)
 
 
-def test_an_entry_point_does_not_change_the_number_of_references_to_an_array():
+def test_an_entry_point_keeps_the_reference_counts_of_its_arrays():
     add: Any = jit.entry_point(lambda arrays: arrays[0].shape[0] + arrays[1][0])
     arrays = np.ones(3), np.ones(2)
     before = [sys.getrefcount(array) for array in arrays]
@@ -291,24 +303,47 @@ def test_an_entry_point_does_not_change_the_number_of_references_to_an_array():
 
 
 @pytest.mark.parametrize("function", [lambda x: x + 1, lambda x: x.missing])
-def test_a_compilation_restores_the_settings_of_the_garbage_collector(function):
-    before = gc.get_threshold()
-    with contextlib.suppress(TypingError):
-        jit.entry_point(function)(3)
-    assert gc.get_threshold() == before
+@pytest.mark.parametrize(("first", "expected"), [(700, 100_000), (0, 0)])
+def test_a_compilation_raises_and_restores_the_thresholds_of_the_garbage_collector(
+    function, first, expected, monkeypatch
+):
+    before, during, original = gc.get_threshold(), [], compiler.ShortCompiler.compile_extra
+
+    def compile_extra(self, func):
+        during.append(gc.get_threshold()[0])
+        return original(self, func)
+
+    monkeypatch.setattr(jit, "_FOLDER", None)
+    monkeypatch.setattr(compiler.ShortCompiler, "compile_extra", compile_extra)
+    gc.set_threshold(first)
+    try:
+        with contextlib.suppress(TypingError):
+            jit.entry_point(function)(3)
+        assert (during, gc.get_threshold()[0]) == ([expected], first)
+    finally:
+        gc.set_threshold(*before)
 
 
-def test_the_signature_of_an_operator_is_found_once_for_the_same_types():
-    numba: Any = cpu_target.typing_context
-    context = compiler._typing_context(numba)
-    operands = types.float64, types.int64
-    first = context.resolve_function_type(operator.add, operands, {})
-    assert first == numba.resolve_function_type(operator.add, operands, {})
-    assert context.resolve_function_type(operator.add, list(operands), {}) is first
-    assert context.resolve_function_type(operator.add, (types.int64, types.int64), {}).return_type == types.int64
+def test_a_kernel_can_be_copied_to_another_process():
+    copy = pickle.loads(pickle.dumps(motion.norm))
+    assert copy(3.0, 4.0) == 5.0
+    code = f"import pickle; assert pickle.loads({pickle.dumps(motion.norm)!r})(3.0, 4.0) == 5.0"
+    env = os.environ | {"PYTHONPATH": str(Path(jit.__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", code], env=env, check=True)
 
 
-def test_options_of_a_compilation_are_equal_if_they_have_the_same_values():
+def test_the_signature_of_an_operator_is_resolved_once_for_the_same_types():
+    original: Any = cpu_target.typing_context
+    signatures = compiler._typing_context(original)._signatures
+    assert jit.entry_point(lambda x, y: x[0] + y)(np.ones(1), 2) == 3.0
+    first = dict(signatures)
+    assert {getattr(key[0], "typing_key", key[0]) for key in first} >= {operator.add, operator.getitem}
+    assert jit.entry_point(lambda x, y: x[0] + y)(np.ones(1), 2) == 3.0
+    assert all(signatures[key] is first[key] for key in first)
+    assert len(signatures) == len(first)
+
+
+def test_options_are_equal_if_the_same_ones_are_set_to_the_same_values():
     options, other = compiler._Flags(), compiler._Flags()
     assert options == other
     assert hash(options) == hash(other)
