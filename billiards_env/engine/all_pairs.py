@@ -24,7 +24,7 @@ from billiards_env.engine.predictions import (
     single_time,
 )
 from billiards_env.engine.resolve import add_contact
-from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.jit import allocating, inlined, kernel, merged
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 
@@ -48,13 +48,13 @@ class Queue(NamedTuple):
 
     Attributes:
         singles: The `Singles`.
-        hi: (n, n) float64, time of the next meeting of balls i < j, s.
+        hi: (n, n) float64, time of the next meeting of balls i < j, s. The other elements are undefined.
         lo: (n, n) float64, its second part.
         nearest_hi: (n,) float64, the earliest time of row i of `hi`.
         nearest_lo: (n,) float64, its second part.
         nearest: (n,) int64, the ball j of that meeting; n if there is none.
-        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`, in SI units. c is at least n and a
-            multiple of `LANES`, so that vectorised loops have no remainder.
+        paths: (PATH_ROWS, c) float64, copies of the balls' paths for `screen`, in SI units; None for at most two balls.
+            c is at least n and a multiple of `LANES`, so that vectorised loops have no remainder.
         apart: (c,) bool, scratch: the balls that `screen` has excluded.
         changed: (n,) bool, the balls that `predict` was called for; False between calls.
     """
@@ -71,21 +71,35 @@ class Queue(NamedTuple):
 
 
 @allocating
-def empty_queue(scene):
-    """Returns the `Queue` for the balls of a scene."""
+def empty_queue(scene, paths):
+    """Returns the `Queue` for the balls of a scene. `paths` is from `empty_paths`, or None for at most two balls."""
     n = len(scene.radius)
-    c = -(-n // LANES) * LANES
-    return Queue(
+    queue = Queue(
         empty_singles(n),
-        np.full((n, n), math.inf),
-        np.zeros((n, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
         np.empty(n),
         np.empty(n),
         np.empty(n, np.int64),
-        np.zeros((PATH_ROWS, c)),
-        np.zeros(c, np.bool_),
-        np.zeros(n, np.bool_),
+        paths,
+        np.empty(_lanes(n), np.bool_),
+        np.empty(n, np.bool_),
     )
+    for i in range(n):
+        queue.changed[i] = False
+    return queue
+
+
+@allocating
+def empty_paths(n):
+    """Returns `Queue.paths` for n balls."""
+    return np.zeros((PATH_ROWS, _lanes(n)))
+
+
+@inlined
+def _lanes(n):
+    """Returns the smallest multiple of `LANES` that is at least n."""
+    return -(-n // LANES) * LANES
 
 
 @allocating
@@ -101,12 +115,14 @@ def clear(state, scene, queue):
 
 
 @inlined
-def _copy_path(i, state, scene, queue):
+def _copy_path(i, state, scene, singles, paths):
     """Copies ball i's path for `screen`."""
-    s, paths = state.rows[i], queue.paths
+    if paths is None:
+        return
+    s = state.rows[i]
     for c in range(PATH_START):  # X to AY are also the first columns of `State.rows`
         paths[c, i] = s[c]
-    paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], queue.singles.hi[i], scene.radius[i]
+    paths[PATH_START, i], paths[PATH_END, i], paths[PATH_RADIUS, i] = s[T0], singles.hi[i], scene.radius[i]
 
 
 @inlined
@@ -120,6 +136,8 @@ def screen(i, now, until, paths, apart):
         paths: `Queue.paths`.
         apart: (c,) bool out.
     """
+    if paths is None:
+        return
     x, y, vx, vy = paths[PATH_X, i], paths[PATH_Y, i], paths[PATH_VX, i], paths[PATH_VY, i]
     ax, ay, radius = paths[PATH_AX, i], paths[PATH_AY, i], paths[PATH_RADIUS, i]
     for j in range(len(apart)):
@@ -186,7 +204,7 @@ def _find_nearest(i, queue):
     queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = nearest.hi, nearest.lo, k
 
 
-@inlined
+@merged
 def predict(changed, count, now, state, scene, queue, limit):
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
@@ -198,7 +216,7 @@ def predict(changed, count, now, state, scene, queue, limit):
         i = changed[c]
         predict_single(i, state, scene, queue.singles)
         if many:
-            _copy_path(i, state, scene, queue)
+            _copy_path(i, state, scene, queue.singles, queue.paths)
         queue.changed[i] = True
     for c in range(count):
         _predict_pairs(changed[c], now, state, scene, queue, limit)

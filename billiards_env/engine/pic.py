@@ -162,9 +162,10 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
         log: The `Log`; it holds the last shot.
     """
     arrays = SceneArrays(*scene)
-    most = all_pairs.most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
-    work = make_workspace(arrays, all_pairs.empty_queue(arrays), most, scratch)
+    n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
+    scratch = empty_scratch(n, most, arrays.ball_friction)
+    queue = all_pairs.empty_queue(arrays, all_pairs.empty_paths(n))
+    work = make_workspace(arrays, queue, most, scratch)
     end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
 
@@ -175,7 +176,7 @@ def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
     With more balls it would write outside the arrays.
     """
     arrays = SceneArrays(*scene)
-    work = make_workspace(arrays, all_pairs.empty_queue(arrays), 1, None)
+    work = make_workspace(arrays, all_pairs.empty_queue(arrays, None), 1, None)
     end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
 
 

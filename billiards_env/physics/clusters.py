@@ -52,14 +52,17 @@ class Contacts(NamedTuple):
 @allocating
 def empty_contacts(most):
     """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined."""
-    return Contacts(
+    contacts = Contacts(
         np.empty(most, np.int64),
         np.empty(most, np.int64),
         np.empty(most),
         np.empty(most),
         np.empty(most),
-        np.zeros(most),
+        np.empty(most),
     )
+    for c in range(most):
+        contacts.rebound[c] = 0.0
+    return contacts
 
 
 class Rubbing(NamedTuple):
@@ -144,7 +147,7 @@ def empty_scratch(n, most, ball_friction):
     )
 
 
-@kernel
+@inlined
 def separation_speed(contacts, c, state):
     """Returns the speed at which the balls of contact c separate, m/s, as a double-double number."""
     i, j = contacts.first[c], contacts.second[c]
@@ -156,7 +159,7 @@ def separation_speed(contacts, c, state):
     return add(x, x_lo, y, y_lo)
 
 
-@kernel
+@inlined
 def _coupling(contacts, c, k, inv_mass):
     """Returns the change of contact c's speed of separation by a unit impulse at contact k, 1/kg, double-double."""
     first, second = contacts.first, contacts.second

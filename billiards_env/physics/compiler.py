@@ -13,12 +13,14 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
+from numba.core.cpu import CPUContext
+from numba.core.datamodel.models import TupleModel
 from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NopythonRewrites
-from numba.core.types import unliteral
+from numba.core.types import Array, NamedTuple, unliteral
 from numba.core.untyped_passes import InlineClosureLikes
 
 # Without these passes a compiled function must not contain comprehensions or other functions.
@@ -60,8 +62,11 @@ class _TypingContext:
         """Returns the signature of a call, or None if there is none."""
         key = None
         if not kws and getattr(func, "typing_key", func) in _OPERATORS:
+            types = tuple(args)
+            if types and isinstance(types[0], Array):
+                types = tuple(unliteral(t) for t in types)  # the values of indices do not matter
             # Numba compiles some operators with the options of their caller.
-            key = func, tuple(args), ConfigStack.top_or_none()
+            key = func, types, ConfigStack.top_or_none()
             if key in self._signatures:
                 return self._signatures[key]
         signature = self._context.resolve_function_type(func, args, kws)
@@ -73,28 +78,63 @@ class _TypingContext:
 _typing_context = functools.cache(_TypingContext)
 
 
-class ShortCompiler(Compiler):
-    """Numba's compiler without the passes of `_SKIPPED`."""
+class _Whole(TupleModel):
+    """A NamedTuple that functions pass as one LLVM structure.
 
-    def __init__(
-        self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any, locals: Any
-    ):
-        super().__init__(_typing_context(typingctx), targetctx, library, args, return_type, _Flags(flags), locals)
-
-    def define_pipelines(self) -> list[PassManager]:
-        """Returns the passes of a compilation."""
-        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.passes = [step for step in passes.passes if step[0] not in _SKIPPED]
-        passes.finalize()
-        return [passes]
-
-
-class _KernelLibrary(JITCodeLibrary):
-    """The LLVM code of a kernel. Callers link it into their own code, so numba does not translate it to machine code.
-
-    Numba translates every function, and optimises it three times. Here only the last optimisation runs, because the
-    callers optimise the code again.
+    Numba passes every word of every array by itself. The code that takes a NamedTuple apart for a call and puts it
+    together again would be a third of the code of the kernels.
     """
+
+    def get_argument_type(self) -> Any:
+        """Returns the LLVM type of an argument."""
+        return self.get_value_type()
+
+    def as_argument(self, builder: Any, value: Any) -> Any:
+        """Returns the argument that passes `value`."""
+        return value
+
+    def from_argument(self, builder: Any, value: Any) -> Any:
+        """Returns the value that an argument passes."""
+        return value
+
+    def as_return(self, builder: Any, value: Any) -> Any:
+        """Returns the LLVM structure that a function stores as its result."""
+        return value if self.get_value_type() == self.get_data_type() else super().as_return(builder, value)
+
+    def from_return(self, builder: Any, value: Any) -> Any:
+        """Returns the value of a result."""
+        return value if self.get_value_type() == self.get_data_type() else super().from_return(builder, value)
+
+
+class _TargetContext(CPUContext):
+    """Numba's context of code generation, with `_Whole` NamedTuples and without repeated work.
+
+    It shares all other data with numba's context.
+    """
+
+    def __init__(self, context: CPUContext) -> None:
+        vars(self).update(vars(context))
+        self.cached_internal_func: dict[Any, Any] = {}
+        self.data_model_manager = context.data_model_manager.copy()
+        self.data_model_manager.register(NamedTuple, _Whole)
+        self._sizes: dict[Any, int] = {}
+
+    def get_function(self, fn: Any, sig: Any, _firstcall: bool = False) -> Any:
+        """Returns the code generator of a function. Numba would search twice, with a `refresh` between."""
+        return super().get_function(fn, sig, _firstcall=False)
+
+    def get_abi_sizeof(self, ty: Any) -> int:
+        """Returns the size of an LLVM type, bytes. Numba would make a module to find it, for every use of an array."""
+        if ty not in self._sizes:
+            self._sizes[ty] = super().get_abi_sizeof(ty)
+        return self._sizes[ty]
+
+
+_target_context = functools.cache(_TargetContext)
+
+
+class _Library(JITCodeLibrary):
+    """The LLVM code of a function, optimised once. Numba optimises three times, to find all counts of references."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
@@ -103,10 +143,26 @@ class _KernelLibrary(JITCodeLibrary):
         manager, builder = self._codegen._module_pass_manager()
         manager.run(self._final_module, builder)
 
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
+
+class _KernelLibrary(_Library):
+    """The LLVM code of a kernel. Callers link it into their own code, so numba does not translate it to machine code.
+
+    The callers verify the code, and optimise it again.
+    """
+
+    def finalize(self) -> None:
+        """Links the functions that the kernel calls, and optimises them together."""
+        own = [function.name for function in self._final_module.functions if not function.is_declaration]
+        for library in dict.fromkeys(self._linking_libraries):
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._optimize_final_module()
+        for name in own:
+            self._final_module.get_function(name).linkage = "linkonce_odr"  # several callers may have a copy
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        self._ensure_finalized()
+        return self._final_module
 
     def get_pointer_to_function(self, name: str) -> int:
         """Returns 0. A kernel has no machine code, so compiled code can call it but cannot use it as a value."""
@@ -122,13 +178,48 @@ class _KernelLibrary(JITCodeLibrary):
         """Does nothing. A kernel has no environment, so it cannot print objects or format the text of an exception."""
 
 
-class _KernelCompiler(ShortCompiler):
-    """A `ShortCompiler` with a `_KernelLibrary`."""
+class _MergedLibrary(_KernelLibrary):
+    """The LLVM code of a function with one caller, which inlines and optimises it."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+
+class ShortCompiler(Compiler):
+    """Numba's compiler without the passes of `_SKIPPED`, and with a `_Library`."""
+
+    library_class: type[_Library] = _Library
+
+    def __init__(
+        self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any, locals: Any
+    ):
+        typingctx, targetctx, flags = _typing_context(typingctx), _target_context(targetctx), _Flags(flags)
+        super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
 
     def compile_extra(self, func: Any) -> Any:
         """Compiles a function."""
-        self.state.library = _KernelLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library = self.library_class(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
         return super().compile_extra(func)
+
+    def define_pipelines(self) -> list[PassManager]:
+        """Returns the passes of a compilation."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [step for step in passes.passes if step[0] not in _SKIPPED]
+        passes.finalize()
+        return [passes]
+
+
+class _KernelCompiler(ShortCompiler):
+    """A `ShortCompiler` for a function that has no machine code of its own."""
+
+    library_class = _KernelLibrary
+
+
+class _MergedCompiler(_KernelCompiler):
+    """A `_KernelCompiler` for a function that is optimised only as a part of its caller."""
+
+    library_class = _MergedLibrary
 
 
 class Kernel(CPUDispatcher):
@@ -137,19 +228,23 @@ class Kernel(CPUDispatcher):
     Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """
 
+    pipeline_class: type[ShortCompiler] = _KernelCompiler
     _compiler: Any
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
         options = {**(targetoptions or {}), "no_cpython_wrapper": True}
-        super().__init__(py_func, locals, options, _KernelCompiler)
+        super().__init__(py_func, locals, options, self.pipeline_class)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compiles the function for a call. Constants have the type of their value, so they need no other compilation.
 
         Raises:
-            TypingError: If the function may create arrays, and its caller cannot. The arrays would never be freed.
+            TypingError: If numba's own compiler compiles the caller, which passes NamedTuples in another way. Or if the
+                function may create arrays, and its caller cannot: the arrays would never be freed.
         """
         caller = ConfigStack.top_or_none()
+        if caller is not None and not isinstance(caller, _Flags):
+            raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that billiards_env compiles")
         if self.targetoptions.get("_nrt", True) and caller is not None and not caller.nrt:
             raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that may create arrays")
         return super().get_call_template([unliteral(a) for a in args], {k: unliteral(a) for k, a in kws.items()})
@@ -171,3 +266,9 @@ class Kernel(CPUDispatcher):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Calls the function from Python."""
         return self._for_python(*args, **kwargs)
+
+
+class MergedKernel(Kernel):
+    """A `Kernel` that is optimised only as a part of its caller."""
+
+    pipeline_class = _MergedCompiler

@@ -24,7 +24,7 @@ from numba.core import config as _numba_config
 from numba.core.caching import FunctionCache as _FunctionCache
 from numba.core.registry import CPUDispatcher
 
-from billiards_env.physics.compiler import Kernel, ShortCompiler
+from billiards_env.physics.compiler import Kernel, MergedKernel, ShortCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -101,10 +101,10 @@ _config: Any = _numba_config  # numba defines its attributes at run time
 _OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 
 
-def _make_kernel(function: F, **options: Any) -> F:
+def _make_kernel(function: F, kind: type[Kernel] = Kernel, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = Kernel(function, targetoptions={**_OPTIONS, **options})
+    made: Any = kind(function, targetoptions={**_OPTIONS, **options})
     return made
 
 
@@ -126,12 +126,12 @@ def inlined(function: F) -> F:
 
 
 def merged(function: F) -> F:
-    """Marks a `kernel` that is inlined in the source of its callers, for a large function with one caller.
+    """Compiles a `kernel` that is inlined in the machine code of its only caller, for a large function.
 
-    Numba compiles a kernel together with all functions that it calls directly or indirectly. So it compiles the last
-    function of a chain of calls once for each link. A merged function removes a link.
+    LLVM optimises a kernel together with all functions that it calls directly or indirectly. So it optimises the last
+    function of a chain of calls once for each link. A merged function is optimised only as a part of its caller.
     """
-    return _make_kernel(function, _nrt=False, inline="always")
+    return _make_kernel(function, MergedKernel, _nrt=False, forceinline=True)
 
 
 def allocating(function: F) -> F:

@@ -7,8 +7,9 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
@@ -261,11 +262,60 @@ def test_a_constant_as_an_argument_does_not_compile_a_kernel_again():
     assert len(power.overloads) == 1
 
 
-def test_merged_kernels_are_compiled_alone_only_if_python_calls_them():
-    double: Any = jit.merged(lambda x: 2 * x)
-    assert calling(double)(3) == 7
-    assert not double.overloads
-    assert double(3) == 6
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined])
+def test_only_merged_kernels_are_left_to_their_callers_to_optimise(decorate):
+    def half(x):
+        for _ in range(3):
+            x = x / 2
+        return x
+
+    code = []
+    functions: Any = decorate(half), jit.merged(half)
+    for function in functions:
+        assert calling(function)(8) == 2.0
+        (compiled,) = function.overloads.values()
+        code.append(compiled.library.get_llvm_str())
+    assert "alloca" in code[1]
+    assert "alloca" not in code[0]
+    assert type(pickle.loads(pickle.dumps(jit.merged(half)))) is compiler.MergedKernel
+
+
+class Flags(NamedTuple):
+    up: bool
+    down: bool
+
+
+class Numbers(NamedTuple):
+    nothing: None
+    array: np.ndarray
+    flags: Flags
+
+
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.merged])
+def test_functions_pass_and_return_named_tuples(decorate):
+    """NumPy's type of a bool has 8 bits, LLVM's has 1."""
+
+    def swap(numbers, number):
+        flags = numbers.flags
+        return Numbers(numbers.nothing, numbers.array[number:], Flags(flags.down, flags.up)), number
+
+    swap = decorate(swap)
+
+    def run(array, up, out):
+        numbers, number = swap(Numbers(None, array, Flags(up, not up)), 2)
+        out[0], out[1], out[2], out[3] = number, numbers.array[0], numbers.flags.up, numbers.flags.down
+
+    out = np.zeros(4)
+    for up in (False, True):
+        jit.entry_point(run)(np.arange(5.0), up, out)
+        assert list(out) == [2, 2, not up, up]
+
+
+def test_numba_s_own_functions_cannot_call_a_kernel():
+    """They would pass NamedTuples in another way."""
+    double: Any = jit.kernel(lambda x: 2 * x)
+    with pytest.raises(TypingError, match="expected a caller that billiards_env compiles"):
+        numba.njit(lambda x: double(x))(3)
 
 
 def test_kernels_are_plain_functions_if_numba_is_disabled():
@@ -335,10 +385,10 @@ def test_a_kernel_can_be_copied_to_another_process():
 def test_the_signature_of_an_operator_is_resolved_once_for_the_same_types():
     original: Any = cpu_target.typing_context
     signatures = compiler._typing_context(original)._signatures
-    assert jit.entry_point(lambda x, y: x[0] + y)(np.ones(1), 2) == 3.0
+    assert jit.entry_point(lambda x, y: x[0] + y)(np.ones(2), 2) == 3.0
     first = dict(signatures)
     assert {getattr(key[0], "typing_key", key[0]) for key in first} >= {operator.add, operator.getitem}
-    assert jit.entry_point(lambda x, y: x[0] + y)(np.ones(1), 2) == 3.0
+    assert jit.entry_point(lambda x, y: x[1] + y)(np.ones(2), 2) == 3.0
     assert all(signatures[key] is first[key] for key in first)
     assert len(signatures) == len(first)
 
