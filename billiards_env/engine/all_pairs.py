@@ -24,7 +24,7 @@ from billiards_env.engine.predictions import (
     single_time,
 )
 from billiards_env.engine.resolve import add_contact
-from billiards_env.physics.jit import allocating, inlined, kernel, merged
+from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 
@@ -204,7 +204,7 @@ def _find_nearest(i, queue):
     queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = nearest.hi, nearest.lo, k
 
 
-@merged
+@inlined
 def predict(changed, count, now, state, scene, queue, limit):
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.jit import allocating, inlined, kernel, merged
+from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
@@ -337,7 +337,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):
     return exchange(count, contacts, state, scene, scratch)
 
 
-@merged
+@inlined
 def collide(count, time, contacts, state, scene, scratch, memory):
     """Changes the velocities of the balls in `count` simultaneous impacts.
 

@@ -28,7 +28,7 @@ from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, merged
+from billiards_env.physics.jit import allocating, allocating_entry_point, inlined
 from billiards_env.physics.motion import advance, begin_phase
 from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
 
@@ -103,7 +103,7 @@ def event_loop(queue: ModuleType) -> Any:
     """
     clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
 
-    @merged
+    @inlined
     def run(k, scene, work, limit, max_events, shots, log):
         """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
 

@@ -41,7 +41,7 @@ from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, em
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, kernel, merged
+from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     DT,
@@ -415,7 +415,7 @@ def _end_at(time, state, scene):
         advance(state, i, Time(time, 0.0), scene.params)
 
 
-@merged
+@inlined
 def run(k, scene, work, limit, max_events, shots, log):
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 

@@ -6,7 +6,7 @@ from billiards_env.engine.contact_rule import CushionContact, collide, hit_cushi
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET, log_event
 from billiards_env.engine.shots import count_hit
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import inlined, merged
+from billiards_env.physics.jit import inlined
 from billiards_env.physics.motion import advance, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, VX, VY, own_time, same, since
 from billiards_env.physics.walls import wall_normal
@@ -47,7 +47,7 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):
     return True
 
 
-@merged
+@inlined
 def resolve_impacts(count, now, k, scene, work, shots, log):
     """Resolves and records the impacts of the first `count` contacts, and lists their balls in `work.changed`.
 
@@ -75,7 +75,7 @@ def resolve_impacts(count, now, k, scene, work, shots, log):
     return 2 * count
 
 
-@merged
+@inlined
 def resolve_singles(count, now, k, scene, work, shots, log):
     """Resolves and records the next single-ball event of each of the first `count` balls of `work.changed`.
 

@@ -7,7 +7,7 @@ from typing import Any
 from billiards_env.engine.log import Log
 from billiards_env.engine.shots import Shots, load, store
 from billiards_env.physics.interrupt import interrupted
-from billiards_env.physics.jit import merged
+from billiards_env.physics.jit import inlined
 from billiards_env.physics.state import SceneArrays
 
 INTERRUPTED = -1
@@ -24,7 +24,7 @@ def for_all_shots(run: Any) -> Any:
         run: A kernel that runs one shot and returns its amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
     """
 
-    @merged
+    @inlined
     def run_all(begin, end, scene, work, limit, max_events, shots, log):
         """Runs shots `begin` to `end` - 1. Returns whether it was interrupted.
 

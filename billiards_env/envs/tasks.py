@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose
-from billiards_env.physics.jit import kernel, merged
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 
@@ -124,7 +124,7 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     return targets
 
 
-@merged
+@inlined
 def judge(task, k, targets, outcome):
     """Returns the result of shot k; `task` is an index into `TASKS`."""
     if task == POT:

@@ -178,8 +178,8 @@ class _KernelLibrary(_Library):
         """Does nothing. A kernel has no environment, so it cannot print objects or format the text of an exception."""
 
 
-class _MergedLibrary(_KernelLibrary):
-    """The LLVM code of a function with one caller, which inlines and optimises it."""
+class _InlinedLibrary(_KernelLibrary):
+    """The LLVM code of a kernel that its callers inline and optimise."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -216,10 +216,10 @@ class _KernelCompiler(ShortCompiler):
     library_class = _KernelLibrary
 
 
-class _MergedCompiler(_KernelCompiler):
-    """A `_KernelCompiler` for a function that is optimised only as a part of its caller."""
+class _InlinedCompiler(_KernelCompiler):
+    """A `_KernelCompiler` for a function that is optimised only as a part of its callers."""
 
-    library_class = _MergedLibrary
+    library_class = _InlinedLibrary
 
 
 class Kernel(CPUDispatcher):
@@ -268,7 +268,7 @@ class Kernel(CPUDispatcher):
         return self._for_python(*args, **kwargs)
 
 
-class MergedKernel(Kernel):
-    """A `Kernel` that is optimised only as a part of its caller."""
+class InlinedKernel(Kernel):
+    """A `Kernel` that is optimised only as a part of its callers."""
 
-    pipeline_class = _MergedCompiler
+    pipeline_class = _InlinedCompiler

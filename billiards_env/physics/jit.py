@@ -1,6 +1,6 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
-Compiled functions call those with `kernel`, `inlined`, `merged` or `allocating`. Python calls those with `entry_point`
+Compiled functions call those with `kernel`, `inlined` or `allocating`. Python calls those with `entry_point`
 or `allocating_entry_point`. This module and `physics.compiler` use parts of numba that its documentation does not
 cover, such as `_nrt`, `forceinline` and the dispatcher, so `pyproject.toml` has an upper bound on its version.
 """
@@ -24,7 +24,7 @@ from numba.core import config as _numba_config
 from numba.core.caching import FunctionCache as _FunctionCache
 from numba.core.registry import CPUDispatcher
 
-from billiards_env.physics.compiler import Kernel, MergedKernel, ShortCompiler
+from billiards_env.physics.compiler import InlinedKernel, Kernel, ShortCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -118,20 +118,13 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compiles a `kernel` that is inlined in the machine code of its callers, for small steps of each event.
+    """Compiles a `kernel` that is inlined in the machine code of its callers.
 
-    A call that is not inlined passes every array as seven words, which can take longer than the function.
+    A call that is not inlined passes every array as seven words, which can take longer than a small function. LLVM
+    optimises a kernel together with all functions that it calls directly or indirectly, so it optimises the last
+    function of a chain of calls once for each link. It optimises an inlined function only as a part of the callers.
     """
-    return _make_kernel(function, _nrt=False, forceinline=True)
-
-
-def merged(function: F) -> F:
-    """Compiles a `kernel` that is inlined in the machine code of its only caller, for a large function.
-
-    LLVM optimises a kernel together with all functions that it calls directly or indirectly. So it optimises the last
-    function of a chain of calls once for each link. A merged function is optimised only as a part of its caller.
-    """
-    return _make_kernel(function, MergedKernel, _nrt=False, forceinline=True)
+    return _make_kernel(function, InlinedKernel, _nrt=False, forceinline=True)
 
 
 def allocating(function: F) -> F:

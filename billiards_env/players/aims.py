@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import inlined, kernel, merged
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
@@ -54,7 +54,7 @@ NO_AIM = Aim(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
 """The aim of a pot that is not possible."""
 
 
-@merged
+@inlined
 def direct_aim(table, i, p):
     """Returns the `Aim` at which ball i goes straight into pocket p.
 

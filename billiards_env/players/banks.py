@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import inlined, kernel, merged
+from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
 from billiards_env.physics.walls import is_side
@@ -117,7 +117,7 @@ def _mirrored(scene, i, p, wall):
     return x, 2.0 * sign * room_y - y, 2.0 * abs(sign * room_y - y)
 
 
-@merged
+@inlined
 def _follow_bank(scene, state, i, p, wall):
     """Computes the path of ball i off a cushion to pocket p, and returns the `Bounce`."""
     row, bounce = state.rows[i], NO_BOUNCE

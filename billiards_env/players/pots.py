@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import scene_arrays
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import allocating_entry_point, inlined, kernel, merged
+from billiards_env.physics.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
@@ -187,7 +187,7 @@ def search_tables(scene, cue, balls, positions, potted, stroke, banks, pots):
             _add_speeds(table, found, state)
 
 
-@merged
+@inlined
 def _add_direct(table, balls, found):
     """Adds the direct pots of a table to `found`, the `Pots` of this table alone."""
     for i in balls:
@@ -200,7 +200,7 @@ def _add_direct(table, balls, found):
                         _insert(table, aim, least, found)
 
 
-@merged
+@inlined
 def _add_banks(table, balls, found, state):
     """Adds the banks of a table to `found`, the `Pots` of this table alone."""
     for i in balls:
@@ -272,7 +272,7 @@ def _add_speeds(table, found, state):
     found.count[0] = kept
 
 
-@merged
+@inlined
 def _add_shots(table, found, k, state):
     """Writes the shots of pot k in the `Pots` of one table, and returns whether any speed is possible."""
     i, row, possible = found.ball[k], found.rows[k], False

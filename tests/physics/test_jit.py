@@ -48,7 +48,7 @@ def test_every_edit_of_a_kernel_or_its_constants_changes_the_hash(package, name)
 
 def test_a_new_module_of_kernels_changes_the_hash(package):
     before = jit.source_hash()
-    (package / "more.py").write_text("from billiards_env.physics.jit import merged\n")
+    (package / "more.py").write_text("from billiards_env.physics.jit import kernel\n")
     assert jit.source_hash() != before
 
 
@@ -65,7 +65,6 @@ def test_every_module_with_a_decorator_is_hashed():
     decorators = [
         jit.kernel,
         jit.inlined,
-        jit.merged,
         jit.allocating,
         jit.entry_point,
         jit.allocating_entry_point,
@@ -262,22 +261,21 @@ def test_a_constant_as_an_argument_does_not_compile_a_kernel_again():
     assert len(power.overloads) == 1
 
 
-@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined])
-def test_only_merged_kernels_are_left_to_their_callers_to_optimise(decorate):
+def test_callers_optimise_inlined_kernels():
     def half(x):
         for _ in range(3):
             x = x / 2
         return x
 
     code = []
-    functions: Any = decorate(half), jit.merged(half)
+    functions: Any = jit.kernel(half), jit.inlined(half)
     for function in functions:
         assert calling(function)(8) == 2.0
         (compiled,) = function.overloads.values()
         code.append(compiled.library.get_llvm_str())
     assert "alloca" in code[1]
     assert "alloca" not in code[0]
-    assert type(pickle.loads(pickle.dumps(jit.merged(half)))) is compiler.MergedKernel
+    assert type(pickle.loads(pickle.dumps(jit.inlined(half)))) is compiler.InlinedKernel
 
 
 class Flags(NamedTuple):
@@ -291,7 +289,7 @@ class Numbers(NamedTuple):
     flags: Flags
 
 
-@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined, jit.merged])
+@pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined])
 def test_functions_pass_and_return_named_tuples(decorate):
     """NumPy's type of a bool has 8 bits, LLVM's has 1."""
 
