@@ -1,7 +1,7 @@
 """A queue without optimisations for the event loop of `engine.pic`: it solves and compares all predictions.
 
-Tests compare the engine with it bit for bit. The functions have the arguments and results of those in
-`engine.all_pairs`.
+Tests compare the engine with it bit for bit. The functions of the event loop have the arguments and
+results of those in `engine.all_pairs`.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class Queue(NamedTuple):
 
     Attributes:
         singles: The `Singles`.
-        hi: (n, n) float64, time of the next meeting of balls i < j, s. The other elements are undefined.
+        hi: (n, n) float64, s: element (i, j) with i < j is the time of their next meeting; the others are undefined.
         lo: (n, n) float64, its second part.
         nearest_hi: (n,) float64, the earliest time of row i of `hi`.
         nearest_lo: (n,) float64, its second part.
@@ -72,7 +72,10 @@ class Queue(NamedTuple):
 
 @allocating
 def empty_queue(scene, paths):
-    """Returns the `Queue` for the balls of a scene. `paths` is from `empty_paths`, or None for at most two balls."""
+    """Returns the `Queue` for the balls of a scene, with undefined predictions.
+
+    `paths` is a result of `empty_paths`; None for at most two balls.
+    """
     n = len(scene.radius)
     queue = Queue(
         empty_singles(n),
@@ -85,7 +88,7 @@ def empty_queue(scene, paths):
         np.empty(_lanes(n), np.bool_),
         np.empty(n, np.bool_),
     )
-    for i in range(n):
+    for i in range(n):  # `np.zeros` would be another function to compile
         queue.changed[i] = False
     return queue
 
@@ -111,7 +114,7 @@ def most_contacts(scene):
 
 @inlined
 def clear(state, scene, queue):
-    """Prepares the queue for a new shot; the first call of `predict` fills it."""
+    """Does nothing. The first call of `predict` in a shot is for all balls, so it writes all predictions."""
 
 
 @inlined

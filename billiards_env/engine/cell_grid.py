@@ -7,7 +7,8 @@ cell, its meetings with the balls of three more cells are predicted (Rapaport 19
 molecular dynamic simulation). Each ball stores only its earliest meeting. If an event changes the motion of the other
 ball, the stored time is a lower bound of the ball's next meeting. It is replaced when it reaches the top of the heap.
 
-The public functions have the arguments and results of those in `engine.all_pairs`.
+`most_contacts`, `clear`, `predict`, `earliest`, `due` and `gather` have the arguments and results of those in
+`engine.all_pairs`.
 """
 
 from __future__ import annotations

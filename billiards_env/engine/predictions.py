@@ -13,7 +13,7 @@ import numpy as np
 
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
 from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
-from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.physics.jit import allocating, inlined
 from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
 from billiards_env.physics.state import (
     AX,
@@ -127,7 +127,7 @@ def can_meet(i, j, state):
     return state.phase[i] != POTTED and state.phase[j] != POTTED and (moves(state, i) or moves(state, j))
 
 
-@kernel
+@inlined
 def predict_pair(i, j, now, state, scene, singles, limit):
     """Returns the `Time` at which balls i < j next meet, infinite if they do not.
 

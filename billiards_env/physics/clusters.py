@@ -60,7 +60,7 @@ def empty_contacts(most):
         np.empty(most),
         np.empty(most),
     )
-    for c in range(most):
+    for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
 

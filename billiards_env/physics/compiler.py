@@ -9,11 +9,13 @@ import functools
 import operator
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder, Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import PassManager
 from numba.core.cpu import CPUContext
+from numba.core.datamodel.manager import DataModelManager
 from numba.core.datamodel.models import TupleModel
 from numba.core.errors import TypingError
 from numba.core.registry import CPUDispatcher
@@ -21,10 +23,11 @@ from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NopythonRewrites
 from numba.core.types import Array, NamedTuple, unliteral
-from numba.core.untyped_passes import InlineClosureLikes
+from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables
 
-# Without these passes a compiled function must not contain comprehensions or other functions.
-_SKIPPED = (InlineClosureLikes, NopythonRewrites)
+# Without these passes a compiled function must not contain comprehensions or other functions, and no function is
+# inlined in the source of another.
+_SKIPPED = (InlineClosureLikes, InlineInlinables, NopythonRewrites)
 
 _OPERATORS = {bool, *(f for f in vars(operator).values() if callable(f))}
 
@@ -64,7 +67,7 @@ class _TypingContext:
         if not kws and getattr(func, "typing_key", func) in _OPERATORS:
             types = tuple(args)
             if types and isinstance(types[0], Array):
-                types = tuple(unliteral(t) for t in types)  # the values of indices do not matter
+                types = tuple(unliteral(t) for t in types)  # numba ignores the values of constants here
             # Numba compiles some operators with the options of their caller.
             key = func, types, ConfigStack.top_or_none()
             if key in self._signatures:
@@ -79,10 +82,11 @@ _typing_context = functools.cache(_TypingContext)
 
 
 class _Whole(TupleModel):
-    """A NamedTuple that functions pass as one LLVM structure.
+    """A NamedTuple with fields of different types, passed to functions as one LLVM structure.
 
-    Numba passes every word of every array by itself. The code that takes a NamedTuple apart for a call and puts it
-    together again would be a third of the code of the kernels.
+    Numba passes every word of every array as a separate argument. The code that takes the NamedTuple apart and builds
+    it again would be a third of the code of the kernels. Numba's own compiled functions, such as `hash`, cannot have
+    such an argument.
     """
 
     def get_argument_type(self) -> Any:
@@ -98,7 +102,7 @@ class _Whole(TupleModel):
         return value
 
     def as_return(self, builder: Any, value: Any) -> Any:
-        """Returns the LLVM structure that a function stores as its result."""
+        """Returns the LLVM structure that a function stores as its result. A bool has another type there."""
         return value if self.get_value_type() == self.get_data_type() else super().as_return(builder, value)
 
     def from_return(self, builder: Any, value: Any) -> Any:
@@ -115,12 +119,14 @@ class _TargetContext(CPUContext):
     def __init__(self, context: CPUContext) -> None:
         vars(self).update(vars(context))
         self.cached_internal_func: dict[Any, Any] = {}
-        self.data_model_manager = context.data_model_manager.copy()
-        self.data_model_manager.register(NamedTuple, _Whole)
+        self.data_model_manager = DataModelManager({NamedTuple: _Whole}).chain(context.data_model_manager)
         self._sizes: dict[Any, int] = {}
 
     def get_function(self, fn: Any, sig: Any, _firstcall: bool = False) -> Any:
-        """Returns the code generator of a function. Numba would search twice, with a `refresh` between."""
+        """Returns the code generator of a function.
+
+        If numba finds none, it refreshes its registries and searches again. Type inference has refreshed them already.
+        """
         return super().get_function(fn, sig, _firstcall=False)
 
     def get_abi_sizeof(self, ty: Any) -> int:
@@ -134,7 +140,7 @@ _target_context = functools.cache(_TargetContext)
 
 
 class _Library(JITCodeLibrary):
-    """The LLVM code of a function, optimised once. Numba optimises three times, to find all counts of references."""
+    """The LLVM code of a function, optimised once. Numba optimises three times, to remove more reference counts."""
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
@@ -147,22 +153,25 @@ class _Library(JITCodeLibrary):
 class _KernelLibrary(_Library):
     """The LLVM code of a kernel. Callers link it into their own code, so numba does not translate it to machine code.
 
-    The callers verify the code, and optimise it again.
+    The entry point that contains the code verifies it and optimises it again.
+
+    Attributes:
+        inlined: Whether the callers inline the code. Then only they optimise it.
     """
+
+    inlined = False
 
     def finalize(self) -> None:
         """Links the functions that the kernel calls, and optimises them together."""
-        own = [function.name for function in self._final_module.functions if not function.is_declaration]
+        functions = self._final_module.functions
+        own = [f.name for f in functions if not f.is_declaration and f.linkage == Linkage.external]
         for library in dict.fromkeys(self._linking_libraries):
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._optimize_final_module()
+        if not self.inlined:
+            self._optimize_final_module()
         for name in own:
             self._final_module.get_function(name).linkage = "linkonce_odr"  # several callers may have a copy
         self._finalized = True
-
-    def _get_module_for_linking(self) -> Any:
-        self._ensure_finalized()
-        return self._final_module
 
     def get_pointer_to_function(self, name: str) -> int:
         """Returns 0. A kernel has no machine code, so compiled code can call it but cannot use it as a value."""
@@ -178,17 +187,8 @@ class _KernelLibrary(_Library):
         """Does nothing. A kernel has no environment, so it cannot print objects or format the text of an exception."""
 
 
-class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of a kernel that its callers inline and optimise."""
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-
 class ShortCompiler(Compiler):
     """Numba's compiler without the passes of `_SKIPPED`, and with a `_Library`."""
-
-    library_class: type[_Library] = _Library
 
     def __init__(
         self, typingctx: Any, targetctx: Any, library: Any, args: Any, return_type: Any, flags: Any, locals: Any
@@ -196,9 +196,13 @@ class ShortCompiler(Compiler):
         typingctx, targetctx, flags = _typing_context(typingctx), _target_context(targetctx), _Flags(flags)
         super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
 
+    def make_library(self, name: str) -> _Library:
+        """Returns the empty library of the function."""
+        return _Library(self.state.targetctx.codegen(), name)
+
     def compile_extra(self, func: Any) -> Any:
         """Compiles a function."""
-        self.state.library = self.library_class(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library = self.make_library(func.__qualname__)
         self.state.library.enable_object_caching()
         return super().compile_extra(func)
 
@@ -213,13 +217,11 @@ class ShortCompiler(Compiler):
 class _KernelCompiler(ShortCompiler):
     """A `ShortCompiler` for a function that has no machine code of its own."""
 
-    library_class = _KernelLibrary
-
-
-class _InlinedCompiler(_KernelCompiler):
-    """A `_KernelCompiler` for a function that is optimised only as a part of its callers."""
-
-    library_class = _InlinedLibrary
+    def make_library(self, name: str) -> _Library:
+        """Returns the empty library of the function."""
+        library = _KernelLibrary(self.state.targetctx.codegen(), name)
+        library.inlined = self.state.flags.forceinline
+        return library
 
 
 class Kernel(CPUDispatcher):
@@ -228,23 +230,24 @@ class Kernel(CPUDispatcher):
     Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """
 
-    pipeline_class: type[ShortCompiler] = _KernelCompiler
     _compiler: Any
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
         options = {**(targetoptions or {}), "no_cpython_wrapper": True}
-        super().__init__(py_func, locals, options, self.pipeline_class)
+        super().__init__(py_func, locals, options, _KernelCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compiles the function for a call. Constants have the type of their value, so they need no other compilation.
 
         Raises:
-            TypingError: If numba's own compiler compiles the caller, which passes NamedTuples in another way. Or if the
-                function may create arrays, and its caller cannot: the arrays would never be freed.
+            TypingError: If numba's own compiler compiles the caller, which then passes NamedTuples in another way. If
+                the function may create arrays and its caller cannot; nothing would free the arrays.
         """
         caller = ConfigStack.top_or_none()
         if caller is not None and not isinstance(caller, _Flags):
-            raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that billiards_env compiles")
+            raise TypingError(
+                f"call of {self.py_func.__qualname__}: expected a caller with a decorator of billiards_env.physics.jit"
+            )
         if self.targetoptions.get("_nrt", True) and caller is not None and not caller.nrt:
             raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that may create arrays")
         return super().get_call_template([unliteral(a) for a in args], {k: unliteral(a) for k, a in kws.items()})
@@ -266,9 +269,3 @@ class Kernel(CPUDispatcher):
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """Calls the function from Python."""
         return self._for_python(*args, **kwargs)
-
-
-class InlinedKernel(Kernel):
-    """A `Kernel` that is optimised only as a part of its callers."""
-
-    pipeline_class = _InlinedCompiler

@@ -127,7 +127,7 @@ def _leave(before, nose, vn, px, pxe, pye, pze):
     return CushionMotion(vn, vt, vn - rwt, vt + rwn, before.rwz + 2.5 * pye * cos)
 
 
-@kernel
+@inlined
 def han2005(before, radius, rebound, params):
     """Returns a ball's motion after an impact on a cushion with friction and spin.
 
@@ -212,7 +212,7 @@ def cushion_impact(before, radius, rebound, scene):
     return _by_law(scene.stronge, scene.mathavan, before, radius, rebound, scene.params)
 
 
-@kernel
+@inlined
 def reflect(state, i, nx, ny, rebound, scene):
     """Changes ball i's velocity, slip and spin at a cushion.
 

@@ -1,7 +1,7 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
-Compiled functions call those with `kernel`, `inlined` or `allocating`. Python calls those with `entry_point`
-or `allocating_entry_point`. This module and `physics.compiler` use parts of numba that its documentation does not
+Compiled functions call functions with `kernel`, `inlined` or `allocating`. Python calls functions with `entry_point` or
+`allocating_entry_point`. This module and `physics.compiler` use parts of numba that its documentation does not
 cover, such as `_nrt`, `forceinline` and the dispatcher, so `pyproject.toml` has an upper bound on its version.
 """
 
@@ -24,7 +24,7 @@ from numba.core import config as _numba_config
 from numba.core.caching import FunctionCache as _FunctionCache
 from numba.core.registry import CPUDispatcher
 
-from billiards_env.physics.compiler import InlinedKernel, Kernel, ShortCompiler
+from billiards_env.physics.compiler import Kernel, ShortCompiler
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -98,13 +98,14 @@ _config: Any = _numba_config  # numba defines its attributes at run time
 
 # Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
 # `error_model="numpy"` a division by zero is infinite and does not raise an exception.
-_OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+# Numba would inherit `forceinline` from the caller that is compiled first.
+_OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "forceinline": False}
 
 
-def _make_kernel(function: F, kind: type[Kernel] = Kernel, **options: Any) -> F:
+def _make_kernel(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = kind(function, targetoptions={**_OPTIONS, **options})
+    made: Any = Kernel(function, targetoptions={**_OPTIONS, **options})
     return made
 
 
@@ -120,11 +121,13 @@ def kernel(function: F) -> F:
 def inlined(function: F) -> F:
     """Compiles a `kernel` that is inlined in the machine code of its callers.
 
-    A call that is not inlined passes every array as seven words, which can take longer than a small function. LLVM
-    optimises a kernel together with all functions that it calls directly or indirectly, so it optimises the last
-    function of a chain of calls once for each link. It optimises an inlined function only as a part of the callers.
+    This is for small functions, and for large functions with one caller, because each call has its own copy. A call
+    that is not inlined passes every array as seven words or more, which can take longer than a small function.
+
+    LLVM optimises a `kernel` alone, and again in each function that calls it directly or indirectly. It optimises an
+    inlined function only as a part of its callers.
     """
-    return _make_kernel(function, InlinedKernel, _nrt=False, forceinline=True)
+    return _make_kernel(function, _nrt=False, forceinline=True)
 
 
 def allocating(function: F) -> F:
@@ -208,18 +211,25 @@ class _Cache(_FunctionCache):
         print(f"billiards_env: {what}: {function} in {self.cache_path} ({error!r})", file=sys.stderr)
 
 
+class EntryPoint(CPUDispatcher):
+    """A function that Python calls. It has a `_Cache` if there is a folder for it."""
+
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
+        super().__init__(py_func, locals, targetoptions or {}, _EntryCompiler)
+        if _FOLDER is not None:
+            # Numba reads the folder when it creates the cache. Other packages keep their own folder.
+            before = _config.CACHE_DIR
+            _config.CACHE_DIR = str(_FOLDER)
+            try:
+                self._cache = _Cache(py_func)
+            finally:
+                _config.CACHE_DIR = before
+
+
 def _make_entry_point(function: F, **options: Any) -> F:
     if _config.DISABLE_JIT:
         return function
-    made: Any = CPUDispatcher(function, targetoptions={**_OPTIONS, **options}, pipeline_class=_EntryCompiler)
-    if _FOLDER is not None:
-        # Numba reads the folder when it creates the cache. Other packages keep their own folder.
-        before = _config.CACHE_DIR
-        _config.CACHE_DIR = str(_FOLDER)
-        try:
-            made._cache = _Cache(function)
-        finally:
-            _config.CACHE_DIR = before
+    made: Any = EntryPoint(function, targetoptions={**_OPTIONS, **options})
     return made
 
 

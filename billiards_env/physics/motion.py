@@ -158,7 +158,7 @@ def spin_after(wz, t, params):
     return math.copysign(left, wz) if left > 0.0 else 0.0
 
 
-@kernel
+@inlined
 def advance(state, i, time, params):
     """Advances ball i's row to a `Time` within its phase."""
     s = state.rows[i]

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numba
 import numpy as np
 import pytest
@@ -261,24 +262,34 @@ def test_a_constant_as_an_argument_does_not_compile_a_kernel_again():
     assert len(power.overloads) == 1
 
 
-def test_callers_optimise_inlined_kernels():
-    def half(x):
-        for _ in range(3):
-            x = x / 2
-        return x
+def half(x):
+    for _ in range(3):
+        x = x / 2
+    return x
 
+
+def test_callers_optimise_inlined_kernels():
     code = []
     functions: Any = jit.kernel(half), jit.inlined(half)
     for function in functions:
         assert calling(function)(8) == 2.0
         (compiled,) = function.overloads.values()
         code.append(compiled.library.get_llvm_str())
-    assert "alloca" in code[1]
-    assert "alloca" not in code[0]
-    assert type(pickle.loads(pickle.dumps(jit.inlined(half)))) is compiler.InlinedKernel
+    optimised, plain = code
+    assert "alloca" in plain
+    assert "alloca" not in optimised
 
 
-class Flags(NamedTuple):
+def test_a_kernel_does_not_inherit_the_inlining_of_its_caller():
+    inner: Any = jit.kernel(half)
+    outer: Any = jit.inlined(lambda x: inner(x))
+    calling(outer)(8)
+    for function, expected in ((inner, False), (outer, True)):
+        (compiled,) = function.overloads.values()
+        assert compiled.fndesc.inline is expected
+
+
+class Switches(NamedTuple):
     up: bool
     down: bool
 
@@ -286,22 +297,22 @@ class Flags(NamedTuple):
 class Numbers(NamedTuple):
     nothing: None
     array: np.ndarray
-    flags: Flags
+    switches: Switches
 
 
 @pytest.mark.parametrize("decorate", [jit.kernel, jit.inlined])
 def test_functions_pass_and_return_named_tuples(decorate):
-    """NumPy's type of a bool has 8 bits, LLVM's has 1."""
+    """A bool has 1 bit as a value and 8 bits in a result."""
 
     def swap(numbers, number):
-        flags = numbers.flags
-        return Numbers(numbers.nothing, numbers.array[number:], Flags(flags.down, flags.up)), number
+        switches = numbers.switches
+        return Numbers(numbers.nothing, numbers.array[number:], Switches(switches.down, switches.up)), number
 
     swap = decorate(swap)
 
     def run(array, up, out):
-        numbers, number = swap(Numbers(None, array, Flags(up, not up)), 2)
-        out[0], out[1], out[2], out[3] = number, numbers.array[0], numbers.flags.up, numbers.flags.down
+        numbers, number = swap(Numbers(None, array, Switches(up, not up)), 2)
+        out[0], out[1], out[2], out[3] = number, numbers.array[0], numbers.switches.up, numbers.switches.down
 
     out = np.zeros(4)
     for up in (False, True):
@@ -309,10 +320,10 @@ def test_functions_pass_and_return_named_tuples(decorate):
         assert list(out) == [2, 2, not up, up]
 
 
-def test_numba_s_own_functions_cannot_call_a_kernel():
-    """They would pass NamedTuples in another way."""
+def test_a_function_of_numba_s_own_compiler_cannot_call_a_kernel():
+    """It passes NamedTuples as separate words."""
     double: Any = jit.kernel(lambda x: 2 * x)
-    with pytest.raises(TypingError, match="expected a caller that billiards_env compiles"):
+    with pytest.raises(TypingError, match=r"expected a caller with a decorator of billiards_env\.physics\.jit"):
         numba.njit(lambda x: double(x))(3)
 
 
@@ -376,6 +387,17 @@ def test_a_kernel_can_be_copied_to_another_process():
     copy = pickle.loads(pickle.dumps(motion.norm))
     assert copy(3.0, 4.0) == 5.0
     code = f"import pickle; assert pickle.loads({pickle.dumps(motion.norm)!r})(3.0, 4.0) == 5.0"
+    env = os.environ | {"PYTHONPATH": str(Path(jit.__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", code], env=env, check=True)
+
+
+def test_a_pickled_environment_runs_shots_in_another_process(tmp_path):
+    """It refers to entry points, which the other process compiles again, with the same compiler."""
+    made: Any = gym.make("Billiards-v0")
+    made.reset(seed=0)
+    path = tmp_path / "env.pickle"
+    path.write_bytes(pickle.dumps(made))
+    code = f"import pickle; env = pickle.load(open({str(path)!r}, 'rb')); env.step(env.action_space.sample())"
     env = os.environ | {"PYTHONPATH": str(Path(jit.__file__).parents[2])}
     subprocess.run([sys.executable, "-c", code], env=env, check=True)
 
