@@ -85,7 +85,7 @@ class _Whole(TupleModel):
     """A NamedTuple with fields of different types, passed to functions as one LLVM structure.
 
     Numba passes every word of every array as a separate argument. The code that takes the NamedTuple apart and builds
-    it again would be a third of the code of the kernels. Numba's own compiled functions, such as `hash`, cannot have
+    it again would be a fifth of the code of the kernels. Numba's own compiled functions, such as `hash`, cannot have
     such an argument.
     """
 
