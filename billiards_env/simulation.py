@@ -47,7 +47,8 @@ def simulate(
             which has a spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
         record: Whether to record the events and trajectories.
-        max_time: Time at which the shot ends, s; None for the limit of the scene.
+        max_time: Time at which the shot ends, s; None for the limit of the scene. The events before it are those of
+            the whole shot, bit for bit.
         max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also
             ends it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
 

@@ -126,7 +126,7 @@ def _predict_single(i, state, scene, singles):
 
 
 @kernel
-def predict(changed, count, now, state, scene, queue, limit):
+def predict(changed, count, now, state, scene, queue):
     """Predicts what happens next to the first `count` balls of `changed`."""
     n = len(scene.radius)
     for c in range(count):
@@ -139,7 +139,7 @@ def predict(changed, count, now, state, scene, queue, limit):
             time = Time(math.inf, 0.0)
             in_play = state.phase[a] != POTTED and state.phase[b] != POTTED
             if in_play and (moves(state, a) or moves(state, b)):
-                time = predict_pair(a, b, now, state, scene, queue.singles, limit)
+                time = predict_pair(a, b, now, state, scene, queue.singles)
             queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
     return 1
 
@@ -172,7 +172,7 @@ def due(event, queue, found):
 
 
 @kernel
-def gather(now, state, scene, queue, contacts, limit):
+def gather(now, state, scene, queue, contacts):
     """Finds the contacts of the impacts at a `Time`. Returns their number."""
     count, n = 0, len(queue.hi)
     for i in range(n):

@@ -173,10 +173,10 @@ def _apart_now(i, j, now, until, state, scene, singles):
 
 
 @inlined
-def _predict_pairs(i, now, state, scene, queue, limit):
+def _predict_pairs(i, now, state, scene, queue):
     """Predicts the meetings of ball i, whose own time is `now`, with all other balls."""
     n, singles = len(scene.radius), queue.singles
-    until = min(singles.hi[i], limit)
+    until = singles.hi[i]
     if n >= MANY:
         screen(i, now.hi, until, queue.paths, queue.apart)
     queue.nearest_hi[i], queue.nearest_lo[i], queue.nearest[i] = math.inf, 0.0, n
@@ -188,7 +188,7 @@ def _predict_pairs(i, now, state, scene, queue, limit):
         if can_meet(i, j, state):
             apart = queue.apart[j] if n >= MANY else _apart_now(i, j, now.hi, until, state, scene, singles)
             if not apart:
-                time = predict_pair(a, b, now, state, scene, singles, limit)
+                time = predict_pair(a, b, now, state, scene, singles)
         queue.hi[a, b], queue.lo[a, b] = time.hi, time.lo
         if before(time, Time(queue.nearest_hi[a], queue.nearest_lo[a])):
             queue.nearest_hi[a], queue.nearest_lo[a], queue.nearest[a] = time.hi, time.lo, b
@@ -208,7 +208,7 @@ def _find_nearest(i, queue):
 
 
 @inlined
-def predict(changed, count, now, state, scene, queue, limit):
+def predict(changed, count, now, state, scene, queue):
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
@@ -222,7 +222,7 @@ def predict(changed, count, now, state, scene, queue, limit):
             _copy_path(i, state, scene, queue.singles, queue.paths)
         queue.changed[i] = True
     for c in range(count):
-        _predict_pairs(changed[c], now, state, scene, queue, limit)
+        _predict_pairs(changed[c], now, state, scene, queue)
     for c in range(count):
         queue.changed[changed[c]] = False
     return 1
@@ -264,7 +264,7 @@ def due(event, queue, found):
 
 
 @inlined
-def gather(now, state, scene, queue, contacts, limit):
+def gather(now, state, scene, queue, contacts):
     """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.

@@ -257,23 +257,23 @@ def _predict_crossing(i, now, state, scene, queue):
 
 
 @kernel
-def _meeting(i, j, state, scene, queue, limit):
+def _meeting(i, j, state, scene, queue):
     """Returns the `Time` at which balls i and j next meet, infinite if they do not."""
     if not can_meet(i, j, state):
         return Time(math.inf, 0.0)
     start, start_j = own_time(state, i), own_time(state, j)
     if before(start, start_j):
         start = start_j
-    return predict_pair(min(i, j), max(i, j), start, state, scene, queue.singles, limit)
+    return predict_pair(min(i, j), max(i, j), start, state, scene, queue.singles)
 
 
 @kernel
-def _predict_in_cell(i, c, r, state, scene, queue, limit):
+def _predict_in_cell(i, c, r, state, scene, queue):
     """Predicts the meetings of ball i with the balls in a cell. Stores a meeting for a ball if it is its earliest."""
     j = queue.head[c, r]
     while j >= 0:
         if j != i:
-            time = _meeting(i, j, state, scene, queue, limit)
+            time = _meeting(i, j, state, scene, queue)
             for a, b in ((i, j), (j, i)):
                 if before(time, Time(queue.meeting_hi[a], queue.meeting_lo[a])):
                     queue.meeting_hi[a], queue.meeting_lo[a] = time.hi, time.lo
@@ -284,18 +284,18 @@ def _predict_in_cell(i, c, r, state, scene, queue, limit):
 
 
 @kernel
-def _predict_neighbours(i, state, scene, queue, limit):
+def _predict_neighbours(i, state, scene, queue):
     """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
     queue.meeting_hi[i] = math.inf
     columns, rows = queue.head.shape
     for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
         for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
-            _predict_in_cell(i, c, r, state, scene, queue, limit)
+            _predict_in_cell(i, c, r, state, scene, queue)
     _schedule(i, queue)
 
 
 @kernel
-def _cross(i, state, scene, queue, limit):
+def _cross(i, state, scene, queue):
     """Moves ball i to the next cell, and predicts its meetings in the cells that have become neighbours."""
     columns, rows = queue.head.shape
     _leave(i, queue)
@@ -311,17 +311,17 @@ def _cross(i, state, scene, queue, limit):
         c = queue.column[i] + step
         if 0 <= c < columns:
             for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
-                _predict_in_cell(i, c, r, state, scene, queue, limit)
+                _predict_in_cell(i, c, r, state, scene, queue)
     else:
         r = queue.row[i] + step
         if 0 <= r < rows:
             for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
-                _predict_in_cell(i, c, r, state, scene, queue, limit)
+                _predict_in_cell(i, c, r, state, scene, queue)
     _schedule(i, queue)
 
 
 @kernel
-def predict(changed, count, now, state, scene, queue, limit):
+def predict(changed, count, now, state, scene, queue):
     """Predicts the next events of the first `count` balls of `changed`, whose own time is `now`.
 
     Returns:
@@ -335,7 +335,7 @@ def predict(changed, count, now, state, scene, queue, limit):
     balls_per_cell = 1 + len(queue.heap) // queue.head.size
     pending = 0
     for c in range(count):
-        _predict_neighbours(changed[c], state, scene, queue, limit)
+        _predict_neighbours(changed[c], state, scene, queue)
         pending += balls_per_cell
         if pending > LOOK_AFTER:
             if interrupted():
@@ -352,9 +352,9 @@ def earliest(state, scene, queue, limit):
         if queue.hi[i] > limit or queue.hi[i] == math.inf:
             break
         if queue.rank[i] == CROSSING_RANK:
-            _cross(i, state, scene, queue, limit)
+            _cross(i, state, scene, queue)
         elif queue.rank[i] == PAIR_RANK and queue.partner_version[i] != queue.version[queue.partner[i]]:
-            _predict_neighbours(i, state, scene, queue, limit)
+            _predict_neighbours(i, state, scene, queue)
         else:
             break
     return Event(Time(queue.hi[i], queue.lo[i]), queue.rank[i], i, i)
@@ -396,7 +396,7 @@ def due(event, queue, found):
 
 
 @kernel
-def gather(now, state, scene, queue, contacts, limit):
+def gather(now, state, scene, queue, contacts):
     """Finds the contacts at a `Time` (pairs that meet, or that touch and approach) and advances their balls to it.
 
     Returns their number.
@@ -413,7 +413,7 @@ def gather(now, state, scene, queue, contacts, limit):
                 j = queue.head[c, r]
                 while j >= 0:
                     if j > i and count < len(first):
-                        time = _meeting(i, j, state, scene, queue, limit)
+                        time = _meeting(i, j, state, scene, queue)
                         if time.hi - now.hi <= SOON:
                             at = count
                             while at > begin and second[at - 1] > j:

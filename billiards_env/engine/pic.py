@@ -116,7 +116,7 @@ def event_loop(queue: ModuleType) -> Any:
         total = pending = 0
         while True:
             begin_phases(n_changed, changed, state, scene, log)
-            spent = predict(changed, n_changed, now, state, scene, work.queue, limit)
+            spent = predict(changed, n_changed, now, state, scene, work.queue)
             event = earliest(state, scene, work.queue, limit)
             if event.time.hi > limit or event.time.hi == math.inf:
                 break
@@ -131,7 +131,7 @@ def event_loop(queue: ModuleType) -> Any:
                 total, pending = total + pending, 0
             now = event.time
             if event.rank == PAIR_RANK:
-                n_contacts = gather(now, state, scene, work.queue, work.contacts, limit)  # advances their balls
+                n_contacts = gather(now, state, scene, work.queue, work.contacts)  # advances their balls
                 n_changed = resolve_impacts(n_contacts, now, k, scene, work, shots, log)
             else:
                 n_changed = due(event, work.queue, changed)

@@ -128,8 +128,10 @@ def can_meet(i, j, state):
 
 
 @inlined
-def predict_pair(i, j, now, state, scene, singles, limit):
+def predict_pair(i, j, now, state, scene, singles):
     """Returns the `Time` at which balls i < j next meet, infinite if they do not.
+
+    It does not depend on the time at which the shot is cut, so a cut shot has the bits of the whole shot.
 
     Args:
         i: A ball.
@@ -138,13 +140,12 @@ def predict_pair(i, j, now, state, scene, singles, limit):
         state: The `State`.
         scene: The `SceneArrays`.
         singles: The `Singles`.
-        limit: Time at which the shot ends, s.
     """
     # This prediction is valid only until the phase of either ball ends, so not at all if a phase ends now.
     for k in (i, j):
         if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST):
             return Time(math.inf, 0.0)
-    end = min(min(singles.hi[i], singles.hi[j]), limit) - now.hi
+    end = min(singles.hi[i], singles.hi[j]) - now.hi
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows

@@ -11,7 +11,7 @@ LOG_EVENTS = 2_000
 MAX_EVENTS = 20_000  # of a shot; `reference.plain` needs too long for more
 
 
-def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS):
+def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=None, fix=None):
     """Returns the arrays of all shots and the arrays of the log of the last shot."""
     scene, positions, velocities, spins = shots
     given = check_shot(scene, positions, velocities, spins, None, max_time)
@@ -19,5 +19,5 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS):
     shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
-    run_shots(0, m, tuple(scene_arrays(scene)), given.limit, max_events, tuple(shots), tuple(log))
+    run_shots(0, m, tuple(scene_arrays(scene, dt, fix)), given.limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
