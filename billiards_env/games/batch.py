@@ -123,5 +123,5 @@ def _facts(batch: BatchResult, k: int, pockets: list[int], cushion_after: bool, 
         cushion_after,
         frozenset(balls[i] for i in range(1, len(balls)) if cushions[i] > 0 or pockets[i] >= 0),
         tuple(pocket for _, pocket in potted),
-        cushions[0] > 0,
+        cushions[0] > 0 or pockets[0] >= 0,
     )

@@ -21,7 +21,7 @@ class Facts(NamedTuple):
         cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
         driven: The object balls that hit a cushion or were potted (WPA 8.4).
         pockets: The pockets of the potted balls, in the same order.
-        cue_driven: Whether the cue ball hit a cushion.
+        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
     """
 
     first: tuple[int, ...] = ()
@@ -72,5 +72,5 @@ def facts_of(events: NDArray[Any], cue: int = CUE) -> Facts:
         cushion_after,
         frozenset(driven),
         tuple(potted.values()),
-        cushions > 0,
+        cushions > 0 or cue in potted,
     )

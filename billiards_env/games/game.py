@@ -408,10 +408,12 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     assert shot.events is not None
     facts = facts_of(shot.events, cue)
     verdict = setup.game_rules.judge(state, facts, stroke.call)
-    return PlayedShot(_after_shot(setup, game, shot, facts, verdict), shot_input, shot, facts, verdict)
+    return PlayedShot(_after_shot(setup, game, shot, facts, stroke.call, verdict), shot_input, shot, facts, verdict)
 
 
-def _after_shot(setup: Setup, game: GameState, shot: ShotResult, facts: Facts, verdict: Verdict) -> GameState:
+def _after_shot(
+    setup: Setup, game: GameState, shot: ShotResult, facts: Facts, call: Call, verdict: Verdict
+) -> GameState:
     """Returns the state after a shot, with the balls spotted or racked."""
     scene, cue = setup.scene, game.state.cue_balls[0]
     state, positions = next_state(game.state, facts, verdict), shot.positions.copy()
@@ -428,7 +430,7 @@ def _after_shot(setup: Setup, game: GameState, shot: ShotResult, facts: Facts, v
     if setup.rules != "snooker" or not verdict.foul or state.over:
         return GameState(positions, state)
     state = state._replace(free_ball=is_snookered(scene, positions, state))
-    if setup.miss and is_miss(game.state, state, verdict.foul):
+    if setup.miss and is_miss(game.state, state, facts, call):
         return GameState(positions, state._replace(choices=(*state.choices, "replace")), game._replace(before=None))
     return GameState(positions, state)
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from billiards_env.games.facts import CUE, Facts
 from billiards_env.games.placement import is_free, obstacles, placement_area
 from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
-from billiards_env.scene import Scene
+from billiards_env.scene import CONTACT_GAP, Scene
 
 LEAST_PENALTY, MOST_PENALTY = 4, 7
 """Points for a foul (WPBSA 3.10)."""
@@ -76,21 +76,14 @@ def snooker(state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
     Returns:
         The verdict.
     """
-    on, first = ball_on(state), set(facts.first)
+    on, free = _nominated(state, facts, call)
     potted = set(facts.potted) - {CUE}
-    # The nominated ball; a ball that is touched first counts as nominated.
-    nominated = {call.ball} if call.ball >= 0 else first if len(first) == 1 else set()
-    free: set[int] = set()
-    if state.colour:
-        on = on & nominated
-    elif state.free_ball:
-        free = nominated - on
     # The value of the ball on is 7 if a player commits a foul before nominating a colour.
     value = min((ball_value(state, ball) for ball in on), default=MOST_PENALTY)
     counted = on | free
     foul = _foul(facts, on, free, potted - counted)
     if foul:
-        wrong = (first | potted) - counted
+        wrong = (set(facts.first) | potted) - counted
         points = max(LEAST_PENALTY, value, *(ball_value(state, ball) for ball in wrong))
         return _after(state, Verdict(foul, penalty=points, choices=("hand_back",)), facts, spotted=colours(state))
     # A free ball has the value of the ball on. It scores with the reds, but not in addition to a colour (3.12 e).
@@ -101,15 +94,31 @@ def snooker(state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
     return _after(state, verdict, facts, spotted)
 
 
-def _foul(facts: Facts, on: Iterable[int], free: set[int], wrong: set[int]) -> str:
-    """Returns the foul of a shot, or "" (WPBSA 3.10)."""
+def _nominated(state: RuleState, facts: Facts, call: Call) -> tuple[frozenset[int], frozenset[int]]:
+    """Returns the balls that are on in a shot, and the free ball. A ball that is touched first counts as nominated."""
+    on, first = ball_on(state), frozenset(facts.first)
+    nominated = frozenset({call.ball}) if call.ball >= 0 else first if len(first) == 1 else frozenset()
+    if state.colour:
+        return on & nominated, frozenset()
+    return on, nominated - on if state.free_ball else frozenset()
+
+
+def _touches_ball_on(facts: Facts, on: frozenset[int], free: frozenset[int]) -> bool:
+    """Returns whether the cue ball first touches a ball on or the free ball.
+
+    It may touch two balls at the same instant if they are two reds, or the free ball and a ball on (WPBSA 3.6).
+    """
     first = set(facts.first)
+    return bool(first & (free or on)) and first <= on | free
+
+
+def _foul(facts: Facts, on: frozenset[int], free: frozenset[int], wrong: set[int]) -> str:
+    """Returns the foul of a shot, or "" (WPBSA 3.10). If there are several, it is the first in the order of `FOULS`."""
     if CUE in facts.potted:
         return "scratch"
-    if not first:
+    if not facts.first:
         return "no_hit"
-    # Two balls may be touched at the same instant if they are two reds, or the free ball and a ball on (3.6).
-    if not first <= {*on, *free} or (free and not first & free):
+    if not _touches_ball_on(facts, on, free):
         return "wrong_ball"
     return "wrong_pot" if wrong else ""
 
@@ -137,26 +146,29 @@ def points_left(state: RuleState) -> int:
     return reds * (1 + MOST_PENALTY) + MOST_PENALTY * state.colour + sum(ball_value(state, ball) for ball in balls)
 
 
-def is_miss(before: RuleState, after: RuleState, foul: str) -> bool:
-    """Returns whether a foul is also a miss (WPBSA 3.14).
+def is_miss(before: RuleState, after: RuleState, facts: Facts, call: Call = NO_CALL) -> bool:
+    """Returns whether a shot is a miss (WPBSA 3.14). A miss remains one if the shot also pots the cue ball.
 
     Args:
         before: The state before the shot.
         after: The state after the shot.
-        foul: The foul.
+        facts: The facts of the shot.
+        call: The call of the player.
 
     Returns:
         Whether the shot touched no ball on first, and no player needed penalty points before or after it.
     """
     needed = any(abs(state.scores[0] - state.scores[1]) > points_left(state) for state in (before, after))
-    return foul in ("no_hit", "wrong_ball") and not needed
+    return not needed and not _touches_ball_on(facts, *_nominated(before, facts, call))
 
 
 def is_snookered(scene: Scene, positions: NDArray[np.float64], state: RuleState) -> bool:
     """Returns whether the cue ball is snookered on all balls on, which after a foul gives a free ball (WPBSA 3.12).
 
     A ball on is snookered if another ball, which is not on, obstructs a straight path of the cue ball to one of its two
-    edges. A cue ball in hand is snookered if it is so from all places of a grid in the D.
+    edges (section 2, 17): on the path the two balls would overlap by more than `CONTACT_GAP`. A ball that touches the
+    cue ball therefore obstructs no path that leads away from it or past it. A ball on that the cue ball touches is not
+    snookered. A cue ball in hand is snookered if it is so from all places of a grid in the D.
 
     Args:
         scene: The scene.
@@ -189,13 +201,15 @@ def _sees(
     x, y = place
     dx, dy, reach = target[0] - x, target[1] - y, target[2] + radius
     square = dx * dx + dy * dy
-    along = math.sqrt(max(square - reach * reach, 0.0))
+    if square <= (reach + CONTACT_GAP) ** 2:
+        return True
+    along = math.sqrt(square - reach * reach)
     for side in (-reach, reach):  # the path to the point at which the two balls only touch
         ex, ey = (along * dx - side * dy) * along / square, (along * dy + side * dx) * along / square
         for other_x, other_y, other_radius in others:
-            ox, oy, clear = other_x - x, other_y - y, other_radius + radius
-            share = min(max((ox * ex + oy * ey) / max(along * along, 1e-30), 0.0), 1.0)
+            ox, oy, clear = other_x - x, other_y - y, other_radius + radius - CONTACT_GAP
+            share = min((ox * ex + oy * ey) / (along * along), 1.0)
             gap_x, gap_y = ox - share * ex, oy - share * ey
-            if gap_x * gap_x + gap_y * gap_y < clear * clear:
+            if share > 0.0 and gap_x * gap_x + gap_y * gap_y < clear * clear:
                 return False
     return True

@@ -209,6 +209,12 @@ def test_straight_pool_a_foul_costs_a_point(log, foul, in_hand, spotted):  # 4.9
         ((("hit", 0, 1), ("pocket", 2, 0)), Call(2, 0), Verdict(points=1, continues=True)),
         ((("hit", 0, 1), ("pocket", 2, 0)), Call(2, 1), Verdict("breaking_foul", -2, spotted=(2,))),
         ((("hit", 0, 1), ("pocket", 0, 0)), Call(), Verdict("breaking_foul", -2, in_hand="behind")),
+        # A potted cue ball counts as driven to a cushion (8.4).
+        (
+            (("hit", 0, 1), ("cushion", 2), ("cushion", 3), ("pocket", 0, 0)),
+            Call(),
+            Verdict("scratch", -1, in_hand="behind"),
+        ),
         (
             (("hit", 0, 1), ("cushion", 0), ("cushion", 2), ("cushion", 3), ("pocket", 0, 0)),
             Call(),
@@ -294,5 +300,5 @@ def test_straight_pool_three_fouls_on_the_table():
 
 def test_facts_hold_the_pocket_of_each_ball():
     assert facts(("hit", 0, 1), ("pocket", 7, 2), ("pocket", 0, 4)) == Facts(
-        (1,), ((1, 0),), (7, 0), True, frozenset({7}), (2, 4)
+        (1,), ((1, 0),), (7, 0), True, frozenset({7}), (2, 4), True
     )

@@ -331,6 +331,56 @@ def test_a_snooker_hides_an_edge_of_every_ball_on(places, snookered):  # section
     assert is_snookered(SCENE, positions, frame(on_table=balls)) == snookered
 
 
+def around(place, angle, distance):
+    """Returns the point at a distance and an angle from a place."""
+    return place[0] + distance * math.cos(angle), place[1] + distance * math.sin(angle)
+
+
+@pytest.mark.parametrize(
+    ("blue", "snookered"),
+    [
+        (math.pi, False),  # behind the path
+        (0.0, True),  # in front of the red
+        (1.0, True),  # covers the left edge
+    ],
+)
+def test_a_ball_frozen_to_the_cue_ball_obstructs_only_paths_towards_it(blue, snookered):  # section 2, 17
+    cue = (0.1, -0.2)
+    for k in range(500):
+        angle = 2 * math.pi * k / 500
+        places = {"red": around(cue, angle, 0.6), "blue": around(cue, angle + blue, 2 * R)}
+        assert verdicts(cue, places) == {snookered}, k
+
+
+def test_a_path_past_a_frozen_ball_is_free():
+    cue, distance = (0.1, -0.2), 0.6
+    edge = math.asin(2 * R / distance)  # the angle between the paths to the middle and to an edge of the red
+    for k in range(500):
+        angle = 2 * math.pi * k / 500
+        places = {"red": around(cue, angle, distance), "blue": around(cue, angle + edge + math.pi / 2, 2 * R)}
+        assert verdicts(cue, places) == {False}, k
+        nearer = {**places, "blue": around(cue, angle + edge + math.pi / 2 - 1e-4, 2 * R)}
+        assert verdicts(cue, nearer) == {True}, k
+
+
+def test_a_ball_on_that_touches_the_cue_ball_is_not_snookered():
+    cue = (0.1, -0.2)
+    for k in range(500):
+        angle = 2 * math.pi * k / 500
+        places = {"red": around(cue, angle, 2 * R), "blue": around(cue, angle + math.pi / 2, 2 * R)}
+        assert verdicts(cue, places) == {False}, k
+
+
+def verdicts(cue, places):
+    """Returns whether the cue ball is snookered in mirrored layouts and with coordinates changed by one ulp."""
+    positions, balls = positions_of(cue=cue, **places)
+    state_ = frame(on_table=balls)
+    rng = np.random.default_rng(0)
+    layouts = [positions, positions * (-1, 1), positions * (1, -1), -positions]
+    layouts += [np.nextafter(positions, rng.choice((-9.0, 9.0), positions.shape)) for _ in range(4)]
+    return {is_snookered(SCENE, layout, state_) for layout in layouts}
+
+
 def test_a_cue_ball_in_hand_is_rarely_snookered():  # 3.12
     positions, balls = positions_of(cue=(-0.5, 0.0), red=(1.0, 0.0), blue=(-0.2, 0.0))
     assert is_snookered(SCENE, positions, frame(on_table=balls))
@@ -377,18 +427,47 @@ def test_without_the_miss_rule_nothing_is_replaced():
 
 
 @pytest.mark.parametrize(
-    ("foul", "scores", "miss"),
+    ("log", "miss"),
     [
-        ("no_hit", (0, 0), True),
-        ("wrong_ball", (0, 0), True),
-        ("scratch", (0, 0), False),
-        ("wrong_pot", (0, 0), False),
-        ("no_hit", (0, 40), False),  # the player needs penalty points
+        ((), True),
+        ((("pocket", 0),), True),  # a scratch does not hide the miss
+        ((("hit", 0, YELLOW),), True),
+        ((("hit", 0, YELLOW), ("pocket", 0)), True),
+        ((("hit", 0, YELLOW), ("pocket", BLUE)), True),
+        ((("hit", 0, 1), ("pocket", 0)), False),
+        ((("hit", 0, 1), ("pocket", BLUE)), False),
     ],
 )
-def test_which_fouls_are_misses(foul, scores, miss):  # 3.14
-    before = frame(on_table=(1, *COLOURS), scores=scores)
-    assert is_miss(before, before, foul) == miss
+def test_a_shot_that_touches_no_ball_on_first_is_a_miss(log, miss):  # 3.14
+    before, made = frame(on_table=(1, *COLOURS)), facts(*log)
+    assert is_miss(before, next_state(before, made, snooker(before, made)), made) == miss
+
+
+def test_there_is_no_miss_if_a_player_needs_penalty_points():  # 3.14
+    before = frame(on_table=(1, *COLOURS), scores=(0, 35))
+    assert is_miss(before, before, facts())
+    for scores in ((0, 36), (36, 0)):
+        assert not is_miss(before, before._replace(scores=scores), facts())
+        assert not is_miss(before._replace(scores=scores), before, facts())
+
+
+def test_a_nominated_ball_that_is_not_touched_first_is_a_miss():  # 3.14
+    for before in (frame(colour=True), frame(free_ball=True)):
+        log = facts(("hit", 0, PINK))
+        assert is_miss(before, before, log, Call(BLUE))
+        assert not is_miss(before, before, log, Call(PINK))
+        assert not is_miss(before, before, log)
+
+
+def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
+    corner = np.array([1.7845, 0.889])
+    before = lying({"cue": corner - 0.3, "red": (-1.0, 0.5)})
+    missed = play(MISS, before, Stroke((1.0, 1.0)))
+    assert (missed.facts.first, missed.facts.potted, missed.verdict.foul) == ((), (0,), "scratch")
+    assert (missed.game.state.in_hand, missed.game.state.choices) == ("behind", ("hand_back", "replace"))
+    again = play(MISS, missed.game, Stroke((0.0, 0.0), call=Call(kind="replace"))).game
+    assert again.positions.tobytes() == before.positions.tobytes()
+    assert (again.state.player, again.state.in_hand, again.state.on_table) == (0, "no", before.state.on_table)
 
 
 # On the table.
