@@ -54,7 +54,7 @@ def cue_strike(action: ArrayLike, scene: Scene, max_speed: float) -> Strike:
 
     Args:
         action: (2,) or (5,), see the module. The first two numbers are scaled to length 1 if they are longer. The
-            others are clipped to [-1, 1].
+            others are clipped to [-1, 1], and the elevation to [0, 1].
         scene: The scene.
         max_speed: m/s.
 
@@ -105,16 +105,16 @@ def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArr
 
 
 def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
-    """Adds errors to shots.
+    """Adds errors to shots. Actions that are clipped to the same shot get the same errors.
 
     Args:
-        actions: (..., 2) or (..., 5), see the module. The first two numbers are scaled to length 1 if they are longer.
+        actions: (..., 2) or (..., 5), clipped as by `cue_strike` before the errors are added.
         errors: Of the same shape: the error of the direction, in half turns, that of the speed, divided by the largest
             speed, and those of the other numbers. The speed stays between 0 and the largest speed. A speed of zero
             stays zero.
 
     Returns:
-        The actions with the errors.
+        The actions with the errors. An action that is not finite stays as it is; an environment refuses it.
 
     Raises:
         ValueError: If the shapes differ.
@@ -125,7 +125,7 @@ def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
     """
     given = np.asarray(errors, dtype=np.float64)
     array = shaped("action", actions, given.shape)
-    out = array + given
+    out = np.empty(given.shape)
     size = given.shape[-1]
     _perturbed(array.reshape(-1, size), given.reshape(-1, size), out.reshape(-1, size))
     return out
@@ -140,6 +140,13 @@ def shorten(x, y, max_speed):
     # Not hypot: its last bit depends on the C library.
     speed = max_speed / max(math.sqrt(x * x + y * y), 1.0)
     return x * speed, y * speed
+
+
+@kernel
+def clipped(actions, k, column):
+    """Returns the side, the top or the elevation of action k, clipped."""
+    least = 0.0 if column == ELEVATION else -1.0
+    return min(max(actions[k, column], least), 1.0)
 
 
 @kernel
@@ -181,9 +188,8 @@ def strike_balls(begin, end, skip, actions, cue, starts):
     for k in range(begin, end):
         if skip[k]:
             continue
-        side = cue.miscue * min(max(actions[k, SIDE], -1.0), 1.0)
-        top = cue.miscue * min(max(actions[k, TOP], -1.0), 1.0)
-        sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * min(max(actions[k, ELEVATION], 0.0), 1.0))
+        side, top = cue.miscue * clipped(actions, k, SIDE), cue.miscue * clipped(actions, k, TOP)
+        sin_elevation, cos_elevation = sine_cosine(0.5 * math.pi * clipped(actions, k, ELEVATION))
         ux, uy = velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y]
         vx, vy, wx, wy, wz, miscue = struck(cue, ux, uy, side, top, sin_elevation, cos_elevation)
         velocities[k, CUE_BALL, X], velocities[k, CUE_BALL, Y] = vx, vy
@@ -208,10 +214,16 @@ def _aimed(cue, actions, offsets, out):
 @entry_point
 def _perturbed(actions, errors, out):
     for k in range(len(actions)):
-        x, y = actions[k, X], actions[k, Y]
-        largest = max(abs(x), abs(y), 1.0)  # first into the box [-1, 1], so that the squares do not overflow
-        x, y = x / largest, y / largest
-        share = math.sqrt(x * x + y * y)
+        finite = True
+        for column in range(actions.shape[1]):
+            out[k, column] = actions[k, column]
+            finite = finite and math.isfinite(actions[k, column])
+        if not finite:
+            continue
+        for column in range(SIDE, actions.shape[1]):
+            out[k, column] = clipped(actions, k, column) + errors[k, column]
+        x, y = shorten(actions[k, X], actions[k, Y], 1.0)
+        share = norm(x, y)
         if share == 0.0:
             out[k, X] = out[k, Y] = 0.0
             continue

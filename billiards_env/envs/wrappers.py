@@ -111,7 +111,8 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
     The noise is added to the direction and the speed and, with `action="strike"`, also to the offsets of the tip and
     the elevation. The defaults are those of the pool tournaments at the Computer Olympiad (Smith 2007, PickPocket: A
-    computer billiards shark). The speed stays between 0 and `max_speed`. A shot of speed 0 stays at speed 0.
+    computer billiards shark). The speed stays between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action
+    is clipped before the noise is added, so an action outside of the action space has the noise of its clipped shot.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
 

@@ -261,13 +261,13 @@ def test_positions_and_potted_are_copies():
 # --- noise ------------------------------------------------------------------------------------------------------------
 
 
-def noisy_shots(env, count, seed: int | None = 0):
-    """Returns the actions after noise of `count` shots at half the largest speed along y."""
+def noisy_shots(env, count, seed: int | None = 0, action=(0.0, 0.5)):
+    """Returns the actions after noise of `count` shots, by default at half the largest speed along y."""
     shots = []
-    env.unwrapped.step = lambda action: (shots.append(action), 0.0, False, False, {})
+    env.unwrapped.step = lambda noisy: (shots.append(noisy), 0.0, False, False, {})
     env.reset(seed=seed)
     for _ in range(count):
-        env.step(np.array([0.0, 0.5], np.float32))
+        env.step(np.array(action, np.float32))
     return np.array(shots)
 
 
@@ -320,6 +320,33 @@ def test_lists_of_seeds_and_masked_seeds_seed_the_noise(build):
     again = play(seed=[7, 8, 9], options={"reset_mask": np.array([False, True, False])})
     assert again[1].tobytes() == first[1].tobytes()
     assert (again[[0, 2]] != first[[0, 2]]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("frame", [None, "cut"])
+@pytest.mark.parametrize("vector", [False, True])
+@pytest.mark.parametrize(
+    ("action", "clipped"),
+    [
+        ([3.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]),
+        ([0.3, 0.4, 0.0, 0.0, -1.0], [0.3, 0.4, 0.0, 0.0, 0.0]),
+        ([0.3, 0.4, 5.0, 0.0, 0.0], [0.3, 0.4, 1.0, 0.0, 0.0]),
+        ([0.3, 0.4, 0.5, -9.0, 2.0], [0.3, 0.4, 0.5, -1.0, 1.0]),
+    ],
+)
+def test_equal_shots_have_equal_noise(action, clipped, vector, frame):
+    def shots(chosen):
+        """Returns the actions after noise of three equal shots."""
+        if vector:
+            env: Any = VectorExecutionNoise(gym.make_vec("Billiards-v0", 2, action="strike"))
+            env, chosen = VectorActionFrame(env, frame) if frame else env, [chosen] * 2
+        else:
+            env = ExecutionNoise(gym.make("Billiards-v0", action="strike").unwrapped)
+            env = ActionFrame(env, frame) if frame else env
+        return noisy_shots(env, 3, action=chosen)
+
+    found = shots(action)
+    assert found.tobytes() == shots(clipped).tobytes()
+    assert (found[0] != found[1]).all()
 
 
 @pytest.mark.parametrize("scales", [(-0.1, 0.0), (0.0, np.nan), (np.inf, 0.0)])

@@ -55,6 +55,18 @@ def test_perturb_adds_errors_to_the_cue():
     np.testing.assert_allclose(moved, [0.6, 0.0, 0.11, -0.18, 0.27], rtol=1e-14)
 
 
+def test_perturb_clips_first():
+    errors = [0.0, 0.0, -0.1, 0.2, 0.3]
+    expected = perturb([0.6, 0.0, 1.0, -1.0, 0.0], errors)
+    np.testing.assert_allclose(expected, [0.6, 0.0, 0.9, -0.8, 0.3], rtol=1e-14)
+    assert perturb([0.6, 0.0, 7.0, -1.5, -1.0], errors).tolist() == expected.tolist()
+
+
+def test_perturb_leaves_actions_that_are_not_finite():
+    found = perturb([[np.nan, 0.5], [0.5, np.inf], [0.5, 0.0]], np.full((3, 2), 0.25))
+    assert np.isfinite(found).all(axis=1).tolist() == [False, False, True]
+
+
 def test_an_action_of_five_numbers_is_a_strike():
     action = [0.3, -0.4, 0.5, -0.25, 0.5]
     speed = 0.5 * 4.0 / speed_gain(cue_numbers(POOL), 0.0)
