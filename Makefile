@@ -65,6 +65,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.english
+	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m benchmarks.readme
 
 study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)

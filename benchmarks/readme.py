@@ -32,7 +32,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import choices, cluster_speed, english, recipes, timestep_report, training_speed
+from studies import choices, cluster_speed, english, recipes, run_outs, timestep_report, training_speed
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -55,6 +55,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "real_timestep": ("benchmarks.real_timestep", real_timestep.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
     "rendering": ("benchmarks.rendering", rendering.blocks),
+    "run_outs": ("studies.run_outs", run_outs.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),

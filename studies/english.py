@@ -3,17 +3,17 @@
 The recipes in `configs/english` are tasks on a real table, with throw and the jaws of the pockets. Each is trained with
 several seeds. First a policy of velocities is trained. Then two policies start from its weights and train for as long
 again: one of velocities and one of strikes, with side, top and elevation. Both play the same new layouts, in the exact
-world and in one with a timestep. Players without learning play part of these layouts, with and without spin, and the
-run-outs of nine ball and eight ball.
+world and in one with a timestep. Players without learning play part of these layouts, with and without spin.
 
-The runs are kept in `runs/english`, so the same command continues after an interruption. The results are in
-`studies/results/english.json`.
+The results are in `studies/results/english.json`. If they are there, nothing is trained: the command prints the tables.
+The runs are kept in `runs/english`, so the same command continues after an interruption.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -47,19 +47,6 @@ PLAYERS = ("random", "geometric", "search:200")
 EPISODES = 300
 """Episodes of each player without training."""
 
-RUN_OUTS = {
-    name: {
-        "scene": "real_pool",
-        "task": name,
-        "n_object_balls": balls,
-        "layout": name,
-        "max_shots": 30,
-        "max_speed": 8.0,
-    }
-    for name, balls in (("nine_ball", 9), ("eight_ball", 15))
-}
-"""The arguments of the run-outs, which only the players without training play."""
-
 
 def configs(name: str, seed: int, folder: Path) -> dict[str, Config]:
     """Returns the configurations of the runs of a recipe with a seed, by run; the folder holds the runs."""
@@ -80,6 +67,18 @@ def success(run_dir: Path, changes: Mapping[str, Any]) -> float:
     result = play_together(envs, deterministic(policy), seeds)
     envs.close()
     return float(result["success_rate"])
+
+
+def find_result(path: Path) -> dict[str, Any] | None:
+    """Returns the result in a file; None if there is none, or it is of other seeds or recipes."""
+    if not path.exists():
+        return None
+    found = json.loads(path.read_text(encoding="utf-8"))
+    same = found["seeds"] == list(SEEDS) and list(found["recipes"]) == list(RECIPES)
+    recipes = {name: load(CONFIGS / f"{name}.yaml") for name in RECIPES}
+    if not same or not all(recipes[name].is_saved_as(result["config"]) for name, result in found["recipes"].items()):
+        return None
+    return found
 
 
 def measure(runs: Path, jobs: int) -> dict[str, Any]:
@@ -107,13 +106,12 @@ def measure(runs: Path, jobs: int) -> dict[str, Any]:
     for name in RECIPES:
         recipe = load(CONFIGS / f"{name}.yaml")
         found["recipes"][name] = {
-            "steps": recipe.timesteps,
+            "config": recipe.to_dict(),
             "start": {run: [learning_curve(f / run)[0].success for f in folders[name]] for run in (VELOCITY, STRIKE)},
             "exact": {run: [success(f / run, {}) for f in folders[name]] for run in (FIRST, VELOCITY, STRIKE)},
             "stepped": {run: [success(f / run, STEPPED) for f in folders[name]] for run in (VELOCITY, STRIKE)},
             "players": players(recipe.env),
         }
-    found["run_outs"] = {name: players(env) for name, env in RUN_OUTS.items()}
     return found
 
 
@@ -141,20 +139,9 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         rows.append((name, "policy", *policies))
         changes = [(exact[STRIKE], exact[VELOCITY])] + [(stepped[run], exact[run]) for run in (VELOCITY, STRIKE)]
         gains.append((name, *(_points(np.subtract(*pair).tolist()) for pair in changes)))
-    run_outs = []
-    for name, played in found["run_outs"].items():
-        for player in PLAYERS:
-            results = [played[action][player] for action in (VELOCITY, STRIKE)]
-            numbers = [(f"{result['success_rate']:.1%}", f"{result['mean_score']:.2f}") for result in results]
-            run_outs.append((name, player, *numbers[0], *numbers[1]))
     return {
         "machine": machine_line(found["machine"]),
         "results": table(("task", "player", "velocity", "strike", "velocity, 1/60 s", "strike, 1/60 s"), rows, left=2),
-        "run_outs": table(
-            ("task", "player", "velocity", "points", "strike", "points"),
-            run_outs,
-            left=2,
-        ),
         "gain": table(("task", "gain by strikes", "effect of 1/60 s on velocity", "on strike"), gains, left=1),
     }
 
@@ -170,15 +157,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.english --help`."""
     parser = argparse.ArgumentParser(prog="python -m studies.english", description="Measure whether english pays.")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser.add_argument("--runs", type=Path, default=RUNS / "english", help="folder of the runs (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
     args = parser.parse_args(arguments)
     try:
-        found = measure(RUNS / "english", args.jobs)
-        write_json(args.output, found)
-    except (OSError, TypeError, ValueError) as error:
+        found = find_result(args.output)
+        if found is None:
+            found = measure(args.runs, args.jobs)
+            write_json(args.output, found)
+    except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command continues", file=sys.stderr)
+        sys.exit(130)
     print("\n\n".join(blocks(found).values()))
-    print(f"\nwritten to {args.output}")
+    print(f"\nin {args.output}")
 
 
 if __name__ == "__main__":

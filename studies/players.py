@@ -40,7 +40,8 @@ def measure(
         seed: The seed of the layouts, the noise and the player.
 
     Returns:
-        The results of `agents.evaluate.play`, and `ms_per_decision`, the median time for the choice of a shot.
+        The results of `agents.evaluate.play`, `mean_shots`, the mean number of shots of an episode, and
+        `ms_per_decision`, the median time for the choice of a shot.
 
     Raises:
         ValueError: If a name or an argument is unknown or impossible.
@@ -63,7 +64,7 @@ def measure(
 
     result = play(env, act, evaluation_seeds(seed, episodes).tolist())
     env.close()
-    return {**result, "ms_per_decision": 1e3 * float(np.median(times))}
+    return {**result, "mean_shots": len(times) / episodes, "ms_per_decision": 1e3 * float(np.median(times))}
 
 
 def row(name: str, result: Mapping[str, Any]) -> tuple[str, ...]:
