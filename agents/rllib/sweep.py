@@ -91,14 +91,17 @@ def table(results: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list[st
     """Returns the head and the rows of the result table."""
     formats = {"seconds": "{:.0f}", "success": "{:.1%}", "steps": "{:,}"}
     head = [name.rpartition(".")[2] for name in results[0]]
-    return head, [[formats.get(name, "{}").format(_short(value)) for name, value in r.items()] for r in results]
+    return head, [
+        [formats[name].format(value) if name in formats else _short(value) for name, value in result.items()]
+        for result in results
+    ]
 
 
-def _short(value: Any) -> Any:
-    """Returns a setting in a shorter form."""
+def _short(value: Any) -> str:
+    """Returns a setting as short text."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key} {' '.join(map(str, inner))}" for key, inner in value.items())
-    return f"{value:.2g}" if isinstance(value, float) and value < 0.1 else value
+    return f"{value:.2g}" if isinstance(value, float) and value < 0.1 else str(value)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
