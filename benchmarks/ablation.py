@@ -46,18 +46,19 @@ class Saving:
     edits: tuple[tuple[str, str, str], ...]
 
 
-JIT, PREDICTIONS, ALL_PAIRS = "physics/jit.py", "engine/predictions.py", "engine/all_pairs.py"
+JIT, ALL_PAIRS, PREDICTIONS = "physics/jit.py", "engine/all_pairs.py", "engine/predictions.py"
+CONTACT, WALLS = "physics/contact.py", "physics/walls.py"
 SAVINGS = (
     Saving("borrowed arrays", ((JIT, "_nrt=False", "_nrt=True"),)),
-    Saving("inlining", ((JIT, "forceinline=True", "forceinline=False"), (JIT, 'inline="always"', 'inline="never"'))),
+    Saving("inlining", ((JIT, "forceinline=True", "forceinline=False"),)),
     Saving(
         "out of reach, not solved",
         (
-            (PREDICTIONS, "return abs(x) < room and", "return False and abs(x) < room and"),
-            (PREDICTIONS, "if side > 0.0 and", "if False and side > 0.0 and"),
-            (PREDICTIONS, "if abs(dx) > wide", "if False and abs(dx) > wide"),
-            (ALL_PAIRS, "apart = queue.apart[j] if n >= MANY else", "apart = False if n >= 0 else"),
-            (ALL_PAIRS, "    if n >= MANY:\n        screen(", "    if n < 0:\n        screen("),
+            (PREDICTIONS, "    dd = dx * dx + dy * dy\n", "    return False\n"),  # in `cannot_meet`
+            (CONTACT, "    side = abs(path.x * path.vy", "    return False\n    side = abs(path.x * path.vy"),
+            (WALLS, "return abs(x) < room and", "return False and abs(x) < room and"),
+            (WALLS, "if abs(path.x) <= room_x", "if False and abs(path.x) <= room_x"),
+            (WALLS, "if gap > (1.0 + MARGIN)", "if False and gap > (1.0 + MARGIN)"),
         ),
     ),
     Saving("several balls at once", ((ALL_PAIRS, "MANY = 8\n", "MANY = 1_000_000\n"),)),
@@ -72,6 +73,22 @@ SAVINGS = (
         ),
     ),
 )
+
+
+def edited(saving: Saving, package: Path) -> dict[Path, str]:
+    """Returns the files of a package without a saving: their paths and their new texts.
+
+    Raises:
+        RuntimeError: If a file does not contain the text of an edit.
+    """
+    texts: dict[Path, str] = {}
+    for name, old, new in saving.edits:
+        path = package / name
+        text = texts.get(path) or path.read_text(encoding="utf-8")
+        if old not in text:
+            raise RuntimeError(f"{name}, without {saving.name}: expected the text {old!r}")
+        texts[path] = text.replace(old, new)
+    return texts
 
 
 class Variant:
@@ -136,16 +153,15 @@ def variants(scale: float) -> Iterator[list[Variant]]:
         RuntimeError: If the package does not contain the text of an edit.
     """
     with tempfile.TemporaryDirectory() as temporary, contextlib.ExitStack() as stack:
-        started = []
-        for k, edits in enumerate([(), *(saving.edits for saving in SAVINGS)]):
-            folder = Path(temporary, str(k))
-            package = folder / "billiards_env"
+        folders = []
+        for k, saving in enumerate([Saving("none", ()), *SAVINGS]):
+            package = Path(temporary, str(k), "billiards_env")
             shutil.copytree(ROOT / "billiards_env", package, ignore=shutil.ignore_patterns("__pycache__"))
-            for name, old, new in edits:
-                text = (package / name).read_text(encoding="utf-8")
-                if old not in text:
-                    raise RuntimeError(f"{name}: expected the text {old!r}")
-                (package / name).write_text(text.replace(old, new), encoding="utf-8")
+            for path, text in edited(saving, package).items():
+                path.write_text(text, encoding="utf-8")
+            folders.append(package.parent)
+        started = []
+        for folder in folders:  # no process starts before all edits are made
             started.append(Variant(folder, scale))
             stack.callback(started[-1].stop)
         yield started
