@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import Case, breaks
 from billiards_env.engine import pic
 from billiards_env.engine.contact_rule import CONTACT_TIME, set_rule
@@ -120,6 +120,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--shots", type=int, default=SHOTS, help="breaks of each kind (%(default)s)")
     parser.add_argument("--output", type=Path, default=RESULTS / "contact_rule.json", help="where the JSON goes")
     arguments = parser.parse_args(argv)
+    check_counts(parser, arguments, shots=1)
     result = measure(arguments.shots)
     print_blocks(blocks(result))
     write_json(arguments.output, result)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks import RESULTS, machine, machine_line, print_blocks, table
+from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env.files import write_json, write_whole
 from cluster import ROOT, RayExecutor
 from reference.stress import families, measure
@@ -259,6 +259,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--address", help='address of a Ray cluster that plays, e.g. "auto" (default: this machine)')
     args = parser.parse_args(arguments)
+    check_counts(parser, args, workers=1)
+    if not 0 < args.scale <= 1:
+        parser.error(f"--scale = {args.scale}: expected a number in (0, 1]")
     for family in ("pool, 1 object ball", "pool, 5 object balls"):
         families.run(family, 0, 1)  # compiles the kernels once, for all processes
     started = time.perf_counter()

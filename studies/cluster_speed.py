@@ -25,7 +25,7 @@ from agents.ppo import make_policy
 from agents.rllib.rollouts import Rollouts
 from agents.rllib.settings import Settings
 from agents.train import learning_curve, open_run
-from benchmarks import machine, machine_line, table
+from benchmarks import check_counts, machine, machine_line, table
 from benchmarks.speed import summary
 from billiards_env.checks import missing
 from billiards_env.files import write_json
@@ -244,15 +244,17 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--repeats", type=int, default=15, help="repeats of each measurement (default: %(default)s)")
     parser.add_argument("--runs", type=Path, default=RUNS / "rllib" / "pot-seeds", help="folder of the runs")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
     args = parser.parse_args(arguments)
+    check_counts(parser, args, repeats=1)
     try:
         result = measure(args.repeats, args.runs)
     except ModuleNotFoundError as error:
         sys.exit(f"error: {missing(error.name or 'ray', 'rllib')}")
-    write_json(OUTPUT, result)
+    write_json(args.output, result)
     for text in blocks(result).values():
         print(f"{text}\n")
-    print(f"written to {OUTPUT}")
+    print(f"written to {args.output}")
 
 
 if __name__ == "__main__":

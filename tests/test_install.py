@@ -126,6 +126,16 @@ def test_an_incomplete_environment_is_rebuilt(make, tmp_path):
     assert "\npython3 -m venv --clear .venv\n" in make("-n", "format").stdout
 
 
+@needs_make
+def test_clean_removes_what_make_builds_and_keeps_trained_runs(make, tmp_path):
+    built, kept = (".venv", "build", "site", "tests/__pycache__"), ("runs/pot", "tests")
+    for name in (*built, *kept):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+    assert make("clean").returncode == 0
+    assert not any((tmp_path / name).exists() for name in built)
+    assert all((tmp_path / name).exists() for name in kept)
+
+
 PIP = """#!/bin/sh
 echo 'Obtaining file:///billiards-env'
 echo '  Installing build dependencies: started'

@@ -12,6 +12,7 @@ from benchmarks import (
     ablation,
     accuracy,
     accuracy_report,
+    contact_rule,
     convergence,
     error_limit,
     figures,
@@ -261,25 +262,51 @@ def test_growth_is_a_slope_and_the_crossover_is_the_last_one():
     assert growth.crossover(rows[:2]) is None
 
 
-@pytest.mark.parametrize("module", [accuracy, growth])
-def test_passes_below_one_are_rejected(module, capsys):
-    with pytest.raises(SystemExit):
-        module.main(["--passes", "0"])
-    assert "--passes = 0: expected a whole number >= 1" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("module", [speed, error_limit, rendering, start_up])
-def test_counts_below_one_are_rejected(module, capsys):
-    option = "--shots" if module is error_limit else "--repeats"
+@pytest.mark.parametrize(
+    ("module", "option"),
+    [
+        (accuracy, "--passes"),
+        (contact_rule, "--shots"),
+        (error_limit, "--shots"),
+        (growth, "--passes"),
+        (rendering, "--repeats"),
+        (speed, "--repeats"),
+        (start_up, "--repeats"),
+        (stress, "--workers"),
+    ],
+)
+def test_counts_below_one_are_rejected(module, option, capsys):
     with pytest.raises(SystemExit):
         module.main([option, "0"])
     assert f"{option} = 0: expected a whole number >= 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scale", ["0", "1.5"])
+def test_the_stress_run_is_not_larger_than_the_whole(scale, capsys):
+    with pytest.raises(SystemExit):
+        stress.main(["--scale", scale])
+    assert f"--scale = {float(scale)}: expected a number in (0, 1]" in capsys.readouterr().err
 
 
 def test_tables_are_markdown():
     rows = [("a", "1.00"), ("bcdef", "12.00")]
     assert table(("what", "s"), rows) == "| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |"
     assert table(("what", "s"), rows, left=2).splitlines()[1:3] == ["| ----- | ----- |", "| a     | 1.00  |"]
+
+
+@pytest.mark.parametrize("saving", ablation.SAVINGS, ids=lambda saving: saving.name)
+def test_every_edit_of_the_ablation_matches_the_package(saving):
+    texts = ablation.edited(saving, ablation.ROOT / "billiards_env")
+    assert len(texts) == len({name for name, _, _ in saving.edits})
+    for path, text in texts.items():
+        compile(text, path, "exec")
+
+
+def test_an_edit_that_matches_nothing_stops_the_ablation(monkeypatch):
+    saving = ablation.Saving("made up", (("physics/jit.py", "_nrt=False", ""), ("physics/jit.py", "_nrt=False", "")))
+    monkeypatch.setattr(ablation, "SAVINGS", (saving,))
+    with pytest.raises(RuntimeError, match=r"physics/jit.py, without made up: expected the text '_nrt=False'"):
+        ablation.measure(1, 1e-6)
 
 
 def test_the_ablation_table_has_a_row_for_each_saving():

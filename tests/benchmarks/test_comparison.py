@@ -107,6 +107,14 @@ def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
         assert runners[0](scene, *shot, 0.5) == (None, comparison.POOLTOOL_GAPS[0], False)
 
 
+@pytest.mark.skipif(not comparison.POOLTOOL_PYTHON.exists(), reason="pooltool_worker needs .venv-pooltool")
+def test_the_pooltool_worker_runs_a_shot():
+    laws, kind = "friction and spin", "1 object ball"
+    with comparison.pooltool(comparison.POOLTOOL_PYTHON) as (_, runners):
+        ours, theirs = comparison.compare(laws, kind, [comparison.billiards_env(True), runners[0]], 1, 1)
+    assert ours["median_error_m"] < theirs["median_error_m"] < 1e-3
+
+
 def test_a_failing_worker_is_not_a_measurement(tmp_path):
     path = tmp_path / "worker.py"
     path.write_text("raise SystemExit(1)")
