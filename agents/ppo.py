@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import io
-import pickle
-from collections.abc import Mapping
+import zipfile
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -193,16 +194,10 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         OSError: If the file cannot be read.
         ValueError: If the weights in the file are not those of this policy.
     """
-    try:
+    with whole_archive(path, "a policy's weights"):
         weights = torch.load(path, map_location="cpu", weights_only=True)
-    except (
-        EOFError,
-        RuntimeError,
-        ValueError,
-        pickle.UnpicklingError,
-    ) as error:  # empty, incomplete or foreign
-        why = str(error).split("\n", 1)[0] or type(error).__name__
-        raise ValueError(f"{path} does not hold a policy's weights: {why}") from error
+        if not isinstance(weights, dict) or not all(isinstance(tensor, Tensor) for tensor in weights.values()):
+            raise ValueError
     if extend:
         head = policy.mlp_extractor
         inputs = OFFSET_INPUTS if isinstance(head, PotHead) and head.cue is not None else 0
@@ -218,6 +213,31 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
             raise RuntimeError(f"missing {missing}, unknown {unknown}")
     except (AttributeError, RuntimeError, TypeError) as error:
         raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
+
+
+@contextlib.contextmanager
+def whole_archive(path: Path, content: str) -> Iterator[None]:
+    """Checks a zip file and turns the exceptions of reading it into a ValueError.
+
+    The message of PyTorch is left out: it advises to load the file with `weights_only=False`, which runs its code.
+
+    Args:
+        path: The file.
+        content: What the file should hold, for the message.
+
+    Raises:
+        OSError: If the file cannot be opened.
+        ValueError: If the file is damaged or reading it raises another exception.
+    """
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                if archive.testzip() is not None:  # neither PyTorch nor Stable-Baselines3 compares the checksums
+                    raise ValueError
+            yield
+        except Exception:
+            expected = "expected a whole file of weights, it is damaged or holds other objects"
+            raise ValueError(f"{path} does not hold {content}: {expected}") from None
 
 
 def _extended(found: Tensor, own: Tensor, inputs: int) -> Tensor:

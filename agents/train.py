@@ -4,7 +4,7 @@ The folder of a run holds `config.yaml` (all settings, with the seed), `versions
 curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
 Stable-Baselines3 loads, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
 
-The same command resumes an interrupted run from its newest checkpoint. At each checkpoint the seed
+The same command resumes an interrupted run from its newest checkpoint that is not damaged. At each checkpoint the seed
 and the number of steps determine the seeds of all random generators. A resumed run therefore ends with the same weights
 as an uninterrupted one.
 
@@ -27,6 +27,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -38,6 +39,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
@@ -56,6 +59,7 @@ from agents.ppo import (
     save_policy,
     set_std,
     training_seed,
+    whole_archive,
 )
 from billiards_env.files import write_json, write_whole
 
@@ -173,32 +177,24 @@ def train(config: Config, run_dir: Path) -> None:
 def _train(config: Config, run_dir: Path) -> None:
     # Sums over several threads round differently on another machine, and such small networks gain little.
     torch.set_num_threads(1)
-    envs = make_vec_env(config)
-    model = make_model(config, envs)
-    logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
-    model.set_logger(logger)
-    rollout = config.n_envs * config.ppo.n_steps
-    total = -(-config.timesteps // rollout) * rollout
-    if total:
-        print(
-            f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
-            f"{rollout:,} (n_envs * ppo.n_steps)"
-        )
-    checkpoint = newest_checkpoint(run_dir)
-    if checkpoint is None:
-        _prepare(model, config, run_dir)
-    else:
-        try:
-            model.set_parameters(str(checkpoint), device="cpu")  # reads weights only
-        except (KeyError, RuntimeError, ValueError) as error:
-            envs.close()
-            raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
-        model.num_timesteps = int(checkpoint.stem)
-        print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
-    # A first shot compiles the engine, so that its notices appear before the progress bar.
-    envs: Any = make_vector(config, 1)
-    play_together(envs, lambda observations: np.zeros(envs.action_space.shape), [0])
-    try:
+    outputs = [TensorBoardOutputFormat(str(run_dir / "tensorboard"))]
+    with closing(make_vec_env(config)) as envs, closing(Logger(str(run_dir), outputs)) as logger:
+        model = make_model(config, envs)
+        model.set_logger(logger)
+        rollout = config.n_envs * config.ppo.n_steps
+        total = -(-config.timesteps // rollout) * rollout
+        if total:
+            print(
+                f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
+                f"{rollout:,} (n_envs * ppo.n_steps)"
+            )
+        if checkpoints(run_dir):
+            _resume(model, config, run_dir)
+        else:
+            _prepare(model, config, run_dir)
+        # A first shot compiles the engine, so that its notices appear before the progress bar.
+        envs.reset()
+        envs.step(np.zeros((config.n_envs, *envs.action_space.shape)))
         with tqdm(
             total=max(total, model.num_timesteps),
             disable=not total,
@@ -212,11 +208,28 @@ def _train(config: Config, run_dir: Path) -> None:
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
             callback.measure()
-    finally:
-        logger.close()
-        envs.close()
     _save(model, run_dir / "model.zip")
     save_policy(model.policy, run_dir / "policy.pt")
+
+
+def _resume(model: PPO, config: Config, run_dir: Path) -> None:
+    """Sets the weights and the number of steps to those of the newest checkpoint that is whole."""
+    checkpoint = newest_checkpoint(run_dir)
+    for path in checkpoints(run_dir):
+        if path == checkpoint:
+            break
+        print(f"{path} is damaged; the training skips it")
+    if checkpoint is None:
+        raise ValueError(
+            f"{run_dir / 'checkpoints'}: expected a checkpoint that can be read, but all are damaged; --fresh starts "
+            "again"
+        )
+    try:
+        model.set_parameters(_weights(checkpoint), device="cpu")
+    except (AttributeError, KeyError, RuntimeError, TypeError, ValueError) as error:
+        raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
+    model.num_timesteps = int(checkpoint.stem)
+    print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
 
 
 def _prepare(model: PPO, config: Config, run_dir: Path) -> None:
@@ -323,9 +336,33 @@ class LearningCurve:
         return shown
 
 
+def checkpoints(run_dir: Path) -> list[Path]:
+    """Returns the files of the checkpoints of a run, from the most to the fewest steps."""
+    return sorted((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), reverse=True)
+
+
 def newest_checkpoint(run_dir: Path) -> Path | None:
-    """Returns the checkpoint of a run with the most steps; None if the run has no checkpoint."""
-    return max((run_dir / "checkpoints").glob("[0-9]*.zip"), key=lambda path: int(path.stem), default=None)
+    """Returns the checkpoint of a run with the most steps that can be read; None if there is none."""
+    for path in checkpoints(run_dir):
+        try:
+            _weights(path)
+        except ValueError:
+            continue
+        return path
+    return None
+
+
+def _weights(path: Path) -> TensorDict:
+    """Returns the weights in a checkpoint of the policy and of its optimizer. Nothing else is read.
+
+    Raises:
+        ValueError: If the file is damaged or holds other objects.
+    """
+    with whole_archive(path, "a checkpoint"):
+        _, weights, _ = load_from_zip_file(path, load_data=False, device="cpu")
+        if not weights:  # the end of an incomplete archive may be that of an archive inside it
+            raise ValueError
+    return weights
 
 
 def versions() -> dict[str, str]:

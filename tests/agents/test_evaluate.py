@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import shutil
+import traceback
 from pathlib import Path
 from typing import cast
 
@@ -18,16 +19,7 @@ from agents.policy import MixturePolicy
 from agents.ppo import evaluation_seeds, load_policy, make_env, make_policy, make_vector, save_policy
 from agents.train import open_run, train
 from billiards_env.envs import BilliardsEnv
-
-
-class Pickled:
-    """Writes a file when it is unpickled."""
-
-    def __init__(self, path):
-        self.path = path
-
-    def __reduce__(self):
-        return (open, (str(self.path), "w"))
+from tests.helpers.training import Pickled
 
 
 class TwoShots(gym.Env):
@@ -234,12 +226,16 @@ def test_random_actions_are_velocities_of_the_plain_action_space(tiny, tmp_path,
     np.testing.assert_allclose(actions.std(axis=0), 3**-0.5, atol=0.03)
 
 
-def test_loading_runs_no_code_from_the_file(trained, tmp_path):
+@pytest.mark.parametrize("value", [Pickled("ran"), "text", [0.0]])
+def test_a_policy_file_with_other_objects_is_refused_and_runs_no_code(trained, tmp_path, monkeypatch, value):
+    monkeypatch.chdir(tmp_path)
     shutil.copytree(trained, tmp_path / "run")
     weights = torch.load(trained / "policy.pt")
-    torch.save({**weights, "log_std": Pickled(tmp_path / "ran")}, tmp_path / "run" / "policy.pt")
-    with pytest.raises(ValueError, match=r"policy.pt does not hold a policy's weights: Weights only load failed"):
-        load_policy(tmp_path / "run")
+    for content in ({**weights, "log_std": value}, value):
+        torch.save(content, tmp_path / "run" / "policy.pt")
+        with pytest.raises(ValueError, match=r"policy.pt does not hold a policy's weights: expected a whole") as error:
+            load_policy(tmp_path / "run")
+        assert "weights_only" not in "".join(traceback.format_exception(error.value))
     assert not (tmp_path / "ran").exists()
 
 
@@ -260,7 +256,6 @@ def test_an_incomplete_policy_file_is_refused(trained, tmp_path, share):
         lambda weights: {name: tensor[:1] for name, tensor in weights.items()},
         lambda weights: {name: tensor for name, tensor in weights.items() if name != "log_std"},
         lambda weights: {**weights, "another": torch.zeros(1)},
-        lambda weights: list(weights),
     ],
 )
 def test_a_policy_of_another_shape_is_refused(trained, tmp_path, change):

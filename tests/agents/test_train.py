@@ -1,7 +1,9 @@
+import io
 import json
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from typing import cast
 
@@ -17,6 +19,9 @@ from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.ppo import evaluation_seeds, load_policy, training_seed
+from agents.vec_env import SameStepVecEnv
+from billiards_env.envs import BilliardsVectorEnv
+from tests.helpers.training import Pickled
 
 
 def weights(path: Path) -> dict[str, torch.Tensor]:
@@ -396,8 +401,8 @@ def test_the_end_of_a_training_prints_both_rates_of_success(command, tmp_path, c
 
 
 def test_the_engine_is_compiled_before_the_progress_bar(command, monkeypatch):
-    played = []
-    monkeypatch.setattr(module, "play_together", lambda *_: played.append(True))
+    step, played = SameStepVecEnv.step_wait, []
+    monkeypatch.setattr(SameStepVecEnv, "step_wait", lambda self: played.append(True) or step(self))
 
     def bar(*_, **__):
         assert played
@@ -409,6 +414,31 @@ def test_the_engine_is_compiled_before_the_progress_bar(command, monkeypatch):
     assert played == [True]
 
 
+def test_a_training_closes_each_environment_that_it_opens(command, tmp_path, monkeypatch):
+    opened, closed = [], []
+    init, close = BilliardsVectorEnv.__init__, BilliardsVectorEnv.close_extras
+    monkeypatch.setattr(
+        BilliardsVectorEnv, "__init__", lambda self, *args, **kwargs: opened.append(self) or init(self, *args, **kwargs)
+    )
+    monkeypatch.setattr(
+        BilliardsVectorEnv, "close_extras", lambda self, **kwargs: closed.append(self) or close(self, **kwargs)
+    )
+    with monkeypatch.context() as patch:
+        interrupt_after(320, patch)
+        with pytest.raises(SystemExit):
+            command()
+    newest = tmp_path / "run" / "checkpoints" / "000000256.zip"
+    whole = newest.read_bytes()
+    newest.write_bytes(b"")
+    with pytest.raises(SystemExit):
+        command()
+    newest.write_bytes(whole)
+    command()
+    assert sorted(map(id, opened)) == sorted(map(id, closed))
+    assert [envs.num_envs for envs in opened].count(4) == 3  # one training environment each time
+    assert set(envs.num_envs for envs in opened) == {4, 20}  # and those of the evaluations
+
+
 @pytest.mark.parametrize("arguments", [[], ["--fresh"]])
 def test_a_folder_with_other_files_is_refused_and_unchanged(command, tmp_path, arguments):
     (tmp_path / "run").mkdir()
@@ -418,15 +448,63 @@ def test_a_folder_with_other_files_is_refused_and_unchanged(command, tmp_path, a
     assert (tmp_path / "run" / "model.zip").read_text() == "precious"
 
 
-def test_incomplete_checkpoints_are_ignored(tmp_path):
+def test_the_newest_checkpoint_is_the_whole_one_with_the_most_steps(trained, tmp_path):
+    whole = (trained / "checkpoints" / "000000256.zip").read_bytes()
+    (tmp_path / "checkpoints").mkdir()
     for name in ("000000128.zip", "000001024.zip", ".000002048.zip.17.tmp"):
-        path = tmp_path / "checkpoints" / name
-        path.parent.mkdir(exist_ok=True)
-        path.touch()
+        (tmp_path / "checkpoints" / name).write_bytes(whole)
+    (tmp_path / "checkpoints" / "000004096.zip").touch()
     newest = module.newest_checkpoint(tmp_path)
     assert newest is not None
     assert newest.name == "000001024.zip"
     assert module.newest_checkpoint(tmp_path / "elsewhere") is None
+
+
+def cut(content: bytes) -> bytes:
+    """Returns an archive whose end is that of an archive inside it."""
+    return content[: content.rindex(b"PK\5\6", 0, -22) + 22]
+
+
+def changed(content: bytes) -> bytes:
+    """Returns an archive with one byte changed in the middle of the weights."""
+    at = content.index(b"policy.pth") + 2000
+    return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
+
+
+def hostile(content: bytes) -> bytes:
+    """Returns an archive that holds an object with code instead of weights."""
+    weights, out = io.BytesIO(), io.BytesIO()
+    torch.save({"log_std": Pickled("ran")}, weights)
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("policy.pth", weights.getvalue())
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("damage", [lambda _: b"", lambda content: content[:1000], cut, changed, hostile])
+def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path, monkeypatch, capsys, damage):
+    monkeypatch.chdir(tmp_path)
+    run, changes = tmp_path / "run", {"timesteps": 512, "checkpoint_every": 128}
+    command(**changes)
+    expected = weights(run / "model.zip")
+    for name in ("policy.pt", "model.zip"):
+        (run / name).unlink()
+    capsys.readouterr()
+    newest = run / "checkpoints" / "000000384.zip"
+    newest.write_bytes(damage(newest.read_bytes()))
+    command(**changes)
+    printed = capsys.readouterr().out
+    assert f"{newest} is damaged; the training skips it\n{run}: resuming after 256 of 512 steps\n" in printed
+    assert printed.count(" is damaged;") == 1
+    assert equal(weights(run / "model.zip"), expected)
+    assert not equal(weights(newest), expected)  # written again
+    for name in ("policy.pt", "model.zip"):
+        (run / name).unlink()
+    for path in module.checkpoints(run):
+        path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(SystemExit, match=r"error: .*: expected a checkpoint that can be read, .* --fresh") as stopped:
+        command(**changes)
+    assert "weights_only" not in str(stopped.value)
+    assert not (tmp_path / "ran").exists()
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,16 @@ from agents.config import Config
 from agents.train import open_run, train
 
 
+class Pickled:
+    """Writes a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (open, (str(self.path), "w"))
+
+
 @pytest.fixture(scope="session")
 def tiny() -> Callable[..., dict[str, Any]]:
     """Returns a function that returns the settings of a tiny run of four updates with a checkpoint after the second."""
