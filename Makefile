@@ -6,6 +6,8 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed-$(VERSION)
 POOLTOOL := .venv-pooltool/.installed
 RLLIB := .venv-rllib/.installed
+PYTHONS := 3.10 3.11 3.12 3.13
+CORE := tests/physics tests/engine tests/envs
 ARGS ?= --players human,search:20
 # make results ADDRESS=auto: a Ray cluster does the work of results, study and stress.
 ADDRESS ?=
@@ -13,7 +15,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test docs stress lint bench results study rllib figures format clean
+.PHONY: help train play test pythons docs stress lint bench results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -27,6 +29,13 @@ play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARG
 
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
+
+pythons:  ## test the physics, the engine and the environments on each installed Python from 3.10 to 3.13
+	@for v in $(PYTHONS); do \
+	    if ! python$$v -c '' 2>/dev/null; then ran="$$ran\n$$v is not installed"; continue; fi; \
+	    $(MAKE) --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
+	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
+	done; printf "$(CORE):$$ran\n"; [ -z "$$failed" ]
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
@@ -89,7 +98,7 @@ format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff format .
 
 clean:  ## remove the virtual environment, builds and caches; trained runs stay
-	rm -rf .venv .venv-pooltool .venv-rllib build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-3.* .venv-pooltool .venv-rllib build dist site *.egg-info .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Runs if .venv is missing or incomplete, or if its Python or the list of packages changes. It starts from an empty .venv.
@@ -107,6 +116,11 @@ PROGRESS := while read -r verb name rest; do case "$$verb $$rest" in \
 	Processing*) name="$${name\#\#*/}"; printf '%s ' "$${name%%-*}" ;; \
 	Downloading*MB\)) printf '%s ' "$$rest" ;; \
 	Installing*packages:*) printf '\nInstalling these packages\n' ;; esac; done
+
+.venv-3.%/.installed: pyproject.toml constraints.txt
+	python3.$* -m venv --clear .venv-3.$*
+	.venv-3.$*/bin/pip install --quiet -c constraints.txt -e '.[render,plot,multi,dev]'
+	touch $@
 
 # RLlib needs another version of gymnasium than constraints.txt has.
 $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt

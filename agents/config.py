@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
-import re
 import types
 import typing
 from collections.abc import Mapping
@@ -21,13 +20,12 @@ import yaml
 from gymnasium.envs.registration import load_env_creator
 
 import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import choose, flag, whole
+from billiards_env.checks import choose, flag, number, short, whole
 
 ENV_ID = "Billiards-v0"
 HEADS = ("gaussian", "turned", "mixture", "bins", "hits", "pots")
 ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 
 T = TypeVar("T")
 
@@ -75,9 +73,9 @@ class Std:
         for name in ("first", "last"):
             values = getattr(self, name)
             if len(values) != 2 or min(values) <= 0:
-                raise ValueError(f"policy.std.{name} = {list(values)!r}: expected two numbers > 0")
+                raise ValueError(f"policy.std.{name} = {short(list(values))}: expected two numbers > 0")
         if not 0 < self.until <= 1:
-            raise ValueError(f"policy.std.until = {self.until!r}: expected a number > 0, at most 1")
+            raise ValueError(f"policy.std.until = {short(self.until)}: expected a number > 0, at most 1")
 
     def at(self, share: float) -> list[float]:
         """Returns the standard deviations after a share of all steps.
@@ -118,7 +116,9 @@ class Policy:
         choose("policy.head", self.head, HEADS)
         at_least("policy.components", self.components, 1)
         if len(self.speeds) != 2 or not 0 < self.speeds[0] < self.speeds[1] <= 1:
-            raise ValueError(f"policy.speeds = {list(self.speeds)!r}: expected two increasing numbers > 0, at most 1")
+            raise ValueError(
+                f"policy.speeds = {short(list(self.speeds))}: expected two increasing numbers > 0, at most 1"
+            )
         if not self.hidden:
             raise ValueError("policy.hidden = []: expected at least one hidden layer")
         choose("policy.activation", self.activation, ACTIVATIONS)
@@ -165,11 +165,11 @@ class PPO:
         for name in ("learning_rate", "final_learning_rate", "clip_range", "max_grad_norm", "target_kl"):
             value = getattr(self, name)
             if value is not None and value <= 0:
-                raise ValueError(f"ppo.{name} = {value!r}: expected a number > 0")
+                raise ValueError(f"ppo.{name} = {short(value)}: expected a number > 0")
         for name in ("gamma", "gae_lambda"):
             value = getattr(self, name)
             if not 0 <= value <= 1:
-                raise ValueError(f"ppo.{name} = {value!r}: expected a number from 0 to 1")
+                raise ValueError(f"ppo.{name} = {short(value)}: expected a number from 0 to 1")
         for name in ("ent_coef", "vf_coef"):
             at_least(f"ppo.{name}", getattr(self, name), 0)
 
@@ -199,7 +199,7 @@ class Imitation:
             at_least(f"imitation.{name}", getattr(self, name), 1)
         flag("imitation.vary", self.vary)
         if self.learning_rate <= 0:
-            raise ValueError(f"imitation.learning_rate = {self.learning_rate!r}: expected a number > 0")
+            raise ValueError(f"imitation.learning_rate = {short(self.learning_rate)}: expected a number > 0")
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,7 +240,7 @@ class Config:
             whole(name, getattr(self, name), "num_envs")
         at_least("seed", self.seed, 0)
         if self.seed >= 2**32:  # a limit of Stable-Baselines3
-            raise ValueError(f"seed = {self.seed!r}: expected a number < 2**32")
+            raise ValueError(f"seed = {short(self.seed)}: expected a number < 2**32")
         object.__setattr__(self, "env", resolved_env(self.env))
         rollout = self.n_envs * self.ppo.n_steps
         if rollout % self.ppo.batch_size:
@@ -320,23 +320,6 @@ def read(kind: type[T], path: Path) -> T:
     return read_dataclass(kind, "", data)
 
 
-def number(value: Any) -> Any:
-    """Converts a text such as "1e6" or "1/60" to a number, and returns any other value unchanged.
-
-    YAML reads these numbers as text.
-
-    Example:
-        >>> number("1/4"), number("1e6"), number("pool")
-        (0.25, 1000000.0, 'pool')
-    """
-    if not isinstance(value, str):
-        return value
-    match = re.fullmatch(rf"({_NUMBER})(?:/({_NUMBER}))?", re.sub(r"\s|(?<=\d)_(?=\d)", "", value))
-    if match is None or (match[2] is not None and float(match[2]) == 0):
-        return value
-    return float(match[1]) / float(match[2] or 1)
-
-
 def as_whole(name: str, value: Any) -> int:
     """Returns `value` as a whole number; it may be a text such as "1000", "1_000" or "1e3".
 
@@ -349,7 +332,7 @@ def as_whole(name: str, value: Any) -> int:
 def at_least(name: str, value: float, least: float) -> None:
     """Raises a ValueError if the value of a field is less than `least`."""
     if value < least:
-        raise ValueError(f"{name} = {value!r}: expected a number >= {least}")
+        raise ValueError(f"{name} = {short(value)}: expected a number >= {least}")
 
 
 def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -360,7 +343,7 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
         TypeError: If `given` is not a mapping.
     """
     if not isinstance(given, Mapping):
-        raise TypeError(f"env = {given!r}: expected a mapping")
+        raise TypeError(f"env = {short(given)}: expected a mapping")
     entry_point = gym.spec(ENV_ID).entry_point
     creator = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
     if creator is None:
@@ -388,7 +371,7 @@ def read_dataclass(kind: type[T], name: str, data: Any) -> T:
         TypeError: If a value has the wrong type.
     """
     if not isinstance(data, Mapping):
-        raise TypeError(f"{name or 'the configuration'} = {data!r}: expected a mapping")
+        raise TypeError(f"{name or 'the configuration'} = {short(data)}: expected a mapping")
     hints = typing.get_type_hints(kind)
     fields = dataclasses.fields(typing.cast(Any, kind))
     for key in data:
@@ -411,11 +394,11 @@ def _read(hint: Any, name: str, value: Any) -> Any:
         return None if kind is types.NoneType else _read(kind, name, value)
     if origin is tuple:
         if not isinstance(value, list):
-            raise TypeError(f"{name} = {value!r}: expected a list, not {type(value).__name__}")
+            raise TypeError(f"{name} = {short(value)}: expected a list, not {type(value).__name__}")
         return tuple(_read(arguments[0], f"{name}[{i}]", v) for i, v in enumerate(value))
     if origin is Mapping:
         if not isinstance(value, Mapping):
-            raise TypeError(f"{name} = {value!r}: expected a mapping, not {type(value).__name__}")
+            raise TypeError(f"{name} = {short(value)}: expected a mapping, not {type(value).__name__}")
         return dict(value)
     if hint in (int, float):
         value = number(value)
@@ -423,11 +406,11 @@ def _read(hint: Any, name: str, value: Any) -> Any:
         return int(value)
     if hint is float and type(value) in (int, float):
         if not math.isfinite(value):
-            raise ValueError(f"{name} = {value!r}: expected a finite number")
+            raise ValueError(f"{name} = {short(value)}: expected a finite number")
         return float(value)
     if type(value) is not hint:
         wanted = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[hint]
-        raise TypeError(f"{name} = {value!r}: expected {wanted}, not {type(value).__name__}")
+        raise TypeError(f"{name} = {short(value)}: expected {wanted}, not {type(value).__name__}")
     return value
 
 

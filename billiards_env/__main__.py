@@ -9,15 +9,15 @@ import platform
 import shutil
 import sys
 from collections.abc import Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from billiards_env import Scene, __version__
-from billiards_env.checks import Range, whole
+from billiards_env.checks import Range, number, whole
 from billiards_env.files import check_path
+from billiards_env.scene import SCENES
 
 if TYPE_CHECKING:
     from billiards_env.shot import ShotResult
@@ -85,13 +85,18 @@ def make_parser() -> argparse.ArgumentParser:
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.description = "Run one shot. Lengths are in metres from the centre of the table, x along its length."
     add = parser.add_argument
-    add("--scene", default="pool", help="name of the scene (default: %(default)s)")
+    add("--scene", default="pool", help=f"the scene: {', '.join(SCENES)} (default: %(default)s)")
     add("--balls", type=int, metavar="N", help="number of object balls (default: that of the scene)")
-    add("--layout", default="random", help="starting positions of the balls (default: %(default)s)")
+    add(
+        "--layout",
+        default="random",
+        help="starting positions: random, rack, tight_rack, nine_ball, eight_ball, carom_opening, line, snookered or "
+        "snooker (default: %(default)s)",
+    )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
-    add("--positions", type=float, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no layout")
-    add("--velocity", type=float, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
-    add("--spin", type=float, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
+    add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no layout")
+    add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
+    add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
     add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
@@ -110,14 +115,6 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 def _add_out(parser: argparse.ArgumentParser) -> None:
     text = f"write the shot to a file; its suffix is one of {' '.join(SUFFIXES)}"
     parser.add_argument("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
-
-
-def number(text: str) -> float:
-    """Converts a number or a fraction such as "1/60"."""
-    try:
-        return float(Fraction(text))
-    except ZeroDivisionError as error:
-        raise ValueError from error
 
 
 def simulate(args: argparse.Namespace) -> None:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,9 +85,10 @@ RANGES: dict[str, Range] = {
 
 
 def short(value: Any) -> str:
-    """Returns `repr(value)` in one line, cut to 200 characters."""
+    """Returns `repr(value)` in one line, cut to 200 characters. NumPy scalars look like numbers of Python."""
     try:
-        text = " ".join(repr(value).split("\n"))
+        with np.printoptions(**_PLAIN_SCALARS):
+            text = " ".join(repr(value).split("\n"))
     except (ValueError, RecursionError):  # a number of thousands of digits, deeply nested lists
         text = f"a {type(value).__name__}"
     return text if len(text) <= 200 else text[:200] + "..."
@@ -164,6 +167,23 @@ def whole(name: str, value: Any, within: str | Range) -> int:
     return int(value)
 
 
+def number(value: Any) -> Any:
+    """Converts a text such as "1e6" or "1/60" to a number, and returns any other value unchanged.
+
+    YAML and the command line give these numbers as text.
+
+    Example:
+        >>> number("1/4"), number("1e6"), number("pool")
+        (0.25, 1000000.0, 'pool')
+    """
+    if not isinstance(value, str):
+        return value
+    match = re.fullmatch(rf"({_NUMBER})(?:/({_NUMBER}))?", re.sub(r"\s|(?<=\d)_(?=\d)", "", value))
+    if match is None or (match[2] is not None and float(match[2]) == 0):
+        return value
+    return float(match[1]) / float(match[2] or 1)
+
+
 def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
     """Raises a ValueError unless `value` is one of `choices`. The message suggests the closest one.
 
@@ -173,9 +193,20 @@ def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
         ValueError: mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)
     """
     if not isinstance(value, str) or value not in choices:
-        closest = _closest(str(value), choices)
-        hint = f" (did you mean {closest!r}?)" if closest else ""
-        raise ValueError(f"{name} = {short(value)}: expected one of {', '.join(map(repr, choices))}{hint}")
+        raise ValueError(
+            f"{name} = {short(value)}: expected one of {', '.join(map(repr, choices))}{suggestion(str(value), choices)}"
+        )
+
+
+def suggestion(name: str, choices: Sequence[str]) -> str:
+    """Returns the end of a message that suggests the choice most like a name; "" if none is like it.
+
+    The case and the order of the letters do not count.
+    """
+    lower = {choice.lower(): choice for choice in choices}
+    same_letters = [choice for choice in lower if sorted(choice) == sorted(name.lower())]
+    found = same_letters or difflib.get_close_matches(name.lower(), lower, 1)
+    return f" (did you mean {lower[found[0]]!r}?)" if found else ""
 
 
 def flag(name: str, value: Any) -> bool:
@@ -186,11 +217,13 @@ def flag(name: str, value: Any) -> bool:
 
 
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
-    """Returns a float64 copy of an array of numbers or of lists of numbers. Raises a ValueError for other values."""
+    """Returns a float64 copy of an array or of lists of real numbers. Raises a ValueError for other values."""
     try:
-        if value is not None:
-            return np.array(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):  # a text, or lists of several lengths
+        given = np.array(value)
+        # NumPy would also convert complex numbers, without their imaginary parts, texts and times.
+        if given.dtype.kind in "biuf" or (given.dtype == object and all(isinstance(x, Real) for x in given.flat)):
+            return given.astype(np.float64, order="C", copy=False)
+    except (OverflowError, TypeError, ValueError):  # a number beyond float64, or lists of several lengths
         pass
     raise ValueError(f"{name} = {short(value)}: expected finite numbers in an array")
 
@@ -255,6 +288,9 @@ def missing(module: str, extra: str) -> ModuleNotFoundError:
     )
 
 
+# From NumPy 2 on, repr(np.float64(1.0)) is "np.float64(1.0)" by default.
+_PLAIN_SCALARS: dict[str, Any] = {"legacy": "1.25"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else {}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 
@@ -267,11 +303,3 @@ def _bounds(within: str | Range) -> str:
 
 def _text(bound: float) -> str:
     return str(bound) if isinstance(bound, int) else f"{bound:g}"
-
-
-def _closest(name: str, choices: tuple[str, ...]) -> str | None:
-    """Returns the choice that resembles a name most, or None. The case and the order of the letters do not count."""
-    lower = {choice.lower(): choice for choice in choices}
-    same_letters = [choice for choice in lower if sorted(choice) == sorted(name.lower())]
-    found = same_letters or difflib.get_close_matches(name.lower(), lower, 1)
-    return lower[found[0]] if found else None

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import real
+from billiards_env.checks import real, short
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float]
@@ -137,7 +137,7 @@ def check_outline(corners: tuple[Corner, ...]) -> None:
         raise ValueError(f"table.outline has {len(corners)} corners: expected at least 3, or none for a rectangle")
     for corner in corners:
         if not isinstance(corner, Corner):
-            raise TypeError(f"table.outline holds {corner!r}: expected Corner objects")
+            raise TypeError(f"table.outline holds {short(corner)}: expected Corner objects")
     area = sum(a.x * b.y - b.x * a.y for a, b in itertools.pairwise((*corners, corners[0])))
     if area <= 0.0:
         raise ValueError(

@@ -272,7 +272,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if isinstance(self.balls, str):
-            raise TypeError(f"scene.balls = {self.balls!r}: expected a Balls; Scene.named(name) returns a named scene")
+            raise TypeError(f"scene.balls = {short(self.balls)}: expected a Balls; Scene.named(name) returns one")
         for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics), ("cue", Cue)):
             if not isinstance(getattr(self, name), kind):
                 raise TypeError(f"scene.{name} = {short(getattr(self, name))}: expected a {kind.__name__}")

@@ -104,7 +104,7 @@ def strike_map(
     for name in (*grid, *strikes):
         choose("parameter of a strike", name, tuple(PARAMETERS))
     if both := [name for name in grid if name in strikes]:
-        raise ValueError(f"{both[0]} = {strikes[both[0]]!r}: expected only one of the value and the grid")
+        raise ValueError(f"{both[0]} = {short(strikes[both[0]])}: expected only one of the value and the grid")
     whole("ball", ball, Range(1, scene.n_balls - 1, "object balls"))
     (first, second), values = grid, [numbers(f"grid[{name!r}]", given) for name, given in grid.items()]
     for name, array in zip(grid, values, strict=True):

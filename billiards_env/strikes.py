@@ -110,7 +110,7 @@ def strike_derivative(
     v, a, b = (float(parameters[i]) for i in (0, 2, 3))
     offset = math.hypot(a, b)
     if offset > cue.miscue:
-        raise ValueError(f"offset of the tip = {offset!r}: expected at most {cue.miscue} ball radii, no miscue")
+        raise ValueError(f"offset of the tip = {short(offset)}: expected at most {cue.miscue} ball radii, no miscue")
     s, c = math.sin(parameters[1]), math.cos(parameters[1])
     sin_e, cos_e = math.sin(parameters[4]), math.cos(parameters[4])
     ahead, left = np.array((c, s)), np.array((-s, c))
@@ -146,9 +146,8 @@ def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
         assert within.most is not None
         bad = array[~((within.least <= array) & (array <= within.most))]
         if bad.size:
-            raise ValueError(
-                f"{name} = {bad.flat[0]!r}: expected numbers from {within.least:g} to {within.most:g} {within.unit}"
-            )
+            bounds = f"from {within.least:g} to {within.most:g} {within.unit}"
+            raise ValueError(f"{name} = {short(bad.flat[0])}: expected numbers {bounds}")
     try:
         stacked = np.stack(np.broadcast_arrays(*arrays), axis=-1)
     except ValueError:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import numbers
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, X, Y
 
 Floats = NDArray[np.float64]
@@ -77,7 +78,7 @@ class Trajectory(NamedTuple):
         Returns:
             (m, 2) m.
         """
-        at = np.asarray(times, dtype=np.float64)
+        at = numbers("times", times)
         mine = np.flatnonzero(self.ball == ball)
         last = np.searchsorted(self.start[mine], at, side="left" if before else "right") - 1
         return self._evaluate(mine[np.maximum(last, 0)], at)

@@ -86,7 +86,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--episodes", type=int, default=1000, help="episodes of each player (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")
-    parser.add_argument("--players", nargs="+", default=STRATEGIES, help="e.g. geometric search:100 (default: all)")
+    parser.add_argument(
+        "--players",
+        nargs="+",
+        default=STRATEGIES,
+        help=f"of {', '.join(STRATEGIES)}; search:K simulates K shots (default: all)",
+    )
     parser.add_argument("--env", default="{}", help="arguments of the environment as JSON (default: %(default)s)")
     parser.add_argument(
         "--noise", nargs=2, type=float, metavar=("DEGREES", "M/S"), default=(0.0, 0.0), help="execution noise"

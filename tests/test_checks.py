@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 from typing import Any, cast
 
 import gymnasium as gym
@@ -11,13 +12,16 @@ import numpy as np
 import pytest
 
 from billiards_env import records
-from billiards_env.checks import RANGES, Range, choose, fits, real, whole
+from billiards_env.checks import RANGES, Range, choose, fits, numbers, real, short, whole
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
-from billiards_env.envs.wrappers import ActionFrame
+from billiards_env.envs.actions import aimed_strikes, perturb
+from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
 from billiards_env.games import Setup, Stroke, opening, play
+from billiards_env.games.batch import judge_batch
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.simulation import simulate, simulate_batch
+from billiards_env.strikes import strike
 from billiards_env.table import Pocket, Table
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
@@ -155,11 +159,41 @@ def test_real_returns_a_float():
 
 @pytest.mark.parametrize("value", ["2", None, [2.0], 2j, True, np.bool_(True)])
 def test_values_that_are_not_numbers_are_rejected(value):
-    with rejected(f"x = {value!r}: expected a number, not {type(value).__name__}", TypeError):
+    with rejected(f"x = {short(value)}: expected a number, not {type(value).__name__}", TypeError):
         real("x", value, "length")
     assert not fits(value, "length")
-    with rejected(f"x = {value!r}: expected a whole number from 1 to 9"):
+    with rejected(f"x = {short(value)}: expected a whole number from 1 to 9"):
         whole("x", value, Range(1, 9))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (np.float64(0.5), "0.5"),
+        (np.float32(0.5), "0.5"),
+        (np.int64(3), "3"),
+        (np.bool_(True), "True"),
+        (np.str_("pool"), "'pool'"),
+        ([np.float64(-0.5), (np.int8(1),)], "[-0.5, (1,)]"),
+        ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
+        (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
+    ],
+)
+def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
+    assert short(value) == text
+
+
+COMPLEX = np.array([0.5 + 1j, 0.0])
+UNREAL = [COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]]
+
+
+@pytest.mark.parametrize("value", UNREAL)
+def test_arrays_of_other_than_real_numbers_are_refused(value):
+    """NumPy once discarded imaginary parts with a warning."""
+    with rejected(f"x = {short(value)}: expected finite numbers in an array"):
+        numbers("x", value)
+    assert numbers("x", [Fraction(1, 2), 10**30]).tolist() == [0.5, 1e30]
+    assert numbers("x", np.array([[1, 2], [3, 4]], np.int8, order="F")).flags.c_contiguous
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**400])
@@ -193,6 +227,17 @@ def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
 
 
 POOL = Scene.named("pool")
+
+
+def begun(name: str, vector: bool = False, **arguments: Any) -> Any:
+    env = gym.make_vec(name, 2, **arguments) if vector else gym.make(name, **arguments)
+    env.reset(seed=0)
+    return env
+
+
+def new_game() -> Any:
+    setup = Setup("nine_ball", Scene.named("pool", 9))
+    return setup, opening(setup, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
@@ -229,6 +274,40 @@ POOL = Scene.named("pool")
             "seed = 1.5: expected a whole number >= 0,",
         ),
         (lambda: ActionFrame(gym.make("CartPole-v1"), "cut"), "env = <TimeLimit<"),
+        (lambda: begun("Billiards-v0").step(COMPLEX), "action = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+        (lambda: begun("Billiards-v0", vector=True).step([COMPLEX] * 2), "actions = [array([0.5+1.j, 0. +0.j]), array"),
+        (lambda: ActionFrame(begun("Billiards-v0"), "cut").step(COMPLEX), "action = array("),
+        (lambda: VectorActionFrame(begun("Billiards-v0", vector=True), "cut").step([COMPLEX] * 2), "actions = [array("),
+        (lambda: ExecutionNoise(begun("Billiards-v0")).step(COMPLEX), "action = array("),
+        (lambda: VectorExecutionNoise(begun("Billiards-v0", vector=True)).step([COMPLEX] * 2), "action = [array("),
+        (lambda: begun("Billiards-v0", action="strike").step(np.zeros(5, complex)), "action = array("),
+        (lambda: simulate(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
+        (lambda: simulate(POOL, np.add(PLACES, 0j), [1, 0]), "positions = array("),
+        (lambda: simulate(POOL, PLACES, [1, 0], spins=np.zeros(3, complex)), "spins = array("),
+        (lambda: simulate(POOL, PLACES, [1, 0], max_time=np.complex128(1)), "max_time = (1+0j): expected a number"),
+        (lambda: simulate(POOL, PLACES, [1, 0], record=True).at(np.complex128(0)), "t = 0j: expected a finite number"),
+        (lambda: simulate(POOL, PLACES, [1, 0], record=True).trajectory.path(0, COMPLEX), "times = array("),
+        (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
+        (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
+        (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
+        (lambda: aimed_strikes(POOL, [COMPLEX], [[0, 0]]), "actions = [array("),
+        (lambda: perturb([0, 0], COMPLEX), "errors = array("),
+        (lambda: judge_batch(*new_game(), [COMPLEX]), "velocities = [array("),
+        (
+            lambda: play(*new_game(), Stroke((np.complex128(1), 0.0), (-0.8, 0.0))),
+            "stroke.velocity[0] = (1+0j): expected a number",
+        ),
+        (
+            lambda: play(*new_game(), Stroke((1.0, 0.0), (np.float64(0.5),))),
+            "stroke.place = (0.5,): expected ",
+        ),
+        (lambda: simulate(POOL, PLACES, [1, 0], dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
+        (lambda: simulate(POOL, PLACES, [1, 0], mode=np.str_("pci")), "mode = 'pci': expected one of"),
+        (lambda: Setup("nine_ball", Scene.named("pool", 9), target=np.int64(3)), "target = 3 with rules 'nine_ball'"),
+        (
+            lambda: ActionFrame(gym.make("Billiards-v0", max_speed=np.float64(2)), "sum_to_three"),
+            "max_speed = 2.0 with frame 'sum_to_three'",
+        ),
         (
             lambda: BilliardsVectorEnv(2).reset(options={"positions": "abc"}),
             "options['positions'] = 'abc': expected fin",
@@ -239,6 +318,7 @@ def test_a_wrong_type_is_named(call, message):
     with pytest.raises((TypeError, ValueError, OSError, gym.error.ResetNeeded)) as error:
         call()
     assert str(error.value).startswith(message)
+    assert "np." not in str(error.value)
 
 
 def test_a_vector_environment_whose_construction_failed_can_be_closed():

@@ -1,4 +1,5 @@
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -8,9 +9,13 @@ import pytest
 
 from billiards_env import Scene, records
 from billiards_env.__main__ import main
+from billiards_env.engine.modes import MODES
 from billiards_env.games import Setup, Stroke, opening
 from billiards_env.games.game import History
+from billiards_env.layouts import LAYOUTS
 from billiards_env.physics import jit
+from billiards_env.physics.state import FIXES
+from billiards_env.scene import SCENES
 
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 
@@ -125,6 +130,19 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
     ("arguments", "message"),
     [
         (["simulate", "--mode", "pci"], "mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)"),
+        (
+            ["simulate", "--mode", "pit", "--dt", "abc"],
+            "dt = 'abc' with mode='pit': expected the timestep, a number from",
+        ),
+        (
+            ["simulate", "--mode", "pit", "--dt", "1/0"],
+            "dt = '1/0' with mode='pit': expected the timestep, a number from",
+        ),
+        (["simulate", "--mode", "pit", "--dt", "0.1", "--fix", "push"], "fix = 'push': expected one of 'push_apart', "),
+        (["simulate", "--max-time", "abc"], "max_time = 'abc': expected a number, not str"),
+        (["simulate", "--velocity", "2", "fast"], "velocities = [2.0, 'fast']: expected finite numbers in an array"),
+        (["simulate", "--scene", "pol"], "scene = 'pol': expected one of 'pool', "),
+        (["simulate", "--layout", "rak"], "layout = 'rak': expected one of 'random', "),
         (["simulate", "--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
         (["simulate", "--positions", "0", "0"], "--positions with 2 numbers: expected 4, x and y of 2 balls"),
         (["simulate", "--out", "shot.txt"], "--out = 'shot.txt': expected a name that ends in one of .html .png"),
@@ -141,6 +159,20 @@ def test_errors_are_one_line(arguments, message):
     assert exit.value.code.startswith(f"error: {message}")
 
 
+def words(text: str) -> set[str]:
+    """Returns the words of a text, without punctuation."""
+    return set(re.findall(r"[\w.]*\w", text))
+
+
+def test_help_lists_the_values_of_each_option(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    shown = capsys.readouterr().out
+    (layouts,) = re.findall(r"starting positions: (.*?) \(default", " ".join(shown.split()))
+    assert re.split(", | or ", layouts) == list(LAYOUTS)
+    assert {*SCENES, *MODES, *FIXES} <= words(shown)
+
+
 def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
     monkeypatch.delitem(sys.modules, "billiards_env.drawing.plot", raising=False)
@@ -150,7 +182,7 @@ def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):
 
 
 def test_unknown_options_are_refused(capsys):
-    for arguments in (["simulate", "--spede", "2"], ["simulate", "--mode", "pit", "--dt", "1/0"], ["plya"]):
+    for arguments in (["simulate", "--spede", "2"], ["plya"]):
         with pytest.raises(SystemExit, match="2"):
             main(arguments)
         assert "error: " in capsys.readouterr().err

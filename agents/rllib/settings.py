@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from agents.config import Config, at_least, load, number
+from agents.config import Config, at_least, load
+from billiards_env.checks import number
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

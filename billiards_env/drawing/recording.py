@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import numbers
 from billiards_env.scene import Scene
 from billiards_env.trajectory import Trajectory
 
@@ -41,7 +42,7 @@ class Recording(NamedTuple):
 
     def speeds(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""
-        at, paths = np.asarray(times, np.float64), self.trajectory
+        at, paths = numbers("times", times), self.trajectory
         mine = np.flatnonzero(paths.ball == ball)
         pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
         since = np.clip(at - paths.start[pieces], 0.0, paths.lasts[pieces])[:, None]

@@ -65,9 +65,11 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
     choose("mode", mode, tuple(MODES))
     if mode == "pic":
         if dt is not None:
-            raise ValueError(f"dt = {dt!r} with mode='pic': expected None, PIC has no timestep (mode='pit' has one)")
+            raise ValueError(
+                f"dt = {short(dt)} with mode='pic': expected None, PIC has no timestep (mode='pit' has one)"
+            )
         if fix is not None:
-            raise ValueError(f"fix = {fix!r} with mode='pic': expected None, PIC has no overlaps to fix")
+            raise ValueError(f"fix = {short(fix)} with mode='pic': expected None, PIC has no overlaps to fix")
         return
     if not fits(dt, "dt"):
         least, most, unit, _ = RANGES["dt"]

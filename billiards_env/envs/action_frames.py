@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, finite, real, whole
+from billiards_env.checks import Range, choose, finite, real, short, whole
 from billiards_env.envs.actions import cos_sin
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
@@ -103,7 +103,9 @@ class ActionTransform:
         least_speed = real("least_speed", least_speed, Range(0.0, max_speed, "m/s, max_speed"))
         fastest = SUM_TO_THREE_GAIN * SUM_TO_THREE_SPEEDS[1]
         if name == "sum_to_three" and max_speed < fastest:
-            raise ValueError(f"max_speed = {max_speed!r} with frame 'sum_to_three': expected at least {fastest} m/s")
+            raise ValueError(
+                f"max_speed = {short(max_speed)} with frame 'sum_to_three': expected at least {fastest} m/s"
+            )
         # A plain tuple: numba unpacks it faster than a NamedTuple.
         self._arrays = tuple(
             FrameArrays(

@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import choose, finite, shaped
+from billiards_env.checks import choose, finite, numbers, shaped
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
@@ -98,9 +98,9 @@ def aimed_strikes(scene: Scene, actions: ArrayLike, offsets: ArrayLike) -> NDArr
         >>> cue_strike(action, pool, 4.0).velocity.round(12).tolist()
         [2.0, 0.0]
     """
-    velocities, tips = np.asarray(actions, dtype=np.float64), np.asarray(offsets, dtype=np.float64)
-    out = np.zeros((len(velocities), 5))
-    _aimed(tuple(cue_numbers(scene)), shaped("actions", velocities, (len(tips), 2)), tips, out)
+    tips = numbers("offsets", offsets)
+    velocities, out = shaped("actions", actions, tips.shape), np.zeros((len(tips), 5))
+    _aimed(tuple(cue_numbers(scene)), velocities, tips, out)
     return out
 
 
@@ -123,7 +123,7 @@ def perturb(actions: ArrayLike, errors: ArrayLike) -> NDArray[np.float64]:
         >>> perturb([0.0, 0.5], [0.5, 0.25]).tolist()
         [-0.75, 0.0]
     """
-    given = np.asarray(errors, dtype=np.float64)
+    given = numbers("errors", errors)
     array = shaped("action", actions, given.shape)
     out = np.empty(given.shape)
     size = given.shape[-1]

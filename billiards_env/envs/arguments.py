@@ -33,7 +33,7 @@ def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Sc
         raise TypeError(f"scene = {short(scene)}: expected a name or a dict in the form of Scene.to_dict()")
     if n_object_balls is not None:
         raise ValueError(
-            f"n_object_balls = {n_object_balls!r} with a scene given as a dict: expected None, the dict lists the balls"
+            f"n_object_balls = {short(n_object_balls)} with a scene given as a dict: expected None, it lists the balls"
         )
     return Scene.from_dict(scene)
 

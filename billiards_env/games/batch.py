@@ -12,6 +12,7 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.checks import numbers
 from billiards_env.games.facts import Facts
 from billiards_env.games.game import GameState, Setup
 from billiards_env.games.outcomes import group_rows, write_outcomes
@@ -52,7 +53,7 @@ def judge_batch(
     """
     state = game.state
     balls = (state.cue_balls[0], *sorted(state.object_balls))  # the engine strikes the first ball
-    speeds = np.asarray(velocities, np.float64)
+    speeds = numbers("velocities", velocities)
     batch = simulate_batch(
         _scene_of(setup.scene, balls),
         np.broadcast_to(game.positions[list(balls)], (len(speeds), len(balls), 2)),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env import layouts
-from billiards_env.checks import Range, choose, flag, real, shaped, whole
+from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import check_mode
 from billiards_env.games.facts import Facts, facts_of
@@ -112,7 +112,7 @@ class Setup:
         if rules.target is None:
             if self.target is not None:
                 raise ValueError(
-                    f"target = {self.target!r} with rules {self.rules!r}: expected None, the game has no points"
+                    f"target = {short(self.target)} with rules {self.rules!r}: expected None, the game has no points"
                 )
         else:
             target = rules.target if self.target is None else self.target
@@ -269,7 +269,7 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
     layout = names[0] if layout is None else layout
     if layout not in names:
         raise ValueError(
-            f"layout = {layout!r} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
+            f"layout = {short(layout)} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
         )
     drawn = layouts.draw(layout, setup.scene, rng)
     state = opening_state(setup)
@@ -300,7 +300,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     default = opening_state(setup)._replace(break_shot=False, in_hand="no")
     changes = {} if state is None else state
     if not isinstance(changes, Mapping):
-        raise ValueError(f"state = {state!r}: expected a mapping")
+        raise ValueError(f"state = {short(state)}: expected a mapping")
     for key in changes:
         choose("key of state", key, tuple(sorted(STATE_FIELDS)))
     values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in STATE_FIELDS}
@@ -314,21 +314,21 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         ("fouls", (list, tuple)),
     ):
         if not isinstance(values[name], kind):
-            raise ValueError(f"state.{name} = {values[name]!r}: expected a list of whole numbers")
+            raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
             limits = {"scores": (-MAX_SCORE, MAX_SCORE), "fouls": (0, MAX_SCORE)}.get(name, (0, n - 1))
             whole(f"state.{name}[{i}]", value, Range(*limits))
     for name in ("scores", "fouls"):
         if len(values[name]) != players:
-            raise ValueError(f"state.{name} = {values[name]!r}: expected {players} {name}, one per player")
+            raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
     if setup.target and max(values["scores"]) >= setup.target:
-        raise ValueError(f"state.scores = {values['scores']!r}: expected scores below the target, {setup.target}")
+        raise ValueError(f"state.scores = {short(values['scores'])}: expected scores below the target, {setup.target}")
     on_table = frozenset(values["on_table"])
     if len(on_table) != len(values["on_table"]):
-        raise ValueError(f"state.on_table = {values['on_table']!r}: expected each ball once")
+        raise ValueError(f"state.on_table = {short(values['on_table'])}: expected each ball once")
     if sorted(values["cue_balls"]) != sorted(setup.game_rules.cue_balls):
         raise ValueError(
-            f"state.cue_balls = {values['cue_balls']!r}: expected {setup.game_rules.cue_balls} in some order"
+            f"state.cue_balls = {short(values['cue_balls'])}: expected {setup.game_rules.cue_balls} in some order"
         )
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
@@ -347,7 +347,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     if setup.rules == "snooker":
         _check_colours(default.reds, on_table, values["colour"])
     if not isinstance(values["choices"], (list, tuple)):
-        raise ValueError(f"state.choices = {values['choices']!r}: expected a list of names")
+        raise ValueError(f"state.choices = {short(values['choices'])}: expected a list of names")
     for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
         choose(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
 
@@ -453,22 +453,22 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in ("hand_back", "replace"):
         if any(stroke.velocity) or any(stroke.spin) or stroke.place is not None:
-            raise ValueError(f"stroke = {stroke!r}: expected no motion and no place, the call is {call.kind!r}")
+            raise ValueError(f"stroke = {short(stroke)}: expected no motion and no place, the call is {call.kind!r}")
         return
     if (stroke.place is None) != (state.in_hand == "no"):
         expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
-        raise ValueError(f"stroke.place = {stroke.place!r}: expected {expected}")
+        raise ValueError(f"stroke.place = {short(stroke.place)}: expected {expected}")
     checks = (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin"))
     for name, count, within in checks:
         values = getattr(stroke, name)
         if values is not None:
             if len(values) != count:
-                raise ValueError(f"stroke.{name} = {values!r}: expected {('two', 'three')[count - 2]} numbers")
+                raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
             for i, value in enumerate(values):
                 real(f"stroke.{name}[{i}]", value, within)
     if any(stroke.spin) and setup.scene.physics.motion != "sliding":
         raise ValueError(
-            f"stroke.spin = {stroke.spin!r} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"
+            f"stroke.spin = {short(stroke.spin)} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,9 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from billiards_env import layouts, records
-from billiards_env.checks import Range, whole
+from billiards_env.checks import Range, choose, number, real, whole
+from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, History, Setup, opening
-from billiards_env.play.model import HUMAN, begin
+from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
 from billiards_env.scene import Scene
 from billiards_env.simulation import simulate
@@ -29,7 +29,8 @@ def make_parser() -> argparse.ArgumentParser:
         description="Play billiards in a window with mouse and keyboard; H shows the help.",
     )
     add = parser.add_argument
-    add("--rules", choices=tuple(RULES), help="the game (default: eight_ball)")
+    layouts_of_games = dict.fromkeys(name for rules in RULES.values() for name in rules.layouts)
+    add("--rules", help=f"the game: {', '.join(RULES)} (default: eight_ball)")
     add(
         "--players",
         metavar="A,B",
@@ -37,11 +38,11 @@ def make_parser() -> argparse.ArgumentParser:
         "(default: all human)",
     )
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
-    add("--layout", help="starting position: rack, tight_rack, random or carom_opening")
+    add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
-    add("--max-speed", type=_positive, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
-    add("--mode", choices=("pic", "pit"), help="the engine of the game (default: pic)")
-    add("--dt", type=_positive, default=DT, help="timestep of PIT, s (default: 1/60)")
+    add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
+    add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
+    add("--dt", type=number, default=DT, help="timestep of PIT, s (default: 1/60)")
     add("--load", type=Path, metavar="FILE", help="continue a saved game")
     add(
         "--save",
@@ -50,18 +51,9 @@ def make_parser() -> argparse.ArgumentParser:
         help="the file that S writes; also saves on quitting (default for S: the loaded file or game.json)",
     )
     add("--seed", type=int, help="seed of the rack and of the programs (default: random)")
-    add("--speed", type=_positive, default=1.0, help="playback speed over real time (default: %(default)s)")
+    add("--speed", type=number, default=1.0, help="playback speed over real time (default: %(default)s)")
     add("--width", type=int, default=1080, help="width of the window, pixels (default: %(default)s)")
     return parser
-
-
-def _positive(text: str) -> float:
-    """Converts a positive number or a fraction such as "1/60"."""
-    above, _, below = text.partition("/")
-    numerator, denominator = float(above), float(below) if below else 1.0
-    if not (0 < numerator < math.inf and 0 < denominator < math.inf):
-        raise ValueError
-    return numerator / denominator
 
 
 def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
@@ -88,6 +80,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         records.replay(record)  # raises if the result differs on this machine
         return record.history
     rules = args.rules or "eight_ball"
+    choose("rules", rules, tuple(RULES))
     game_rules, mode = RULES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     scene = Scene.named(game_rules.scene, balls)
@@ -112,16 +105,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
-        players = [None if name == HUMAN else find_player(name, history.setup) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup, (HUMAN,)) for name in names]
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     try:
-        model = begin(history, names, args.max_speed, args.dt, args.speed)
+        model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES))
         save = args.save or args.load or Path("game.json")
         compile_engines(model.setup.scene, model.ghost_dt)
         window = GameWindow(model, players, rng, save, args.width)
-    except (pygame.error, ValueError) as error:
+    except (pygame.error, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     print("Press H in the window for help.", flush=True)
     window.ask = args.save is None

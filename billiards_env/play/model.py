@@ -35,6 +35,9 @@ from billiards_env.simulation import run_shot
 HUMAN = "human"
 """The name of a player who is a person."""
 
+PACES = Range(1e-3, 1e3)
+"""The range of the playback speed over real time."""
+
 LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 """The slowest speed and the initial speed of an aim, m/s; the initial speed of a break over `max_speed`."""
 
@@ -234,7 +237,7 @@ def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt
     setup = history.setup
     max_speed = real("max_speed", max_speed, Range(LEAST_SPEED, MAX_SPEED, "m/s"))
     ghost_dt = real("dt", ghost_dt, "dt")
-    pace = real("pace", pace, Range(1e-3, 1e3))
+    pace = real("pace", pace, PACES)
     if len(players) != setup.n_players:
         raise ValueError(f"players = {', '.join(players)}: expected {setup.n_players} players")
     games, last_shot = [history.opening], None

@@ -21,12 +21,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.checks import suggestion
 from billiards_env.games import GameState, Setup, Stroke, Verdict, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_point, placement_area
@@ -45,12 +46,13 @@ MAKERS = {"policy": "agents.policy_player:policy"}
 _PLACES = 30  # random places for a cue ball in hand
 
 
-def find_player(text: str, setup: Setup) -> Player:
+def find_player(text: str, setup: Setup, also: Sequence[str] = ()) -> Player:
     """Returns the player of a name.
 
     Args:
         text: See the module's docstring.
         setup: The game to be played.
+        also: Names of other players that the caller knows, for the message of an error.
 
     Raises:
         ValueError: If there is no such player, or it cannot play this game.
@@ -69,8 +71,10 @@ def find_player(text: str, setup: Setup) -> Player:
     try:
         maker: Any = getattr(importlib.import_module(module), function)
     except (AttributeError, ImportError, ValueError) as error:
-        known = ", ".join(sorted({*STRATEGIES, *MAKERS, *offered.names}))
-        raise ValueError(f"player = {text!r}: expected one of {known}, or module:function ({error})") from error
+        known = sorted({*STRATEGIES, *MAKERS, *offered.names, *also})
+        why = "" if name in known else suggestion(name, known)
+        expected = f"one of {', '.join(map(repr, known))}, or module:function"
+        raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error
     return maker(setup, argument)
 
 

@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -7,10 +8,13 @@ import pytest
 pytest.importorskip("pygame")
 
 from billiards_env import Scene, records
-from billiards_env.games import Stroke
+from billiards_env.engine.modes import MODES
+from billiards_env.games import RULES, Stroke
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import compile_engines, main, make_history, make_parser
-from billiards_env.play.model import Command, shoot, update
+from billiards_env.play.model import HUMAN, Command, shoot, update
+from billiards_env.players.game_player import MAKERS
+from billiards_env.players.strategies import STRATEGIES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 
@@ -106,6 +110,10 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
     [
         (["--players", "human"], "players = human: expected 2"),
         (["--players", "human,nobody"], "player = 'nobody'"),
+        (["--players", "humn,human"], r"player = 'humn': expected one of .*'human'.* \(did you mean 'human'\?\)"),
+        (["--rules", "nine_bal"], r"rules = 'nine_bal': expected one of .* \(did you mean 'nine_ball'\?\)"),
+        (["--mode", "pti"], r"mode = 'pti': expected one of 'pic', 'pit' \(did you mean 'pit'\?\)"),
+        (["--mode", "pit", "--dt", "abc"], "dt = 'abc' with mode='pit': expected the timestep, a number from"),
         (["--rules", "nine_ball", "--balls", "3"], "with a scene of 3 object balls: expected 9"),
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
@@ -127,10 +135,20 @@ def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "inf", "nan", "1/0", "fast"])
-def test_impossible_numbers_are_rejected(text, capsys):
+@pytest.mark.parametrize("option", ["dt", "max_speed", "speed"])
+def test_impossible_numbers_are_rejected(option, text, frames):
+    with pytest.raises(SystemExit, match=rf"^error: {option} = .*: expected ") as caught:
+        main(["--rules", "carom", f"--{option.replace('_', '-')}={text}"])
+    assert text.strip("-") in str(caught.value)
+    assert frames == []
+
+
+def test_help_lists_the_values_of_each_option(capsys):
     with pytest.raises(SystemExit):
-        make_parser().parse_args([f"--dt={text}"])
-    assert "argument --dt: invalid" in capsys.readouterr().err
+        main(["--help"])
+    shown = set(re.findall(r"\w+", capsys.readouterr().out))
+    layouts = {name for rules in RULES.values() for name in rules.layouts}
+    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, HUMAN} <= shown
 
 
 def test_without_pygame_the_error_names_the_package_to_install():

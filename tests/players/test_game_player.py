@@ -161,7 +161,7 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
     game = setup("straight", 2)
     assert find_player("theirs:3", game)(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((3.0, 0.0))
     with pytest.raises(
-        ValueError, match="expected one of geometric, policy, random, search, theirs, or module:function"
+        ValueError, match="expected one of 'geometric', 'policy', 'random', 'search', 'theirs', or module:function"
     ):
         find_player("them", game)
 
@@ -174,6 +174,7 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
         ("mine:nothing", "straight", "player = 'mine:nothing': .*has no attribute"),
         ("mine:own:bad", "straight", "it cannot be had"),
         ("random:3", "straight", "player = 'random:3': expected .* a name without ':'"),
+        ("serch:20", "straight", r"player = 'serch:20': expected one of .* \(did you mean 'search'\?\)"),
         ("", "straight", "player = ''"),
         (":x", "straight", "player = ':x'"),
         ("geometric", "carom", "expected a game with pockets"),
