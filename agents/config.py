@@ -1,37 +1,113 @@
 """The settings of a training, and how they are read from YAML and checked.
 
-Every key must be a field of the dataclasses below, and every value must have the type of its field. The mapping `env`
-holds the arguments of `gym.make("Billiards-v0", ...)`, whose signature its keys must match.
+pydantic checks the keys and the values. The mapping `env` holds the arguments of `gym.make("Billiards-v0", ...)`, whose
+signature its keys must match.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
-import math
-import types
-import typing
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
-import gymnasium as gym
 import yaml
-from gymnasium.envs.registration import load_env_creator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictBool,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic.dataclasses import dataclass
 
-import billiards_env  # noqa: F401  (registers the environment)
-from billiards_env.checks import choose, flag, number, short, whole
+from billiards_env.checks import RANGES, choose, number, short
+from billiards_env.envs import BilliardsEnv
 
 ENV_ID = "Billiards-v0"
-HEADS = ("gaussian", "turned", "mixture", "bins", "hits", "pots")
-ACTIVATIONS = ("tanh", "relu", "elu", "silu")
+Head = Literal["gaussian", "mixture", "hits", "pots"]
+HEADS: tuple[str, ...] = get_args(Head)
+
+CHECKS = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""The checks of all settings."""
 
 
 T = TypeVar("T")
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+def _number(value: Any) -> Any:
+    """Returns `checks.number(value)`. Raises a ValueError if `value` is true or false."""
+    if isinstance(value, bool):
+        raise ValueError("expected a number, not true or false")
+    return number(value)
+
+
+Whole = Annotated[int, BeforeValidator(_number)]
+Real = Annotated[float, BeforeValidator(_number)]
+Count = Annotated[Whole, Field(ge=1)]
+NotNegative = Annotated[Real, Field(ge=0)]
+Positive = Annotated[Real, Field(gt=0)]
+Share = Annotated[Real, Field(ge=0, le=1)]
+Seed = Annotated[Whole, Field(ge=0, lt=2**32)]  # the limit is that of Stable-Baselines3
+Together = Annotated[Whole, Field(ge=1, le=RANGES["num_envs"].most)]
+
+
+def increasing(pair: tuple[float, float]) -> tuple[float, float]:
+    """Returns a pair of numbers.
+
+    Raises:
+        ValueError: If the first is not less than the second.
+    """
+    if pair[0] >= pair[1]:
+        raise ValueError("expected two increasing numbers")
+    return pair
+
+
+def distinct(values: tuple[T, ...]) -> tuple[T, ...]:
+    """Returns at least one value, without duplicates.
+
+    Raises:
+        ValueError: If there is none or a duplicate.
+    """
+    if not values or len(set(values)) < len(values):
+        raise ValueError("expected at least one, and no duplicates")
+    return values
+
+
+def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the arguments of the environment, with the defaults of the missing ones.
+
+    Raises:
+        ValueError: If an argument is unknown.
+    """
+    parameters = dict(inspect.signature(BilliardsEnv).parameters)
+    del parameters["render_mode"]  # training does not render
+    for key in given:
+        choose("key of env", key, tuple(parameters))
+    given = {key: value if isinstance(value, bool) else number(value) for key, value in given.items()}
+    return {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Checked:
+    """Settings that can be read from YAML."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            for key in data:
+                choose("key", key, tuple(field.name for field in dataclasses.fields(cls)))
+        return data
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Noise(Checked):
     """The execution noise in training and evaluation: `billiards_env.envs.wrappers.ExecutionNoise`.
 
     Attributes:
@@ -41,18 +117,14 @@ class Noise:
         elevation_std: Standard deviation of the elevation, degrees, with `action: strike`.
     """
 
-    angle_std: float = 0.125
-    speed_std: float = 0.075
-    offset_std: float = 0.0005
-    elevation_std: float = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("angle_std", "speed_std", "offset_std", "elevation_std"):
-            at_least(f"noise.{name}", getattr(self, name), 0)
+    angle_std: Annotated[NotNegative, Field(le=RANGES["angle_std"].most)] = 0.125
+    speed_std: Annotated[NotNegative, Field(le=RANGES["speed_std"].most)] = 0.075
+    offset_std: Annotated[NotNegative, Field(le=RANGES["offset_std"].most)] = 0.0005
+    elevation_std: Annotated[NotNegative, Field(le=RANGES["angle_std"].most)] = 0.1
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Std:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Std(Checked):
     """A schedule of the two standard deviations of the policy.
 
     They fall geometrically from `first` to `last` in the first part of the training and then stay constant. With the
@@ -65,17 +137,9 @@ class Std:
         until: The length of the first part as a share of all steps.
     """
 
-    first: tuple[float, ...]
-    last: tuple[float, ...]
-    until: float = 0.5
-
-    def __post_init__(self) -> None:
-        for name in ("first", "last"):
-            values = getattr(self, name)
-            if len(values) != 2 or min(values) <= 0:
-                raise ValueError(f"policy.std.{name} = {short(list(values))}: expected two numbers > 0")
-        if not 0 < self.until <= 1:
-            raise ValueError(f"policy.std.until = {short(self.until)}: expected a number > 0, at most 1")
+    first: tuple[Positive, Positive]
+    last: tuple[Positive, Positive]
+    until: Annotated[Positive, Field(le=1)] = 0.5
 
     def at(self, share: float) -> list[float]:
         """Returns the standard deviations after a share of all steps.
@@ -88,14 +152,14 @@ class Std:
         return [first * (last / first) ** part for first, last in zip(self.first, self.last, strict=True)]
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Policy:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Policy(Checked):
     """The policy and value networks.
 
     Attributes:
         head: The part of the policy that computes its distribution: "gaussian", which is the policy of
             Stable-Baselines3, or one of `agents.policy.HEADS`.
-        components: The number of components, see `agents.policy.MixturePolicy`; "gaussian" and "turned" ignore it.
+        components: The number of components, see `agents.policy.MixturePolicy`; "gaussian" ignores it.
         speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
             "gaussian" and "pots" ignore it.
         banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
@@ -104,31 +168,22 @@ class Policy:
         std: The schedule of the standard deviations; None if they are learned.
     """
 
-    head: str = "gaussian"
-    components: int = 1
-    speeds: tuple[float, ...] = (0.1, 1.0)
-    banks: bool = False
-    hidden: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
+    head: Head = "gaussian"
+    components: Count = 1
+    speeds: Annotated[
+        tuple[Annotated[Positive, Field(le=1)], Annotated[Positive, Field(le=1)]], AfterValidator(increasing)
+    ] = (0.1, 1.0)
+    banks: StrictBool = False
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1)] = (64, 64)
+    activation: Literal["tanh", "relu", "elu", "silu"] = "tanh"
     std: Std | None = None
 
-    def __post_init__(self) -> None:
-        choose("policy.head", self.head, HEADS)
-        at_least("policy.components", self.components, 1)
-        if len(self.speeds) != 2 or not 0 < self.speeds[0] < self.speeds[1] <= 1:
-            raise ValueError(
-                f"policy.speeds = {short(list(self.speeds))}: expected two increasing numbers > 0, at most 1"
-            )
-        if not self.hidden:
-            raise ValueError("policy.hidden = []: expected at least one hidden layer")
-        choose("policy.activation", self.activation, ACTIVATIONS)
-        for i, units in enumerate(self.hidden):
-            at_least(f"policy.hidden[{i}]", units, 1)
 
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class PPO:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Hyperparameters(Checked):
     """Settings of proximal policy optimisation (Schulman et al. 2017), named as in Stable-Baselines3.
+
+    All of them but `final_learning_rate` are arguments of `stable_baselines3.PPO`.
 
     Attributes:
         n_steps: Steps of each environment between two updates.
@@ -145,72 +200,28 @@ class PPO:
         target_kl: An update stops if the divergence from the old policy exceeds 1.5 times this; None for no limit.
     """
 
-    n_steps: int = 2048
-    batch_size: int = 64
-    n_epochs: int = 10
-    learning_rate: float = 3e-4
-    final_learning_rate: float | None = None
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    ent_coef: float = 0.0
-    vf_coef: float = 0.5
-    max_grad_norm: float = 0.5
-    target_kl: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("n_steps", "n_epochs"):
-            at_least(f"ppo.{name}", getattr(self, name), 1)
-        at_least("ppo.batch_size", self.batch_size, 2)  # advantages are normalised within a minibatch
-        for name in ("learning_rate", "final_learning_rate", "clip_range", "max_grad_norm", "target_kl"):
-            value = getattr(self, name)
-            if value is not None and value <= 0:
-                raise ValueError(f"ppo.{name} = {short(value)}: expected a number > 0")
-        for name in ("gamma", "gae_lambda"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise ValueError(f"ppo.{name} = {short(value)}: expected a number from 0 to 1")
-        for name in ("ent_coef", "vf_coef"):
-            at_least(f"ppo.{name}", getattr(self, name), 0)
+    n_steps: Count = 2048
+    batch_size: Annotated[Whole, Field(ge=2)] = 64  # advantages are normalised within a minibatch
+    n_epochs: Count = 10
+    learning_rate: Positive = 3e-4
+    final_learning_rate: Positive | None = None
+    gamma: Share = 0.99
+    gae_lambda: Share = 0.95
+    clip_range: Positive = 0.2
+    ent_coef: NotNegative = 0.0
+    vf_coef: NotNegative = 0.5
+    max_grad_norm: Positive = 0.5
+    target_kl: Positive | None = None
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Imitation:
-    """Supervised learning before PPO: the policy learns to prefer the best of the shots that a search tries.
-
-    Attributes:
-        layouts: The number of layouts.
-        shots: The number of shots that the search tries on each layout.
-        vary: Whether the search repeats pots with random speeds and, with `action: strike`, random offsets of the tip.
-        batch_size: Layouts in a minibatch.
-        n_epochs: Passes over the layouts.
-        learning_rate: Adam's step size at the start; it falls linearly to a hundredth.
-    """
-
-    layouts: int
-    shots: int = 20
-    vary: bool = False
-    batch_size: int = 1024
-    n_epochs: int = 4
-    learning_rate: float = 2e-3
-
-    def __post_init__(self) -> None:
-        for name in ("layouts", "shots", "batch_size", "n_epochs"):
-            at_least(f"imitation.{name}", getattr(self, name), 1)
-        flag("imitation.vary", self.vary)
-        if self.learning_rate <= 0:
-            raise ValueError(f"imitation.learning_rate = {short(self.learning_rate)}: expected a number > 0")
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Config:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Config(Checked):
     """A training run.
 
     Attributes:
-        timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no PPO.
+        timesteps: The number of environment steps (shots), rounded up to whole updates; 0 for no training.
         env: Arguments of `gym.make("Billiards-v0", ...)`. Missing arguments have their defaults.
         start_from: The folder of a finished run. The training starts with its weights. None for new weights.
-        imitation: Supervised learning before PPO; None for no supervised learning.
         noise: The execution noise; None for no noise.
         n_envs: The number of environments that are stepped together.
         seed: The seed of all random numbers; equal seeds give equal runs.
@@ -221,36 +232,25 @@ class Config:
         ppo: The learning algorithm.
     """
 
-    timesteps: int
-    env: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    timesteps: Annotated[Whole, Field(ge=0)]
+    env: Annotated[dict[str, Any], AfterValidator(resolved_env)] = Field(default_factory=dict, validate_default=True)
     start_from: str | None = None
-    imitation: Imitation | None = None
     noise: Noise | None = None
-    n_envs: int = 64
-    seed: int = 0
-    checkpoint_every: int = 50_000
-    evaluation_episodes: int = 1000
-    policy: Policy = dataclasses.field(default_factory=Policy)
-    ppo: PPO = dataclasses.field(default_factory=PPO)
+    n_envs: Together = 64
+    seed: Seed = 0
+    checkpoint_every: Count = 50_000
+    evaluation_episodes: Together = 1000
+    policy: Policy = Field(default_factory=Policy)
+    ppo: Hyperparameters = Field(default_factory=Hyperparameters)
 
     def __post_init__(self) -> None:
-        for name, least in (("timesteps", 0), ("checkpoint_every", 1)):
-            at_least(name, getattr(self, name), least)
-        for name in ("n_envs", "evaluation_episodes"):
-            whole(name, getattr(self, name), "num_envs")
-        at_least("seed", self.seed, 0)
-        if self.seed >= 2**32:  # a limit of Stable-Baselines3
-            raise ValueError(f"seed = {short(self.seed)}: expected a number < 2**32")
-        object.__setattr__(self, "env", resolved_env(self.env))
-        rollout = self.n_envs * self.ppo.n_steps
-        if rollout % self.ppo.batch_size:
-            raise ValueError(
-                f"ppo.batch_size = {self.ppo.batch_size}: expected a divisor of n_envs * ppo.n_steps = {rollout}"
-            )
+        rollout, batch = self.n_envs * self.ppo.n_steps, self.ppo.batch_size
+        if rollout % batch:
+            raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the configuration as plain data: dicts, lists, strings and numbers."""
-        return _plain(dataclasses.asdict(self))
+        return TypeAdapter(Config).dump_python(self, mode="json")
 
     def to_yaml(self) -> str:
         """Returns the configuration as YAML, with all defaults; `from_dict` reads it."""
@@ -260,7 +260,7 @@ class Config:
         """Returns whether `from_dict` reads this configuration from plain data."""
         try:
             return Config.from_dict(data) == self
-        except (TypeError, ValueError):
+        except ValueError:
             return False
 
     @classmethod
@@ -268,41 +268,33 @@ class Config:
         """Returns a configuration from plain data, for example from the content of a YAML file.
 
         Args:
-            data: A mapping of the fields of `Config`. `imitation`, `noise`, `policy` and `ppo` are mappings themselves.
+            data: A mapping of the fields of `Config`. `noise`, `policy` and `ppo` are mappings themselves.
 
         Raises:
             ValueError: If a key is unknown or missing, or a value is impossible.
-            TypeError: If a value has the wrong type.
 
         Example:
             >>> Config.from_dict({"timesteps": 1000, "ppo": {"n_step": 8}})
             Traceback (most recent call last):
-            ValueError: key of ppo = 'n_step': expected one of ... (did you mean 'n_steps'?)
+            ValueError: ppo: key = 'n_step': expected one of ... (did you mean 'n_steps'?)
         """
-        return read_dataclass(cls, "", data)
+        return validate(cls, data)
 
 
 def load(path: Path) -> Config:
-    """Returns the configuration in a YAML file.
-
-    Raises:
-        ValueError: If the file is not YAML, a key is unknown or missing, or a value is impossible.
-        TypeError: If a value has the wrong type.
-        OSError: If the file cannot be read.
-    """
+    """Returns the configuration in a YAML file. `read` describes the errors."""
     return read(Config, path)
 
 
 def read(kind: type[T], path: Path) -> T:
-    """Returns a dataclass from a YAML file.
+    """Returns settings from a YAML file.
 
     Args:
-        kind: The dataclass.
+        kind: The class of the settings.
         path: The file.
 
     Raises:
         ValueError: If the file is not YAML, a key is unknown or missing, or a value is impossible.
-        TypeError: If a value has the wrong type.
         OSError: If the file cannot be read.
     """
     name = f"config = {str(path)!r}"
@@ -317,104 +309,64 @@ def read(kind: type[T], path: Path) -> T:
         raise ValueError(f"{name}: expected valid YAML ({error})") from error
     if data is None:
         raise ValueError(f"{name}: expected settings, the file is empty")
-    return read_dataclass(kind, "", data)
+    return validate(kind, data)
 
 
-def as_whole(name: str, value: Any) -> int:
-    """Returns `value` as a whole number; it may be a text such as "1000", "1_000" or "1e3".
-
-    Raises:
-        TypeError: If `value` is not a whole number.
-    """
-    return _read(int, name, value)
-
-
-def at_least(name: str, value: float, least: float) -> None:
-    """Raises a ValueError if the value of a field is less than `least`."""
-    if value < least:
-        raise ValueError(f"{name} = {short(value)}: expected a number >= {least}")
-
-
-def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the arguments of the environment, with the defaults of the missing ones.
-
-    Raises:
-        ValueError: If an argument is unknown.
-        TypeError: If `given` is not a mapping.
-    """
-    if not isinstance(given, Mapping):
-        raise TypeError(f"env = {short(given)}: expected a mapping")
-    entry_point = gym.spec(ENV_ID).entry_point
-    creator = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
-    if creator is None:
-        raise ValueError(f"{ENV_ID} has no entry point: expected a registered environment")
-    parameters = {
-        name: parameter
-        for name, parameter in inspect.signature(creator).parameters.items()
-        if name != "render_mode"  # training does not render
-    }
-    for key in given:
-        choose("key of env", key, tuple(parameters))
-    return {name: number(given.get(name, parameter.default)) for name, parameter in parameters.items()}
-
-
-def read_dataclass(kind: type[T], name: str, data: Any) -> T:
-    """Returns a dataclass from plain data, for example from the content of a YAML file.
+def validate(kind: Any, data: Any, name: str = "") -> Any:
+    """Returns a value of a type from plain data.
 
     Args:
-        kind: The dataclass; its fields are numbers, strings, tuples of these, or dataclasses.
-        name: The name of the data in messages; "" for a whole configuration.
-        data: A mapping of the fields of the dataclass.
+        kind: The type, such as `Config` or `Count`.
+        data: The data.
+        name: The name of the value in messages; "" for all settings of a file.
 
     Raises:
-        ValueError: If a key is unknown or missing, or a value is impossible.
-        TypeError: If a value has the wrong type.
+        ValueError: If the data are not of this type. The message has a line for each error.
+
+    Example:
+        >>> validate(Count, "1e3", "episodes")
+        1000
     """
-    if not isinstance(data, Mapping):
-        raise TypeError(f"{name or 'the configuration'} = {short(data)}: expected a mapping")
-    hints = typing.get_type_hints(kind)
-    fields = dataclasses.fields(typing.cast(Any, kind))
-    for key in data:
-        choose(f"key of {name or 'the configuration'}", key, tuple(hints))
-    prefix = f"{name}." if name else ""
-    for field in fields:
-        required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        if required and field.name not in data:
-            raise ValueError(f"{prefix}{field.name} is missing: expected a value, because it has no default")
-    return kind(**{key: _read(hints[key], f"{prefix}{key}", value) for key, value in data.items()})
+    try:
+        return TypeAdapter(kind).validate_python(data)
+    except ValidationError as error:
+        raise ValueError("\n".join(_message(name, found) for found in error.errors())) from None
 
 
-def _read(hint: Any, name: str, value: Any) -> Any:
-    """Converts `value` to the type `hint`: a text such as "1e6" to a number, 1000.0 to an int, a list to a tuple."""
-    if dataclasses.is_dataclass(hint):
-        return read_dataclass(typing.cast(Any, hint), name, value)
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is types.UnionType:
-        kind = type(value) if type(value) in arguments else arguments[0]
-        return None if kind is types.NoneType else _read(kind, name, value)
-    if origin is tuple:
-        if not isinstance(value, list):
-            raise TypeError(f"{name} = {short(value)}: expected a list, not {type(value).__name__}")
-        return tuple(_read(arguments[0], f"{name}[{i}]", v) for i, v in enumerate(value))
-    if origin is Mapping:
-        if not isinstance(value, Mapping):
-            raise TypeError(f"{name} = {short(value)}: expected a mapping, not {type(value).__name__}")
-        return dict(value)
-    if hint in (int, float):
-        value = number(value)
-    if hint is int and isinstance(value, float) and value.is_integer():
-        return int(value)
-    if hint is float and type(value) in (int, float):
-        if not math.isfinite(value):
-            raise ValueError(f"{name} = {short(value)}: expected a finite number")
-        return float(value)
-    if type(value) is not hint:
-        wanted = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[hint]
-        raise TypeError(f"{name} = {short(value)}: expected {wanted}, not {type(value).__name__}")
-    return value
+def changed(settings: T, values: Mapping[str, Any]) -> T:
+    """Returns settings with other values.
+
+    Args:
+        settings: The settings.
+        values: The values, by the paths of the settings.
+
+    Raises:
+        ValueError: If there is no such setting, or a value is impossible.
+
+    Example:
+        >>> changed(Config(timesteps=1000), {"ppo.learning_rate": "1e-3"}).ppo.learning_rate
+        0.001
+    """
+    plain = TypeAdapter(type(settings)).dump_python(settings, mode="json")
+    for path, value in values.items():
+        *parents, key = path.split(".")
+        inner: Any = plain
+        for parent in parents:
+            inner = inner.get(parent) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict):
+            raise ValueError(f"setting = {path!r}: expected a path such as 'ppo.learning_rate'")
+        inner[key] = value
+    return validate(type(settings), plain)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+def _message(name: str, error: Any) -> str:
+    """Returns the message of an error of pydantic: `name = value: expected ...`."""
+    path = (name + "".join(f"[{k}]" if isinstance(k, int) else f".{k}" for k in error["loc"])).lstrip(".")
+    if error["type"] == "missing":
+        return f"{path} is missing: expected a value, because it has no default"
+    text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
+    if " = " in text:  # the message has the name already
+        return f"{path}: {text}" if path and not text.startswith("key of") else text
+    text = re.sub(r"^\w+ should (be|have) (?=greater|less)", "expected a number ", text)
+    text = re.sub(r"^\w+ should (be|have) ", "expected ", text)
+    return f"{path or 'the configuration'} = {short(error['input'])}: {text}"

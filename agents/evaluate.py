@@ -17,7 +17,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.config import as_whole, at_least
+from agents.config import Count, Seed, validate
 from agents.film import EPISODES, film, show
 from agents.intervals import mean_interval, wilson_interval
 from agents.output import print_commands, print_table
@@ -120,8 +120,8 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     config, policy = load_policy(run_dir)
     episodes = config.evaluation_episodes if episodes is None else episodes
     seed = config.seed if seed is None else seed
-    at_least("episodes", episodes, 1)
-    at_least("seed", seed, 0)
+    validate(Count, episodes, "episodes")
+    validate(Seed, seed, "seed")
     seeds = evaluation_seeds(seed, episodes).tolist()
     envs = make_vector(config, episodes)
     envs.action_space.seed(seed)
@@ -152,12 +152,8 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     run_dir: Path = args.run_dir
     try:
-        episodes = None if args.episodes is None else as_whole("episodes", args.episodes)
-        seed = None if args.seed is None else as_whole("seed", args.seed)
-        if episodes is not None:
-            at_least("episodes", episodes, 1)
-        if seed is not None:
-            at_least("seed", seed, 0)
+        episodes = validate(Count | None, args.episodes, "episodes")
+        seed = validate(Seed | None, args.seed, "seed")
         if args.film is not None:
             _print_episodes(film(run_dir, args.film, episodes or EPISODES, seed))
             print(f"written to {args.film}")

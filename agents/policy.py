@@ -7,6 +7,8 @@ in their prior knowledge of the game.
 
 from __future__ import annotations
 
+import functools
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
@@ -18,23 +20,40 @@ from torch import Tensor, nn
 import billiards_env  # noqa: F401  (registers the environment)
 from agents.cue_parts import NUMBERS, cue_of
 from agents.mixture import MixtureDistribution
-from agents.position_heads import BinAims, HitAims, PointAims, PositionHead, Reflected
+from agents.position_heads import HitAims, PointAims, PositionHead, Reflected
 from agents.pot_head import PotFeatures, PotHead
 from billiards_env.checks import choose
 from billiards_env.envs import BilliardsEnv
+from billiards_env.scene import Scene
 
-HEADS = ("turned", "mixture", "bins", "hits", "pots")
-"""The heads, from the least prior knowledge to the most:
+HEADS = ("mixture", "hits", "pots")
+"""The heads, from the least prior knowledge to the most.
 
 A component is one Gaussian of the mixture, with axes along and across its direction. The components are
 
-* "turned": one with a learned direction.
 * "mixture": several with learned directions.
-* "bins": one for each of equally spaced directions.
 * "hits": one for each of several hits on each ball, from thin on one side to thin on the other.
 * "pots": one for each pot that geometry finds, at each of several speeds and, if actions are strikes, for each of
   several offsets of the tip. The task must be "pot", "clear" or "position".
 """
+
+
+def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
+    """Returns an environment that describes the game: its scene, task and spaces. It must not be played.
+
+    Args:
+        env: Arguments of `gym.make("Billiards-v0", ...)`. Equal arguments return the same environment.
+
+    Raises:
+        ValueError: If an argument is impossible.
+        TypeError: If an argument has the wrong type.
+    """
+    return _find_game(json.dumps(env, default=Scene.to_dict))
+
+
+@functools.lru_cache(maxsize=8)
+def _find_game(env: str) -> BilliardsEnv:
+    return cast(BilliardsEnv, gym.make("Billiards-v0", **json.loads(env)).unwrapped)
 
 
 class MixturePolicy(ActorCriticPolicy):
@@ -45,7 +64,7 @@ class MixturePolicy(ActorCriticPolicy):
         env: Arguments of `gym.make("Billiards-v0", ...)`.
         head: One of `HEADS`.
         components: The number of components. With "hits" it is the number for each ball, with "pots" the largest number
-            of pots. "turned" ignores it.
+            of pots.
         speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
             "pots" ignores it.
         banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
@@ -84,7 +103,7 @@ class MixturePolicy(ActorCriticPolicy):
             "speeds": tuple(speeds),
             "banks": banks,
         }
-        self.game = cast(BilliardsEnv, gym.make("Billiards-v0", **self.own["env"]).unwrapped)
+        self.game = find_game(self.own["env"])
         space = args[0] if args else kwargs["observation_space"]
         if space.shape != self.game.observation_space.shape:
             raise ValueError(
@@ -104,13 +123,7 @@ class MixturePolicy(ActorCriticPolicy):
         if name == "pots":
             head: Any = PotHead(self.features_dim, k, *layers, cue, len(self.game.goals))
         else:
-            inputs = self.features_dim - 2
-            aims = {
-                "turned": lambda: PointAims(inputs, 1, *layers),
-                "mixture": lambda: PointAims(inputs, k, *layers),
-                "bins": lambda: BinAims(k),
-                "hits": lambda: HitAims(self.game, k),
-            }[name]()
+            aims = HitAims(self.game, k) if name == "hits" else PointAims(self.features_dim - 2, k, *layers)
             head = PositionHead(self.features_dim, aims, self.own["speeds"], *layers, cue)
         self.mlp_extractor = head
         self.action_dist = MixtureDistribution(0 if cue is None else NUMBERS)  # pyright: ignore[reportAttributeAccessIssue]

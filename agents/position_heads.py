@@ -1,4 +1,4 @@
-"""The heads that compute components from the positions of the balls: "turned", "mixture", "bins" and "hits"."""
+"""The heads that compute components from the positions of the balls: "mixture" and "hits"."""
 
 from __future__ import annotations
 
@@ -96,23 +96,6 @@ class PointAims(nn.Module):
         return Aims(dx * shorter, dy * shorter, torch.zeros_like(dx), torch.ones_like(dx, dtype=torch.bool))
 
 
-class BinAims(nn.Module):
-    """Equally spaced directions. Training can turn each of them by at most their spacing."""
-
-    outputs, std = 1, (0.1, 0.03)
-    angles: Tensor
-
-    def __init__(self, count: int) -> None:
-        super().__init__()
-        self.count, self.width = count, 2 * math.pi / count
-        self.register_buffer("angles", self.width * torch.arange(count), persistent=False)
-
-    def forward(self, positions: Tensor, turn: Tensor) -> Aims:
-        """Returns the directions for outputs (m, k) of a network."""
-        angles = self.angles + self.width * turn.tanh()
-        return Aims(angles.cos(), angles.sin(), torch.zeros_like(turn), torch.ones_like(turn, dtype=torch.bool))
-
-
 class HitAims(nn.Module):
     """Several hits on each ball of the task.
 
@@ -181,7 +164,7 @@ class PositionHead(nn.Module):
     def __init__(
         self,
         features_dim: int,
-        aims: PointAims | BinAims | HitAims,
+        aims: PointAims | HitAims,
         speeds: tuple[float, float],
         hidden: Sequence[int],
         activation: type[nn.Module],

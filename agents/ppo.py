@@ -22,7 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
 from agents.config import ENV_ID, Config, load
-from agents.policy import MixturePolicy
+from agents.policy import MixturePolicy, find_game
 from agents.pot_head import OFFSET_INPUTS, FeatureBuffer, PotFeatures, PotHead
 from agents.vec_env import SameStepVecEnv
 from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
@@ -89,21 +89,12 @@ def make_vec_env(config: Config) -> VecEnv:
 
 def make_model(config: Config, envs: VecEnv) -> PPO:
     """Returns an untrained PPO model."""
-    s = config.ppo
+    settings = dataclasses.asdict(config.ppo)
+    del settings["final_learning_rate"]
     model = PPO(
         _policy_class(config),
         envs,
-        n_steps=s.n_steps,
-        batch_size=s.batch_size,
-        n_epochs=s.n_epochs,
-        learning_rate=_learning_rate(config),
-        gamma=s.gamma,
-        gae_lambda=s.gae_lambda,
-        clip_range=s.clip_range,
-        ent_coef=s.ent_coef,
-        vf_coef=s.vf_coef,
-        max_grad_norm=s.max_grad_norm,
-        target_kl=s.target_kl,
+        **{**settings, "learning_rate": _learning_rate(config)},
         rollout_buffer_class=FeatureBuffer if config.policy.head == "pots" else None,
         policy_kwargs=_policy_arguments(config),
         seed=config.seed,
@@ -122,9 +113,8 @@ def make_policy(config: Config) -> ActorCriticPolicy:
         ValueError: If an argument of the environment or its noise is impossible, or the head does not fit the task.
         TypeError: If an argument of the environment has the wrong type.
     """
-    env = make_env(config)
-    spaces = env.observation_space, env.action_space
-    env.close()
+    game = find_game(config.env)
+    spaces = game.observation_space, game.action_space
     return _policy_class(config)(*spaces, _learning_rate(config), **_policy_arguments(config))
 
 

@@ -29,7 +29,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import torch
@@ -37,7 +37,7 @@ from filelock import FileLock, Timeout
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.type_aliases import TensorDict
@@ -45,9 +45,8 @@ from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
-from agents.config import Config, as_whole, load
+from agents.config import Config, changed, load
 from agents.evaluate import deterministic, play_together
-from agents.imitation import imitate
 from agents.output import print_commands, print_table
 from agents.ppo import (
     evaluation_seeds,
@@ -177,7 +176,7 @@ def train(config: Config, run_dir: Path) -> None:
 def _train(config: Config, run_dir: Path) -> None:
     # Sums over several threads round differently on another machine, and such small networks gain little.
     torch.set_num_threads(1)
-    outputs = [TensorBoardOutputFormat(str(run_dir / "tensorboard"))]
+    outputs: list[KVWriter] = [TensorBoardOutputFormat(str(run_dir / "tensorboard"))]
     with closing(make_vec_env(config)) as envs, closing(Logger(str(run_dir), outputs)) as logger:
         model = make_model(config, envs)
         model.set_logger(logger)
@@ -190,8 +189,8 @@ def _train(config: Config, run_dir: Path) -> None:
             )
         if checkpoints(run_dir):
             _resume(model, config, run_dir)
-        else:
-            _prepare(model, config, run_dir)
+        elif config.start_from is not None:
+            start_from(model.policy, config.start_from)
         # A first shot compiles the engine, so that its notices appear before the progress bar.
         envs.reset()
         envs.step(np.zeros((config.n_envs, *envs.action_space.shape)))
@@ -230,15 +229,6 @@ def _resume(model: PPO, config: Config, run_dir: Path) -> None:
         raise ValueError(f"{checkpoint} does not fit the configuration; --fresh starts again: {error}") from error
     model.num_timesteps = int(checkpoint.stem)
     print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
-
-
-def _prepare(model: PPO, config: Config, run_dir: Path) -> None:
-    """Sets the weights before PPO: those of another run, then supervised learning, if the configuration has them."""
-    if config.start_from is not None:
-        start_from(model.policy, config.start_from)
-    if config.imitation is not None:
-        imitate(model.policy, config)
-        _save(model, run_dir / "checkpoints" / f"{0:09d}.zip")
 
 
 def start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
@@ -467,12 +457,8 @@ def main(arguments: list[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / args.config.stem
     try:
-        overrides: dict[str, Any] = {
-            k: as_whole(k, text) for k in ("seed", "timesteps") if (text := getattr(args, k)) is not None
-        }
-        if args.start_from is not None:
-            overrides["start_from"] = args.start_from
-        config = dataclasses.replace(load(args.config), **overrides)
+        given = {k: v for k in ("seed", "timesteps", "start_from") if (v := getattr(args, k)) is not None}
+        config = changed(load(args.config), given)
         open_run(config, run_dir, args.fresh, longer=True)
     except (OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")

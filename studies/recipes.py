@@ -23,13 +23,15 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from pydantic import AfterValidator
+from pydantic.dataclasses import dataclass
 
-from agents.config import Config, load, read
+from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
 from agents.evaluate import evaluate
 from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
@@ -49,8 +51,8 @@ EPISODES = 1000
 """The largest number of episodes of a player without training."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Recipes:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Recipes(Checked):
     """A list of recipes.
 
     Attributes:
@@ -60,16 +62,12 @@ class Recipes:
         figure: The names of the recipes whose learning curves are drawn. If it is empty, all are drawn.
     """
 
-    seeds: tuple[int, ...]
-    recipes: tuple[str, ...]
-    timesteps: int | None = None
+    seeds: Annotated[tuple[Seed, ...], AfterValidator(distinct)]
+    recipes: Annotated[tuple[str, ...], AfterValidator(distinct)]
+    timesteps: Count | None = None
     figure: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("seeds", "recipes"):
-            values = getattr(self, name)
-            if not values or len(set(values)) < len(values):
-                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and no duplicates")
         names = [Path(recipe).stem for recipe in self.recipes]
         if len(set(names)) < len(names):
             raise ValueError(f"recipes = {list(self.recipes)!r}: expected files of different names")

@@ -19,9 +19,12 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from agents.config import Config, at_least, load, read
+from pydantic import AfterValidator
+from pydantic.dataclasses import dataclass
+
+from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
 from agents.runs import train_all
 from benchmarks.figures import IMAGES
 from billiards_env.engine.modes import check_mode
@@ -35,8 +38,8 @@ EXACT = "exact"
 """The name of the world without a timestep."""
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Study:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Study(Checked):
     """A study.
 
     Attributes:
@@ -50,11 +53,11 @@ class Study:
     """
 
     recipe: str
-    worlds: tuple[str, ...]
-    timesteps: int | None = None
+    worlds: Annotated[tuple[str, ...], AfterValidator(distinct)]
+    timesteps: Count | None = None
     fix: str | None = None
-    seeds: tuple[int, ...] = (0, 1, 2)
-    layouts: int = 2000
+    seeds: Annotated[tuple[Seed, ...], AfterValidator(distinct)] = (0, 1, 2)
+    layouts: Count = 2000
 
     def __post_init__(self) -> None:
         for i, world in enumerate(self.worlds):
@@ -65,15 +68,6 @@ class Study:
             check_mode(**arguments)
         if EXACT not in self.worlds:
             raise ValueError(f"worlds = {list(self.worlds)!r}: expected {EXACT!r} among them, to compare with")
-        for name in ("worlds", "seeds"):
-            values = getattr(self, name)
-            if not values or len(set(values)) < len(values):
-                raise ValueError(f"{name} = {list(values)!r}: expected at least one, and no duplicates")
-        for i, seed in enumerate(self.seeds):
-            at_least(f"seeds[{i}]", seed, 0)
-        at_least("layouts", self.layouts, 1)
-        if self.timesteps is not None:
-            at_least("timesteps", self.timesteps, 1)
 
 
 def world_arguments(world: str, fix: str | None) -> dict[str, Any]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 from pathlib import Path
 
-from agents.config import as_whole, read
+from agents.config import changed, read
 from agents.rllib.settings import Settings, load_recipe
 from agents.train import open_run, print_result
 from cluster import connect
@@ -31,16 +30,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--fresh", action="store_true", help="delete the run in the folder and start again")
     args = parser.parse_args(arguments)
     run_dir = args.run_dir or Path("runs") / "rllib" / args.settings.stem
-    given = {
-        name: as_whole(name, text)
-        for name in ("runners", "learners", "seed", "timesteps")
-        if (text := getattr(args, name)) is not None
-    }
+    given = {k: text for k in ("runners", "learners", "seed", "timesteps") if (text := getattr(args, k)) is not None}
     try:
         settings = read(Settings, args.settings)
         config = load_recipe(settings, args.settings)
-        settings = dataclasses.replace(settings, **{k: v for k, v in given.items() if k in ("runners", "learners")})
-        config = dataclasses.replace(config, **{k: v for k, v in given.items() if k in ("seed", "timesteps")})
+        settings = changed(settings, {k: v for k, v in given.items() if k in ("runners", "learners")})
+        config = changed(config, {k: v for k, v in given.items() if k in ("seed", "timesteps")})
         settings.check(config)
         connect(args.address, cpus=1 + settings.runners + settings.learners)
         from agents.rllib.train import train  # imports Ray

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import random
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from agents.config import Config, at_least, load
-from billiards_env.checks import number
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
+
+from agents.config import CHECKS, Checked, Config, Count, Positive, Whole, increasing, load
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Settings(Checked):
     """A training with RLlib.
 
     Attributes:
@@ -26,12 +26,8 @@ class Settings:
     """
 
     recipe: str
-    runners: int = 1
-    learners: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("runners", "learners"):
-            at_least(name, getattr(self, name), 0)
+    runners: Annotated[Whole, Field(ge=0)] = 1
+    learners: Annotated[Whole, Field(ge=0)] = 0
 
     def check(self, config: Config) -> None:
         """Raises a ValueError if a recipe cannot be trained with these settings."""
@@ -45,8 +41,8 @@ class Settings:
             raise ValueError(f"ppo.target_kl = {config.ppo.target_kl}: expected None, RLlib has no such limit")
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Sweep:
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Sweep(Checked):
     """Trainings of a recipe with other settings, which are drawn at random.
 
     A key of `ranges` and `choices` is the path of a setting, such as "ppo.learning_rate".
@@ -62,25 +58,15 @@ class Sweep:
     """
 
     recipe: str
-    trials: int
-    first_stop: int
-    ranges: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    choices: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    reduction: int = 3
-    seed: int = 0
+    trials: Count
+    first_stop: Count
+    ranges: dict[str, Annotated[tuple[Positive, Positive], AfterValidator(increasing)]] = Field(default_factory=dict)
+    choices: dict[str, Annotated[list[Any], Field(min_length=1)]] = Field(default_factory=dict)
+    reduction: Annotated[Whole, Field(ge=2)] = 3
+    seed: Annotated[Whole, Field(ge=0)] = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("trials", 1), ("first_stop", 1), ("reduction", 2), ("seed", 0)):
-            at_least(name, getattr(self, name), least)
-        for key, values in self.ranges.items():
-            numbers = (
-                [v for v in map(number, values) if isinstance(v, (int, float))] if isinstance(values, list) else []
-            )
-            if len(numbers) != 2 or not 0 < numbers[0] < numbers[1]:
-                raise ValueError(f"ranges.{key} = {values!r}: expected two increasing numbers > 0")
         for key, values in self.choices.items():
-            if not isinstance(values, list) or not values:
-                raise ValueError(f"choices.{key} = {values!r}: expected a list of values")
             if key in self.ranges:
                 raise ValueError(f"choices.{key} = {values!r}: expected a setting without a range")
         if not (self.ranges or self.choices):
@@ -89,10 +75,9 @@ class Sweep:
     def draw(self) -> list[dict[str, Any]]:
         """Returns the settings of each trial, by their paths."""
         generator = random.Random(self.seed)
-        ranges = {key: [math.log(number(value)) for value in ends] for key, ends in self.ranges.items()}
         return [
             {
-                **{key: math.exp(generator.uniform(*ends)) for key, ends in ranges.items()},
+                **{key: math.exp(generator.uniform(*map(math.log, ends))) for key, ends in self.ranges.items()},
                 **{key: generator.choice(values) for key, values in self.choices.items()},
             }
             for _ in range(self.trials)
@@ -104,34 +89,6 @@ def load_recipe(settings: Settings | Sweep, path: Path) -> Config:
 
     Raises:
         OSError: If the recipe cannot be read.
-        TypeError: If a value of the recipe has the wrong type.
         ValueError: If the recipe is impossible.
     """
     return load(path.parent / settings.recipe)
-
-
-def changed(config: Config, values: Mapping[str, Any]) -> Config:
-    """Returns a configuration with other values of some settings.
-
-    Args:
-        config: The configuration.
-        values: The values, by the paths of the settings.
-
-    Raises:
-        TypeError: If a value has the wrong type.
-        ValueError: If there is no such setting, or a value is impossible.
-
-    Example:
-        >>> changed(Config(timesteps=1000), {"ppo.learning_rate": 0.001}).ppo.learning_rate
-        0.001
-    """
-    plain = config.to_dict()
-    for path, value in values.items():
-        *parents, key = path.split(".")
-        inner: Any = plain
-        for parent in parents:
-            inner = inner.get(parent) if isinstance(inner, dict) else None
-        if not isinstance(inner, dict):
-            raise ValueError(f"setting = {path!r}: expected a path such as 'ppo.learning_rate'")
-        inner[key] = value
-    return Config.from_dict(plain)

@@ -20,9 +20,9 @@ from typing import Any
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler
 
-from agents.config import Config, read
+from agents.config import Config, changed, read
 from agents.output import print_table
-from agents.rllib.settings import Settings, Sweep, changed, load_recipe
+from agents.rllib.settings import Settings, Sweep, load_recipe
 from agents.rllib.train import train
 from agents.train import Point, open_run
 from billiards_env.files import write_whole

@@ -20,7 +20,6 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from tqdm import tqdm
 
 from agents.config import Config
-from agents.imitation import imitate
 from agents.ppo import make_policy, save_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
@@ -61,11 +60,8 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[
     if checkpoint is not None:
         algorithm.restore_from_path(str(checkpoint.resolve()))
         print(f"{run_dir}: resuming after {algorithm.steps:,} of {config.timesteps:,} steps")
-    elif config.start_from is not None or config.imitation is not None:
-        if config.start_from is not None:
-            start_from(policy, config.start_from)
-        if config.imitation is not None:
-            imitate(policy, config)
+    elif config.start_from is not None:
+        start_from(policy, config.start_from)
         algorithm.set_policy(policy)
     curve, successes = LearningCurve(config, run_dir, algorithm.steps), deque[bool](maxlen=1000)
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])

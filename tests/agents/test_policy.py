@@ -386,7 +386,7 @@ def test_the_heads_play_every_variant_of_the_environment(env):
     game = gym.make("Billiards-v0", **env)
     observations = np.stack([game.reset(seed=seed)[0] for seed in range(3)])
     pots = env.get("task", "pot") == "pot"
-    for head in ("turned", "hits", *(["pots"] if pots else [])):
+    for head in ("mixture", "hits", *(["pots"] if pots else [])):
         if head == "hits" and env.get("n_object_balls") == 0:
             continue  # refused, because there is no object ball
         actor = disturbed(head, **env)
@@ -404,7 +404,7 @@ def test_set_std_fixes_the_standard_deviations(head):
     found = components(actor, observations)
     real = found.logit != NEVER
     torch.testing.assert_close(found.log_along.exp()[real], torch.full((int(real.sum()),), 0.05))
-    if head in ("turned", "mixture", "bins"):
+    if head == "mixture":
         torch.testing.assert_close(found.log_across.exp()[real], 0.02 * found.speed[real])
 
     distribution = actor.get_distribution(torch.as_tensor(observations))

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agents.config import Config, read
-from agents.rllib.settings import Settings, Sweep, changed, load_recipe
+from agents.config import Config, changed, read, validate
+from agents.rllib.settings import Settings, Sweep, load_recipe
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs" / "rllib"
 
@@ -38,11 +38,6 @@ def test_a_limit_of_the_divergence_is_refused():
         Settings(recipe="pot.yaml").check(config)
 
 
-def test_negative_numbers_of_processes_are_refused():
-    with pytest.raises(ValueError, match="runners = -1: expected a number >= 0"):
-        Settings(recipe="pot.yaml", runners=-1)
-
-
 def test_the_sweep_of_the_repository_changes_settings_of_its_recipe():
     path = CONFIGS / "sweep.yaml"
     sweep = read(Sweep, path)
@@ -55,10 +50,10 @@ def test_the_sweep_of_the_repository_changes_settings_of_its_recipe():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trials": 0}, "trials = 0: expected a number >= 1"),
-        ({"ranges": {"ppo.gamma": [0.9]}}, "ranges.ppo.gamma = [0.9]: expected two increasing numbers > 0"),
-        ({"ranges": {"ppo.gamma": [0.9, 0.1]}}, "ranges.ppo.gamma = [0.9, 0.1]: expected two increasing numbers > 0"),
-        ({"choices": {"n_envs": 8}}, "choices.n_envs = 8: expected a list of values"),
+        ({"trials": 0}, "trials = 0: expected a number greater"),
+        ({"ranges": {"ppo.gamma": [0.9]}}, "ranges.ppo.gamma[1] is missing"),
+        ({"ranges": {"ppo.gamma": [0.9, 0.1]}}, "ranges.ppo.gamma = [0.9, 0.1]: expected two increasing numbers"),
+        ({"choices": {"n_envs": 8}}, "choices.n_envs = 8: expected a valid list"),
         (
             {"ranges": {"n_envs": [1, 2]}, "choices": {"n_envs": [8]}},
             "choices.n_envs = [8]: expected a setting without a range",
@@ -68,23 +63,13 @@ def test_the_sweep_of_the_repository_changes_settings_of_its_recipe():
 )
 def test_impossible_sweeps_are_refused(changes, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}"):
-        Sweep(**{"recipe": "pot.yaml", "trials": 1, "first_stop": 1, **changes})
-
-
-def test_changed_settings_are_checked():
-    config = Config(timesteps=1000)
-    std = {"first": [0.4, 0.2], "last": [0.1, 0.1]}
-    assert changed(config, {"policy.std": std}).policy.std is not None
-    assert changed(config, {"ppo.batch_size": 128, "n_envs": 8}).ppo.batch_size == 128
-    with pytest.raises(ValueError, match=r"setting = 'pqo.gamma': expected a path"):
-        changed(config, {"pqo.gamma": 1})
-    with pytest.raises(ValueError, match="key of ppo = 'gama'"):
-        changed(config, {"ppo.gama": 1})
+        validate(Sweep, {"recipe": "pot.yaml", "trials": 1, "first_stop": 1, **changes})
 
 
 def test_equal_seeds_draw_equal_trials():
     ranges, choices = {"ppo.learning_rate": ["1e-4", 1e-2]}, {"ppo.batch_size": [64, 128]}
-    sweeps = [Sweep(recipe="a", trials=50, first_stop=1, ranges=ranges, choices=choices, seed=s) for s in (0, 0, 1)]
+    given = {"recipe": "a", "trials": 50, "first_stop": 1, "ranges": ranges, "choices": choices}
+    sweeps = [validate(Sweep, {**given, "seed": seed}) for seed in (0, 0, 1)]
     first, again, other = (sweep.draw() for sweep in sweeps)
     assert first == again != other
     assert {trial["ppo.batch_size"] for trial in first} == {64, 128}

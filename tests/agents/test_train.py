@@ -107,7 +107,7 @@ def test_the_standard_deviations_follow_their_schedule(command, tmp_path):
     assert ended["log_std"].exp().tolist() == pytest.approx([0.4 * 0.25**0.75, 0.5**0.75])  # as the fourth does
 
 
-@pytest.mark.parametrize("head", ["turned", "mixture", "bins", "hits", "pots"])
+@pytest.mark.parametrize("head", ["mixture", "hits", "pots"])
 def test_the_standard_deviations_of_a_mixture_follow_their_schedule(command, tmp_path, head):
     std = {"first": [0.4, 0.2], "last": [0.1, 0.1], "until": 1.0}
     command(policy={"head": head, "components": 2, "hidden": [8], "std": std})
@@ -234,69 +234,12 @@ def test_a_run_with_0_timesteps_is_finished_without_training(command, tmp_path, 
     assert "is trained already (0 steps)" in capsys.readouterr().out
 
 
-IMITATION = {
-    "policy": {"head": "pots", "components": 3, "hidden": [8]},
-    "imitation": {"layouts": 100, "batch_size": 20, "shots": 15},
-}
-
-
-def test_a_run_is_resumed_after_the_imitation_without_imitating_again(command, tmp_path, monkeypatch, capsys):
-    command(**IMITATION)
-    run, whole = tmp_path / "run", tmp_path / "whole"
-    run.rename(whole)
-    assert [path.name for path in sorted((whole / "checkpoints").iterdir())] == ["000000000.zip", "000000256.zip"]
-    with monkeypatch.context() as patch:
-        interrupt_after(64, patch)
-        with pytest.raises(SystemExit):
-            command(**IMITATION)
-    assert "the same command resumes after 0 of 512 steps" in capsys.readouterr().err
-    monkeypatch.setattr(module, "imitate", None)
-    command(**IMITATION)
-    assert "resuming after 0 of 512 steps" in capsys.readouterr().out
-    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
-    curves = [module.learning_curve(folder) for folder in (run, whole)]
-    assert [(point.steps, *point[3:]) for point in curves[0]] == [(point.steps, *point[3:]) for point in curves[1]]
-
-
-def test_an_imitation_without_ppo_is_repeatable_and_can_continue_with_ppo(command, tmp_path):
-    run, first, whole = (tmp_path / name for name in ("run", "first", "whole"))
-    command("--timesteps", "0", **IMITATION)
-    shutil.copytree(run, first)
-    command("--timesteps", "0", "--fresh", **IMITATION)
-    assert equal(weights(run / "model.zip"), weights(first / "model.zip"))
-    command("--timesteps", "512", **IMITATION)  # continues
-    assert [point.steps for point in module.learning_curve(run)] == [0, 256, 512]
-    run.rename(whole)
-    command("--timesteps", "512", **IMITATION)
-    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
-    assert not equal(weights(run / "model.zip"), weights(first / "model.zip"))
-
-
-def test_an_interrupted_imitation_starts_again(command, tmp_path, monkeypatch):
-    def stop(policy, config):
-        with torch.no_grad():
-            next(policy.parameters()).zero_()
-        raise KeyboardInterrupt
-
-    run, whole = tmp_path / "run", tmp_path / "whole"
-    command("--timesteps", "0", **IMITATION)
-    run.rename(whole)
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "imitate", stop)
-        with pytest.raises(SystemExit) as stopped:
-            command("--timesteps", "0", **IMITATION)
-    assert stopped.value.code == 130
-    assert not (run / "policy.pt").exists()
-    command("--timesteps", "0", **IMITATION)
-    assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
-
-
 def policy_weights(run: Path) -> dict[str, torch.Tensor]:
     """Returns the weights of a finished run without those of the value function."""
     return torch.load(run / "policy.pt", weights_only=True)
 
 
-@pytest.mark.parametrize("head", ["gaussian", "turned", "mixture", "bins", "hits", "pots"])
+@pytest.mark.parametrize("head", ["gaussian", "mixture", "hits", "pots"])
 def test_a_run_starts_from_the_weights_of_another(command, tmp_path, head):
     run, other = tmp_path / "run", tmp_path / "other"
     settings = {"policy": {"head": head, "components": 2, "hidden": [8]}}
@@ -510,8 +453,8 @@ def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path,
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"timestep": 1}, r"error: key of the configuration = 'timestep'"),
-        ({"seed": "one"}, r"error: seed = 'one': expected a whole number"),
+        ({"timestep": 1}, r"error: key = 'timestep'"),
+        ({"seed": "one"}, r"error: seed = 'one': expected a valid integer"),
         ({"env": {"max_speed": -1.0}}, r"error: max_speed = -1.0: expected a number from"),
         ({"env": {"scene": "poll"}}, r"error: scene = 'poll'.*did you mean 'pool'"),
         (
@@ -522,11 +465,10 @@ def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path,
             {"env": {"task": "place", "n_object_balls": 0, "max_shots": 3}, "policy": {"head": "hits"}},
             "error: policy.head = 'hits' in the task 'place': expected at least one object ball",
         ),
-        ({"imitation": {"layouts": 0}}, "error: imitation.layouts = 0: expected a number >= 1"),
         ({"start_from": "nowhere"}, "error: start_from = 'nowhere': expected the folder of a finished run"),
-        ({"seed": 2**32}, r"error: seed = 4294967296: expected a number < 2\*\*32"),
-        ({"n_envs": 10**9}, r"error: n_envs = 1000000000: expected a whole number from 1 to 10000000"),
-        ({"timesteps": -1}, r"error: timesteps = -1: expected a number >= 0"),
+        ({"seed": 2**32}, r"error: seed = 4294967296: expected a number less than 4294967296"),
+        ({"n_envs": 10**9}, r"error: n_envs = 1000000000: expected a number less than"),
+        ({"timesteps": -1}, r"error: timesteps = -1: expected a number greater"),
     ],
 )
 def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path, changes, message):
