@@ -9,7 +9,7 @@ RLLIB := .venv-rllib/.installed
 PYTHONS := 3.10 3.11 3.12 3.13
 CORE := tests/physics tests/engine tests/envs
 ARGS ?= --players human,search:20
-# make results ADDRESS=auto: a Ray cluster does the work of results, study and stress.
+# make results ADDRESS=auto: a Ray cluster does the work of results and study.
 ADDRESS ?=
 SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
@@ -40,9 +40,9 @@ pythons:  ## test the physics, the engine and the environments on each installed
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-stress: $(WORKS)  ## ten million random shots and very long runs, every event checked (15 minutes)
-	$(WORK)/pytest -n 2 -q -m slow tests/stress
-	$(WORK)/python -m benchmarks.stress $(SPREAD)
+stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (15 minutes)
+	$(BIN)/pytest -n 2 -q -m slow tests/stress
+	$(BIN)/python -m benchmarks.stress
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 	$(BIN)/ruff format --check .
@@ -53,24 +53,17 @@ lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
 bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/results) and write the tables of the README and the docs
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
-	$(BIN)/python -m benchmarks.real_timestep
 	$(BIN)/python -m benchmarks.comparison
 	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
-	$(BIN)/python -m benchmarks.pressed
 	$(BIN)/python -m benchmarks.validation
-	$(BIN)/python -m benchmarks.contact_rule
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.vector
-	$(BIN)/python -m benchmarks.rendering
-	$(BIN)/python -m benchmarks.ablation
 	$(BIN)/python -m benchmarks.start_up
-	$(BIN)/python -m studies.training_speed
 	$(BIN)/python -m benchmarks.readme
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
-	$(WORK)/python -m studies.choices
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.english
@@ -90,8 +83,6 @@ rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two no
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m benchmarks.figures
-	$(BIN)/python -m benchmarks.paper_figures
-	$(BIN)/python -m benchmarks.game_figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

@@ -202,8 +202,7 @@ def _train(config: Config, run_dir: Path) -> None:
             bar_format=BAR,
             ncols=shutil.get_terminal_size().columns,  # 80 if the terminal has no width; tqdm then shows no bar
         ) as bar:
-            callback = _Callback(config, run_dir, bar)
-            callback.begin(model.num_timesteps)
+            callback = _Callback(LearningCurve(config, run_dir, model.num_timesteps), bar)
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
             callback.measure()
@@ -293,6 +292,7 @@ class LearningCurve:
     def __init__(self, config: Config, run_dir: Path, steps: int) -> None:
         self.config, self.run_dir = config, run_dir
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
+        self._envs = make_vector(config, config.evaluation_episodes)
         self._clock = time.perf_counter()
 
     def measure(self, policy: ActorCriticPolicy, steps: int, successes: Collection[bool]) -> None:
@@ -305,10 +305,8 @@ class LearningCurve:
         """
         seconds = time.perf_counter() - self._clock + (self.points[-1].seconds if self.points else 0.0)
         if not self.points or self.points[-1].steps < steps:
-            envs = make_vector(self.config, self.config.evaluation_episodes)
             seeds = evaluation_seeds(self.config.seed, self.config.evaluation_episodes).tolist()
-            result = play_together(envs, deterministic(policy), seeds)
-            envs.close()
+            result = play_together(self._envs, deterministic(policy), seeds)
             trained = sum(successes) / max(len(successes), 1)
             self.points.append(Point(steps, round(seconds, 2), trained, result["success_rate"], result["mean_score"]))
             text = io.StringIO()
@@ -368,16 +366,11 @@ def versions() -> dict[str, str]:
 class _Callback(BaseCallback):
     """Seeds the training, saves checkpoints, shows the progress and logs the success."""
 
-    def __init__(self, config: Config, run_dir: Path, bar: tqdm) -> None:
+    def __init__(self, curve: LearningCurve, bar: tqdm) -> None:
         super().__init__()
-        self.config, self.run_dir, self.bar = config, run_dir, bar
+        self.curve, self.config, self.run_dir, self.bar = curve, curve.config, curve.run_dir, bar
         self.successes: deque[bool] = deque(maxlen=1000)
         self.next_checkpoint = 0
-        self.curve = LearningCurve(config, run_dir, 0)
-
-    def begin(self, timesteps: int) -> None:
-        """Loads the learning curve up to `timesteps` steps."""
-        self.curve = LearningCurve(self.config, self.run_dir, timesteps)
         self._show()
 
     def measure(self) -> None:

@@ -1,9 +1,8 @@
-"""Run time and error of PIC, of PIT at many timesteps, and of other simulators.
+"""Run time and error of PIC and of PIT at many timesteps.
 
-PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. The simulators of
-`benchmarks.others` also run the frictionless, elastic shots. Errors are measured against the 50-digit oracle. Outcomes
-(the balls potted, the ball hit first) of more shots are compared with those of PIC, which are compared with the oracle
-first. Run times are measured on one core; all methods take turns in one process.
+PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. Errors are measured
+against the 50-digit oracle. Outcomes (the balls potted, the ball hit first) of more shots are compared with those of
+PIC, which are compared with the oracle first. Run times are measured on one core; all methods take turns in one process.
 
     python -m benchmarks.accuracy               # within ten minutes on two cores
     python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1
@@ -25,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, accuracy_report, check_counts, convergence, error_limit, machine, others
-from benchmarks.methods import PIC, Method, run_all, run_other, timer
+from benchmarks import IMAGES, RESULTS, accuracy_report, check_counts, error_limit, machine, print_blocks
+from benchmarks.methods import PIC, Method, run_all, timer
 from billiards_env.files import write_json
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
@@ -35,14 +34,10 @@ from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 
-IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
-STEPS = convergence.STEPS
+STEPS = [15 * 2**k for k in range(11)]
 """Timesteps of PIT, as steps per second."""
-OTHERS_STEPS = [60 * 2**k for k in range(6)]
-"""Timesteps of the other simulators, as steps per second."""
 TIMES = (0.5, 1.0, 2.0, 5.0)
 """Times at which positions are compared, s, in addition to the end of the shot."""
-CONTACTS = ("ball_ball", "cushion", "pocket")
 TIMED = 24  # shots whose run time is measured
 BREAKS = 8  # number of other shots per break in the comparison of outcomes, because breaks take long
 
@@ -78,15 +73,6 @@ PROBLEMS = {
 PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
 
 
-def methods(problem: Problem) -> list[Method]:
-    """Returns the methods that can run a problem's shots; the other simulators have no friction."""
-    found = [PIC, *PIT]
-    if problem.scene.physics.motion == "ideal":
-        for name in others.available():
-            found += [Method(name, s) for s in (OTHERS_STEPS if others.has_timestep(name) else [None])]
-    return found
-
-
 def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
     """Returns the positions (n, 2), m, and velocities (n, 2), m/s, of a shot of a problem."""
     scene, draw, _ = PROBLEMS[name]
@@ -102,37 +88,6 @@ def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
     return np.array(positions), np.array(velocities)
 
 
-def end_and_before(scene: Scene) -> list[float]:
-    """Returns `TIMES` and the time limit of a frictionless scene."""
-    assert scene.physics.max_time is not None
-    return [*TIMES, scene.physics.max_time]
-
-
-def first_difference(
-    ours: Sequence[tuple[float, str, int, int]], reference: Sequence[tuple[float, str, int, int]], complete: bool
-) -> int | None:
-    """Compares a sequence of contacts with the reference; contacts at the same instant have no order.
-
-    Args:
-        ours: (time, kind, ball, other), sorted by time.
-        reference: The same for the reference.
-        complete: Whether the reference extends to the end of the shot.
-
-    Returns:
-        The number of contacts before the first difference, or None if there is no difference within the reference.
-    """
-    here = 0
-    for _, tied in itertools.groupby(ours, key=lambda contact: contact[0]):
-        group = sorted(contact[1:] for contact in tied)
-        expected = [contact[1:] for contact in reference[here : here + len(group)]]
-        if len(expected) < len(group) and not complete:  # the reference ends within this group
-            return None if all(contact in group for contact in expected) else here
-        if sorted(expected) != group:
-            return here
-        here += len(group)
-    return here if here < len(reference) else None
-
-
 def follow(task: tuple[str, int]) -> dict[str, Any]:
     """Runs one shot by the oracle and by every method.
 
@@ -141,9 +96,8 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
 
     Returns:
         `errors`: for each method the root mean square error over the balls, m, at `TIMES` and at the end; NaN at times
-        to which the shot is not followed. `same`: for each method the number of contacts equal to the oracle's.
-        `until`: the oracle's time of the first contact that differs. `complete`: whether the shot is followed to its
-        end. `contacts`: the number of contacts. `outcome_as_oracle`: whether PIC has the outcome of the oracle.
+        to which the shot is not followed. `complete`: whether the shot is followed to its end. `outcome_as_oracle`:
+        whether PIC has the outcome of the oracle.
     """
     name, seed = task
     scene = PROBLEMS[name].scene
@@ -158,8 +112,6 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
         exact = stopped.shot
         known_until = min(known_until, float(exact.time))
     complete = known_until == np.inf
-    contacts = [(float(e.time), e.kind, e.ball, e.other) for e in exact.events if e.kind in CONTACTS]
-    contacts = [e for e in contacts if e[0] < known_until]
     places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in (*TIMES, np.inf)]
 
     def errors(found: Sequence[Floats]) -> list[float]:
@@ -168,32 +120,15 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
             float(e) if complete or t < known_until else np.nan for e, t in zip(apart, (*TIMES, np.inf), strict=True)
         ]
 
-    hits = [e[3] for e in contacts if e[1] == "ball_ball" and e[2] == 0]
-    result: dict[str, Any] = {
+    hits = [e.other for e in exact.events if e.kind == "ball_ball" and e.ball == 0 and float(e.time) < known_until]
+    found = (simulate(scene, positions, velocities, record=True, **method.engine) for method in (PIC, *PIT))
+    return {
         "complete": complete,
-        "contacts": len(contacts),
         "outcome_as_oracle": pic.potted.tolist() == list(exact.potted)
         and pic.first_hit == (hits[0] if hits else -1)
         and set(np.flatnonzero(pic.cushions_before_hit >= 0)) == set(hits),
-        "errors": [],
-        "same": [],
-        "until": [],
+        "errors": [errors([*(shot.at(t) for t in TIMES), shot.positions]) for shot in found],
     }
-    for method in methods(PROBLEMS[name]):
-        if not method.ours:
-            result["errors"].append(errors(run_other(scene, positions, velocities, method, end_and_before(scene))[0]))
-            result["same"].append(None)
-            result["until"].append(None)
-            continue
-        shot = simulate(scene, positions, velocities, record=True, **method.engine)
-        assert shot.events is not None
-        result["errors"].append(errors([*(shot.at(t) for t in TIMES), shot.positions]))
-        ours = [tuple(e) for e in shot.events[["time", "kind", "ball", "other"]].tolist() if e[1] in CONTACTS]
-        differs = first_difference(ours, contacts, complete)
-        result["same"].append(len(contacts) if differs is None else differs)
-        after = None if differs is None else [*(e[0] for e in contacts), float(exact.time)][differs]
-        result["until"].append(after)
-    return result
 
 
 def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
@@ -253,7 +188,7 @@ def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[flo
     calls: dict[str, dict[Method, Callable[[], float]]] = {}
     for name, problem in PROBLEMS.items():
         positions, velocities = shots_of(name, min(shots, TIMED))
-        calls[name] = {method: timer(problem.scene, positions, velocities, method) for method in methods(problem)}
+        calls[name] = {method: timer(problem.scene, positions, velocities, method) for method in (PIC, *PIT)}
     found: dict[str, dict[Method, list[float]]] = {
         name: {method: [] for method in some} for name, some in calls.items()
     }
@@ -267,7 +202,6 @@ def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[flo
 
 
 def rows_of(
-    name: str,
     followed: Sequence[dict[str, Any]],
     seconds: dict[Method, list[float]],
     wrong: dict[Method, dict[str, float | int]],
@@ -275,10 +209,8 @@ def rows_of(
     """Returns the results of a problem, one row per method."""
     rows = []
     errors = np.array([result["errors"] for result in followed])  # (shots, methods, times)
-    for k, method in enumerate(methods(PROBLEMS[name])):
+    for k, method in enumerate((PIC, *PIT)):
         ratios = np.array(seconds[method]) / np.array(seconds[PIC])
-        same = [result["same"][k] for result in followed]
-        until = [result["until"][k] for result in followed]
         row: dict[str, Any] = {
             "method": method.name,
             "fix": method.fix,
@@ -290,12 +222,6 @@ def rows_of(
             known = errors[:, k, column][~np.isnan(errors[:, k, column])]
             row[f"median_error_{t}_m"] = float(np.median(known)) if len(known) else None
             row[f"p90_error_{t}_m"] = float(np.quantile(known, 0.9)) if len(known) else None
-        if same[0] is not None:
-            differing = [t for t in until if t is not None]
-            row["median_same_contacts"] = float(np.median(same))
-            row["median_contacts"] = float(np.median([result["contacts"] for result in followed]))
-            row["share_all_contacts_same"] = 1 - len(differing) / len(until)
-            row["median_first_difference_s"] = float(np.median(differing)) if differing else None
         row |= wrong.get(method, {})
         rows.append({key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in row.items()})
     return rows
@@ -331,15 +257,13 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
             "compared": sum(not np.isnan(result["errors"][0][problem.column]) for result in results),
             "followed_to_the_end": len(ends),
             "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_of(name, results, seconds[name], wrong.get(name, {})),
+            "methods": rows_of(results, seconds[name], wrong.get(name, {})),
         }
     return {
         "machine": on,
-        "versions": others.versions(),
         "shots": shots,
         "passes": passes,
         "scenes": scenes,
-        "convergence": convergence.measure(),
     }
 
 
@@ -363,7 +287,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
-    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png and convergence.png")
+    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png")
     parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
     # The fourth break is the first one that can be followed to its end.
@@ -373,10 +297,8 @@ def main(arguments: list[str] | None = None) -> None:
     else:
         result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
         write_json(args.results / "accuracy.json", result)
-    rows = accuracy_report.unpacked(result)
-    accuracy_report.draw_pareto(rows, args.images / "pareto.png")
-    convergence.draw(rows, args.images / "convergence.png")
-    accuracy_report.print_report(result)
+    accuracy_report.draw_pareto(accuracy_report.unpacked(result), args.images / "pareto.png")
+    print_blocks(accuracy_report.blocks(result))
     print(f"Written to {args.results / 'accuracy.json'}; drawn in {args.images}.")
 
 

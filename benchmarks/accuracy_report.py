@@ -5,18 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks import machine_line, table
-from benchmarks.convergence import PIT_STYLES
-from benchmarks.figures import save
+from benchmarks import machine_line, save, table
 
 LEVELS = {"10 cm": 0.1, "1 cm": 1e-2, "1 mm": 1e-3, "0.1 mm": 1e-4}
 ENOUGH = 0.99
 PIC_STYLE: dict[str, Any] = {"marker": "*", "color": "black", "markersize": 13, "linestyle": "none"}
-OTHERS: dict[str, dict[str, Any]] = {
-    "pymunk": {"marker": "v", "color": "#cc79a7", "linestyle": "--", "markersize": 4, "linewidth": 1},
-    "Box2D": {"marker": "D", "color": "#e69f00", "linestyle": "--", "markersize": 4, "linewidth": 1},
-    "python-billiards": {"marker": "P", "color": "#56b4e9", "linestyle": "none", "markersize": 8},
+PIT_STYLES: dict[str, dict[str, Any]] = {
+    "push_apart": {"marker": "o", "color": "#0072b2", "markersize": 6, "linewidth": 1.2},
+    "move_back": {"marker": "s", "color": "#d55e00", "markersize": 4, "linewidth": 1.2},
+    "none": {"marker": "^", "color": "#009e73", "markersize": 4, "linewidth": 1.2, "linestyle": "--"},
 }
+"""Plot styles of the fixes."""
 FLOOR = 1e-17  # m, zero errors are drawn at this value
 
 
@@ -60,26 +59,6 @@ def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any
     return rows[last_bad + 1] if last_bad + 1 < len(rows) else None
 
 
-def scene_table(scene: dict[str, Any]) -> str:
-    """Returns the table of PIT's errors, outcomes and run times at each timestep."""
-    fixes = list(PIT_STYLES)
-    rows = {fix: _pit(scene, fix) for fix in fixes}
-    scores = "wrong_scores" in rows[fixes[0]][0]
-    head = ["timestep", *(f"error, {fix}" for fix in fixes)]
-    head += [f"scores right, {fix}" for fix in fixes] if scores else []
-    head += ["us/shot", "time / PIC"]
-    lines = []
-    for k, row in enumerate(rows[fixes[0]]):
-        line = [f"1/{row['steps_per_second']} s", *(_metres(_error(scene, rows[fix][k])) for fix in fixes)]
-        line += [f"{100 * (1 - rows[fix][k]['wrong_scores']):.1f} %" for fix in fixes] if scores else []
-        lines.append([*line, f"{row['us_per_shot']:,.0f}", _ratio(row["time_over_pic"])])
-    pic = _pic(scene)
-    lines.append(
-        ["PIC", _metres(_error(scene, pic)), "", "", *([""] * 3 if scores else []), f"{pic['us_per_shot']:,.1f}", "1"]
-    )
-    return table(head, lines)
-
-
 def levels(scenes: dict[str, Any]) -> str:
     """Returns the table of the run time, over that of PIC, of the fastest PIT with a median error below each level."""
     lines = []
@@ -120,49 +99,6 @@ def enough(scenes: dict[str, Any]) -> str:
     return table(head, lines, left=2)
 
 
-def contacts(scenes: dict[str, Any]) -> str:
-    """Returns the table of the number of contacts equal to those of the oracle."""
-    lines = []
-    for name, scene in scenes.items():
-        chosen = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 960, 15360)]
-        for row in (*chosen, _pic(scene)):
-            what = "PIC" if row["method"] == "PIC" else f"PIT, 1/{row['steps_per_second']} s"
-            until = row["median_first_difference_s"]
-            lines.append(
-                [
-                    name,
-                    what,
-                    f"{row['median_same_contacts']:.0f} of {row['median_contacts']:.0f}",
-                    f"{row['share_all_contacts_same']:.0%}",
-                    "" if until is None else f"{until:.2f} s",
-                ]
-            )
-    head = ["scene", "engine", "correct contacts", "shots with all correct", "first difference after"]
-    return table(head, lines, left=2)
-
-
-def others_table(scene: dict[str, Any]) -> str:
-    """Returns the table of the other simulators, PIT and PIC."""
-    rows = [r for r in scene["methods"] if r["method"] in OTHERS and r["steps_per_second"] in (None, 60, 480, 1920)]
-    pit = [r for r in _pit(scene, "push_apart") if r["steps_per_second"] in (60, 480, 1920)]
-    lines = []
-    for row in (*rows, *pit, _pic(scene)):
-        what = row["method"] + (f", 1/{row['steps_per_second']} s" if row["steps_per_second"] else "")
-        errors = [_metres(row[f"median_error_{t}_m"]) for t in ("0.5", "1.0", "2.0", "5.0")]
-        lines.append([what, *errors, f"{row['us_per_shot']:,.0f}", _ratio(row["time_over_pic"])])
-    return table(["simulator", "0.5 s", "1 s", "2 s", "5 s", "us/shot", "time / PIC"], lines)
-
-
-def orders_table(families: dict[str, Any]) -> str:
-    """Returns the table of the observed orders of convergence."""
-    lines = []
-    for family, fixes in families.items():
-        for fix, found in fixes.items():
-            orders = [found[f"order_of_{what}"] for what in ("places", "velocities")]
-            lines.append([family, fix, *("rounding" if o is None else f"{o:.2f}" for o in orders)])
-    return table(["collision", "fix", "places", "velocities"], lines, left=2)
-
-
 def shots_table(result: dict[str, Any]) -> str:
     """Returns the table of the numbers of shots."""
     rows = [
@@ -184,37 +120,12 @@ def shots_table(result: dict[str, Any]) -> str:
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     scenes = unpacked(result)["scenes"]
-    found = {
+    return {
         "machine": machine_line(result["machine"]),
-        "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items())
-        or "no other simulator",
         "shots": shots_table(result),
         "levels": levels(scenes),
         "enough": enough(scenes),
-        "contacts": contacts(scenes),
-        "orders": orders_table(result["convergence"]),
     }
-    for name, scene in scenes.items():
-        if any(row["method"] in OTHERS for row in scene["methods"]):
-            found[f"others, {name}"] = others_table(scene)
-        found[name] = scene_table(scene)
-    return found
-
-
-def print_report(result: dict[str, Any]) -> None:
-    """Prints all tables."""
-    titles = {
-        "shots": "Shots compared with the oracle, and shots whose outcomes are compared with PIC",
-        "levels": "Run time of the fastest PIT below an error, over that of PIC",
-        "enough": f"The largest timestep with {ENOUGH:.0%} of PIC's outcomes, and its run time over that of PIC",
-        "contacts": "Contacts equal to those of the oracle (medians; PIT with push_apart)",
-        "orders": "Order of PIT's error in dt after one collision",
-    }
-    for name, scene in result["scenes"].items():
-        titles[f"others, {name}"] = f"{name}: median error after the given time; 10 s are simulated"
-        titles[name] = f"{name}: median error {_when(scene)}"
-    for name, text in blocks(result).items():
-        print(f"{titles[name]}\n\n{text}\n" if name in titles else f"{text}\n")
 
 
 def draw_pareto(result: dict[str, Any], path: Path) -> None:
@@ -225,8 +136,6 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
     *panels, key = figure.subplots(2, 4, sharey=True).flat
     for (name, scene), axes in zip(result["scenes"].items(), panels, strict=True):
         curves = [(_pit(scene, fix), style) for fix, style in PIT_STYLES.items()]
-        for other, style in OTHERS.items():
-            curves.append(([row for row in scene["methods"] if row["method"] == other], style))
         for rows, style in (*curves, ([_pic(scene)], PIC_STYLE)):
             axes.loglog([r["us_per_shot"] for r in rows], [max(FLOOR, _error(scene, r)) for r in rows], **style)
         pit = _pit(scene, "push_apart")
@@ -244,7 +153,5 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
     key.axis("off")
     for label, style in (("PIC", PIC_STYLE), *((f"PIT, {fix}", style) for fix, style in PIT_STYLES.items())):
         key.plot([], [], **style, label=label)
-    for other in result["versions"]:
-        key.plot([], [], **OTHERS[other], label=other)
     key.legend(loc="center", frameon=False, title="left: faster, down: more exact")
     save(figure, path)

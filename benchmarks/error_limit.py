@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, check_counts, machine, machine_line, table
+from benchmarks import IMAGES, RESULTS, check_counts, machine, machine_line, print_blocks, save, table
 from billiards_env import layouts
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
@@ -33,7 +33,6 @@ from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
 
-IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 OF_A_RADIUS = 1e-3
 GAS_COLLISIONS = 100
 
@@ -161,13 +160,11 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
 
 def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: Path) -> None:
     """Draws the errors of all shots against their condition numbers, with the limit."""
-    import matplotlib as mpl
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
-    colours = mpl.colormaps["tab20"]
+    figure = Figure(figsize=(7.2, 4.4), dpi=110, layout="constrained")
+    axes, colours = figure.add_subplot(), colormaps["tab20"]
     axes.set_prop_cycle(color=[colours(i) for i in (*range(0, 20, 2), *range(1, 20, 2))])
     for kind, results in found.items():
         pairs = [(r["condition"], r["error"]) for r in results if r["error"]]
@@ -178,11 +175,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: 
     axes.set_title("The error equals that of rounding the input")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, markerscale=4, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part.png")
-    figure.savefig(part, dpi=110)
-    plt.close(figure)
-    part.replace(path)
+    save(figure, path)
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -197,13 +190,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "99 %": lambda s: f"{s['p99_ratio']:.1f}",
         "largest": lambda s: f"{s['max_ratio']:.1f}",
     }
-    few = ("same events", "condition", "error", "ratio")
-
-    def of(names: Sequence[str]) -> str:
-        rows = [(kind, *(columns[name](s) for name in names)) for kind, s in result["kinds"].items()]
-        return table(("shots of a kind", *names), rows)
-
-    return {"machine": machine_line(result["machine"]), "kinds": of(list(columns)), "summary": of(few)}
+    rows = [(kind, *(cell(s) for cell in columns.values())) for kind, s in result["kinds"].items()]
+    return {"machine": machine_line(result["machine"]), "kinds": table(("shots of a kind", *columns), rows)}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -228,8 +216,7 @@ def main(arguments: list[str] | None = None) -> None:
     write_json(args.output, result)
     draw(found, args.picture)
 
-    found_blocks = blocks(result)
-    print(f"{found_blocks['machine']}\n\n{found_blocks['kinds']}")
+    print_blocks(blocks(result))
     print(f"\nCondition, error and ratio are medians. Written to {args.output} and {args.picture}.")
 
 

@@ -1,4 +1,8 @@
-"""Pictures of a recorded shot, the named tables, maps of strikes and massé shots: `python -m benchmarks.figures`."""
+"""The pictures of the documentation that show no measurement: `python -m benchmarks.figures`.
+
+They show a shot, the named tables, maps of strikes, massé shots, the failures of a timestep, and the window. The window
+receives keyboard and mouse events on a dummy display.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import argparse
 import dataclasses
 import io
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +20,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
-from PIL import Image  # a dependency of matplotlib
+from PIL import Image
 
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+from benchmarks import IMAGES, save
 from billiards_env import layouts
+from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.plot import draw_ball, legend_handles
-from billiards_env.drawing.style import INK, draw_table, looks, rail_width
+from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
+from billiards_env.failures import FAILURES, Failure
 from billiards_env.files import write_whole
+from billiards_env.games import History, Setup, opening
+from billiards_env.play.model import HUMAN, SetTip, begin, update
+from billiards_env.play.window import GameWindow
+from billiards_env.players.game_player import find_player
 from billiards_env.scene import Balls, Cue, Scene
 from billiards_env.shot import ShotResult
 from billiards_env.simulation import simulate
@@ -28,7 +42,8 @@ from billiards_env.strike_map import strike_map
 from billiards_env.strikes import strike
 from billiards_env.table import TABLES, Table
 
-IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
+WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}
+"""The game in the window, its width in pixels, and the offset of the tip."""
 
 SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
 """A random shot with a combination, a bank and two potted balls."""
@@ -160,22 +175,99 @@ def _coriolis(degrees: float) -> np.ndarray:
     return np.array((ahead, side)) / math.hypot(ahead, side)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, completely or not at all.
+ENDS = {
+    "missed_collision": ((1, 2), (0.02, 0.018), 0.31, (1, 4)),
+    "penetration": ((3, 4), (-0.045, 0.018), 0.18, (2, 7)),
+    "multiple_collisions": ((6, 5), (0.80, 0.005), 0.14, (3, 8)),
+    "wrong_bounce": ((8, 7), (-0.045, -0.09), 0.18, (2, 7)),
+}
+"""For each failure of `billiards_env.failures`: the figures of Warkari and Jamsandekar (PIT, PIC), the centre and half the
+height of the view, m, and the first and the last timestep."""
 
-    The file has no date, so equal figures give equal files. A palette of 256 colours reduces the size to a third.
-    """
-    buffer, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    Image.open(buffer).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(small, format="png", optimize=True)
-    write_whole(path, small.getvalue())
+
+def failures() -> Figure:
+    """Returns a figure of the failures of a timestep: PIT on the left, PIC on the right, to scale."""
+    figure = Figure(figsize=(9, 11), dpi=110, facecolor="white", layout="constrained")
+    for row, (name, (numbers, *view)) in zip(figure.subplots(len(ENDS), 2), ENDS.items(), strict=True):
+        case = FAILURES[name]
+        start = case.scene, case.positions, case.velocities
+        stepped = simulate(*start, mode="pit", dt=case.dt, record=True)
+        for ax, shot, engine, number in zip(
+            row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), numbers, strict=True
+        ):
+            _draw_failure(ax, case, shot, *view)
+            ax.set_title(f"Fig. {number}: {case.title}, {engine}", fontsize=10, color=INK, loc="left")
+    return figure
+
+
+def _draw_failure(
+    ax: Axes, case: Failure, shot: ShotResult, centre: tuple[float, float], half: float, ends: tuple[int, int]
+) -> None:
+    """Draws the balls at each timestep, later ones darker, their paths, and the positions at contacts, dashed."""
+    assert shot.events is not None
+    first, last = ends
+    times = np.unique(shot.events["time"]).tolist()
+    moments = np.sort([*np.linspace(first * case.dt, last * case.dt, 200), *times])
+    for ball, (radius, mass, colour) in enumerate(
+        zip(case.scene.balls.radius, case.scene.balls.mass, ("#0072b2", "#e69f00"), strict=True)
+    ):
+        shade = colour if math.isfinite(mass) else "#8c8c8c"
+        for k in range(first, last + 1):
+            alpha = 0.12 + 0.7 * (k - first) / (last - first)
+            # The position before a fix moves the ball.
+            place = shot.at(float(np.nextafter(k * case.dt, 0.0)))[ball]
+            ax.add_patch(Circle(tuple(place), radius, facecolor=shade, alpha=alpha, edgecolor=INK, linewidth=0.6))
+        for t in times:
+            place = shot.at(float(np.nextafter(t, 0.0)))[ball]
+            ax.add_patch(Circle(tuple(place), radius, fill=False, edgecolor=shade, linestyle="--", zorder=3))
+        ax.plot(*np.array([shot.at(t)[ball] for t in moments]).T, color=shade, linewidth=1.3, zorder=2)
+    ax.axvline(case.scene.table.length / 2, color="#5b8468", linewidth=3)
+    ax.set_xlim(centre[0] - 1.8 * half, centre[0] + 1.8 * half)
+    ax.set_ylim(centre[1] - half, centre[1] + half)
+    ax.set_aspect("equal")
+    ax.set_xticks([])
+    ax.set_yticks([])
+    ax.set_facecolor("#dfe9e2")
+
+
+def window() -> GameWindow:
+    """Returns a window with a nine ball game after the break; the mouse aims the shot of the geometric player."""
+    rng = np.random.default_rng(WINDOW["seed"])
+    setup = Setup("nine_ball", Scene.named("real_pool", 9))
+    model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
+    shown = GameWindow(model, (None, None), rng, Path("game.json"), WINDOW["width"])
+    for _ in range(3):  # places the cue ball, shoots and skips to the end of the break
+        press(shown, pygame.K_SPACE)
+    model = shown.model
+    velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
+    cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
+    drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
+    shown.model = update(shown.model, SetTip(*WINDOW["english"]))
+    return shown
+
+
+def press(shown: GameWindow, key: int) -> None:
+    """Presses a key and shows a frame."""
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
+    shown.frame()
+
+
+def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
+    """Drags the mouse from one point, m, to another."""
+    (x0, y0), (x1, y1) = (np.round(shown.pixels_of(point)).astype(int).tolist() for point in (start, end))
+    for kind, more in (
+        (pygame.MOUSEBUTTONDOWN, {"pos": (x0, y0), "button": 1}),
+        (pygame.MOUSEMOTION, {"pos": (x1, y1), "rel": (x1 - x0, y1 - y0), "buttons": (1, 0, 0)}),
+        (pygame.MOUSEBUTTONUP, {"pos": (x1, y1), "button": 1}),
+    ):
+        pygame.event.post(pygame.event.Event(kind, more))
+    shown.frame()
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.figures --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.figures",
-        description="Draw the pictures of a shot, of the tables, of maps of strikes and of massé shots.",
+        prog="python -m benchmarks.figures", description="Draw the pictures in docs/images."
     )
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
@@ -184,9 +276,17 @@ def main(arguments: list[str] | None = None) -> None:
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
     figures = {"shot": picture(shot, title), "tables": tables(), "strike_map": maps(), "masse": masse()}
-    for name, figure in figures.items():
+    for name, figure in {**figures, "failures": failures()}.items():
         save(figure, args.folder / f"{name}.png")
-        print(f"Written to {args.folder / name}.png.")
+    shown, buffer = window(), io.BytesIO()
+    image = Image.fromarray(pixels(shown.frame()))
+    image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+    shown.close()
+    write_whole(args.folder / "play.png", buffer.getvalue())
+    velocity = shot.recording().trajectory.velocity[0]
+    rough = simulate(scene, shot.at(0.0), velocity, mode="pit", dt=1 / 60, record=True)
+    shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
+    print(f"Written to {args.folder}.")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,14 @@
-"""The compared methods: PIC, PIT with its timesteps, and the simulators of `benchmarks.others`."""
+"""The compared methods: PIC, and PIT with its timesteps and fixes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import others
 from billiards_env.scene import Scene
 from billiards_env.simulation import BatchResult, simulate_batch
 
@@ -23,8 +22,8 @@ class Method(NamedTuple):
     """A method to run a shot.
 
     Attributes:
-        name: "PIC", "PIT" or one of `others.MODULES`.
-        steps: Timesteps per second; None for a method without a timestep.
+        name: "PIC" or "PIT".
+        steps: Timesteps of PIT per second.
         fix: The fix of PIT for overlaps.
     """
 
@@ -33,45 +32,21 @@ class Method(NamedTuple):
     fix: str | None = None
 
     @property
-    def ours(self) -> bool:
-        """Whether the method is an engine of this package."""
-        return self.name in ("PIC", "PIT")
-
-    @property
-    def dt(self) -> float | None:
-        """The timestep, s."""
-        return None if self.steps is None else 1 / self.steps
-
-    @property
     def engine(self) -> dict[str, Any]:
         """The arguments of `simulate` and `simulate_batch` that select the engine."""
-        return {"mode": self.name.lower(), "dt": self.dt, "fix": self.fix}
+        return {"mode": self.name.lower(), "dt": None if self.steps is None else 1 / self.steps, "fix": self.fix}
 
 
 PIC = Method("PIC")
 
 
 def run_all(scene: Scene, positions: Floats, velocities: Floats, method: Method, threads: int = 1) -> BatchResult:
-    """Runs shots, (m, n, 2) m and m/s, by PIC or PIT."""
+    """Runs shots, (m, n, 2) m and m/s."""
     return simulate_batch(scene, positions, velocities, threads=threads, **method.engine)
 
 
-def run_other(
-    scene: Scene, positions: Floats, velocities: Floats, method: Method, times: Sequence[float]
-) -> tuple[list[Floats], float]:
-    """Runs a shot by another simulator; returns the positions at some times (s) and the run time, s."""
-    go_to = others.prepare(method.name, scene, positions, velocities, method.dt)
-    begin = perf_counter()
-    positions_at = [go_to(t) for t in times]
-    return positions_at, perf_counter() - begin
-
-
 def timer(scene: Scene, positions: Floats, velocities: Floats, method: Method) -> Callable[[], float]:
-    """Returns a function that runs shots, (m, n, 2) m and m/s, and returns the seconds per shot without the set-up."""
-    if not method.ours:
-        assert scene.physics.max_time is not None
-        end, pairs = [scene.physics.max_time], list(zip(positions, velocities, strict=True))
-        return lambda: sum(run_other(scene, p, v, method, end)[1] for p, v in pairs) / len(pairs)
+    """Returns a function that runs shots, (m, n, 2) m and m/s, and returns the seconds per shot."""
 
     def call(copies: int = 1) -> float:
         many = np.tile(positions, (copies, 1, 1)), np.tile(velocities, (copies, 1, 1))

@@ -16,15 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
-    ablation,
     accuracy_report,
     comparison,
-    contact_rule,
     error_limit,
     growth,
-    pressed,
-    real_timestep,
-    rendering,
     speed,
     start_up,
     stress,
@@ -32,7 +27,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import choices, cluster_speed, english, recipes, run_outs, timestep_report, training_speed
+from studies import english, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -40,21 +35,14 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 # By the name of the results: the command, and the function that makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
-    "ablation": ("benchmarks.ablation", ablation.blocks),
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
-    "choices": ("studies.choices", choices.blocks),
-    "cluster_speed": ("studies.cluster_speed", cluster_speed.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
-    "contact_rule": ("benchmarks.contact_rule", contact_rule.blocks),
     "english": ("studies.english", english.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "growth": ("benchmarks.growth", growth.blocks),
-    "pressed": ("benchmarks.pressed", pressed.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
-    "real_timestep": ("benchmarks.real_timestep", real_timestep.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
-    "rendering": ("benchmarks.rendering", rendering.blocks),
     "run_outs": ("studies.run_outs", run_outs.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
@@ -62,7 +50,6 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "timestep_blocked": ("studies.timestep configs/study/blocked.yaml", timestep_report.blocks),
     "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
     "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
-    "training_speed": ("studies.training_speed", training_speed.blocks),
     "validation": ("benchmarks.validation", validation.blocks),
     "vector": ("benchmarks.vector", vector.blocks),
 }

@@ -2,19 +2,14 @@
 
 The cases take turns in one process, so that other load on the machine affects all of them equally. Medians are
 reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots per second are those of
-`simulate_batch(..., threads=1)`, including its checks but not the drawing of the layouts. The gain of two threads is
-compared with that of two processes that run the same shots at the same time, each on one thread. The processes show how
-much two cores can give on this machine at this moment.
+`simulate_batch(..., threads=1)`, including its checks but not the drawing of the layouts.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
-import multiprocessing
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -119,33 +114,6 @@ def run(case: Case, threads: int) -> None:
     simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
 
 
-_process_cases: list[Case] = []
-
-
-def _draw_process_cases(scale: float) -> None:
-    _process_cases[:] = cases(scale)
-
-
-def _run_process_case(k: int) -> None:
-    run(_process_cases[k], 1)
-
-
-@contextlib.contextmanager
-def side_by_side(scale: float, count: int = 2) -> Iterator[Callable[[int], None]]:
-    """Yields a function of k that runs case k in each of `count` processes at the same time."""
-    context = multiprocessing.get_context("spawn")
-    with contextlib.ExitStack() as stack:
-        others = [
-            stack.enter_context(ProcessPoolExecutor(1, context, _draw_process_cases, (scale,))) for _ in range(count)
-        ]
-
-        def run_all(k: int) -> None:
-            for future in [other.submit(_run_process_case, k) for other in others]:
-                future.result()
-
-        yield run_all
-
-
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     """Runs all measurements `repeats` times.
 
@@ -163,45 +131,28 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         if (outcome.status == STATUS.index("event_limit")).any():
             raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
 
-    # For each case and pass: seconds with one thread, two threads, two processes.
-    batch: list[list[tuple[float, float, float]]] = [[] for _ in every]
+    # For each case and pass: seconds with one and with two threads.
+    batch: list[list[tuple[float, float]]] = [[] for _ in every]
     calls: list[dict[str, float]] = []
-    with side_by_side(scale) as run_both:
-        for k in range(len(every)):
-            run_both(k)
-        for _ in range(repeats):
-            for k, case in enumerate(every):
-                batch[k].append(
-                    (
-                        seconds(lambda case=case: run(case, 1)),
-                        seconds(lambda case=case: run(case, 2)),
-                        seconds(lambda k=k: run_both(k)),
-                    )
-                )
-            calls.append(time_calls(every[0]))
+    for _ in range(repeats):
+        for k, case in enumerate(every):
+            batch[k].append((seconds(lambda case=case: run(case, 1)), seconds(lambda case=case: run(case, 2))))
+        calls.append(time_calls(every[0]))
 
     rows = []
     for case, passes, outcome in zip(every, batch, outcomes, strict=True):
         m, events = len(case.positions), int(outcome.n_events.sum())
-        fastest = [min(times) for times in zip(*passes, strict=True)]
         rows.append(
             {
                 "case": case.name,
                 "shots": m,
-                "shots_per_second": summary([m / one for one, _, _ in passes]),
+                "shots_per_second": summary([m / one for one, _ in passes]),
                 "events_per_shot": events / m,
                 "most_events": int(outcome.n_events.max()),
                 "contact_rule_share": float((outcome.n_contact_rule > 0).mean()),
-                "microseconds_per_event": summary([1e6 * one / events for one, _, _ in passes]),
+                "microseconds_per_event": summary([1e6 * one / events for one, _ in passes]),
                 "seconds_simulated_per_shot": float(outcome.time.mean()),
-                "two_threads_over_one": {
-                    **summary([one / two for one, two, _ in passes]),
-                    "fastest": fastest[0] / fastest[1],
-                },
-                "two_processes_over_one": {
-                    **summary([2 * one / both for one, _, both in passes]),
-                    "fastest": 2 * fastest[0] / fastest[2],
-                },
+                "two_threads_over_one": summary([one / two for one, two in passes]),
             }
         )
     return {
@@ -270,11 +221,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             row += [f"{per_call[key][of]:.1f}", above]
         calls.append(row)
     one = {key: f"{per_call[key]['median']:.2g} us" for key in names}
-    ratios = [(row["two_threads_over_one"], row["two_processes_over_one"]) for row in result["batch"]]
-    two = [
-        (row["case"], *(f"{ratio[key]:.2f}" for ratio in pair for key in ("median", "fastest")))
-        for row, pair in zip(result["batch"], ratios, strict=True)
-    ]
+    gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
     return {
         "machine": machine_line(result["machine"]),
         "how": f"One core; medians of {result['repeats']} interleaved passes.",
@@ -284,11 +231,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "calls_of": f"The first case with one shot a call, {N_SINGLES:,} calls in a pass: microseconds a call, and the "
         "difference to the batch. Medians of the passes, and the fastest pass.",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
-        "two_cores": f"Two threads run {min(a['median'] for a, _ in ratios):.2f} to "
-        f"{max(a['median'] for a, _ in ratios):.2f} times as many shots a second as one.",
-        "threads_of": "Shots per second on two cores divided by those on one core, for two threads and for two "
-        "processes. Medians of the ratios, and the ratios of the fastest passes.",
-        "threads": table(("shots", "2 threads", "fastest", "2 processes", "fastest"), two),
+        "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "
         f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",
     }

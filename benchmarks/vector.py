@@ -8,7 +8,6 @@ has the quartiles.
 from __future__ import annotations
 
 import argparse
-import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,14 +18,10 @@ import numpy as np
 import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import seconds, summary
-from billiards_env import layouts
 from billiards_env.files import write_json
-from billiards_env.scene import Scene
 
 SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
-MEMORY_COUNTS = (1024, 65_536)
-LAYOUTS = (("random", 1), ("random", 15), ("rack", 15))  # name and number of object balls
 
 
 def actions_for(count: int) -> np.ndarray:
@@ -84,46 +79,18 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
     ]
 
 
-def drawing(name: str, n_object_balls: int, tables: int) -> Callable[[], object]:
-    """Returns a function that draws `tables` layouts on one thread."""
-    plan = layouts.plan(name, Scene.named("pool", n_object_balls))
-    mask = np.ones(tables, np.bool_)
-    table_streams = (
-        np.random.default_rng(0).integers(2**63, size=(tables, 4), dtype=np.uint64) * 2 + 1
-    )  # odd increments
-    positions = np.empty((tables, n_object_balls + 1, 2))
-    return lambda: layouts.draw_tables(plan, 0, tables, mask, table_streams, positions)
-
-
-def memory(count: int) -> dict[str, float]:
-    """Returns the bytes per environment after the reset, and the largest number during steps."""
-    actions = actions_for(count)
-    tracemalloc.start()
-    try:
-        envs = native(count)
-        at_rest = tracemalloc.get_traced_memory()[0]
-        for action in actions:
-            envs.step(action)
-        most = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    return {"environments": count, "bytes_at_rest": at_rest / count, "bytes_at_most": most / count}
-
-
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs all measurements `repeats` times, and memory once.
+    """Runs all measurements `repeats` times.
 
     Args:
         repeats: Number of passes over the kinds of environments.
         scale: Factor on the number of steps in a pass.
 
     Returns:
-        `steps` and `layouts`: lists with one entry per kind, with rates per second; `memory`.
+        `steps`: a list with one entry per kind, with rates per second.
     """
     on = machine()
-    tables = max(1, round(20_000 * scale))
     every = kinds(scale)
-    every += [(f"{name}, {n} object balls", tables, drawing(name, n, tables)) for name, n in LAYOUTS]
     for _, _, play in every:  # compiles the kernels
         play()
     rates: list[list[float]] = [[] for _ in every]
@@ -131,24 +98,13 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         for found, (_, steps, play) in zip(rates, every, strict=True):
             found.append(steps / seconds(play))
     rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
-    return {
-        "machine": on,
-        "repeats": repeats,
-        "steps": rows[: -len(LAYOUTS)],
-        "layouts": rows[-len(LAYOUTS) :],
-        "memory": [memory(count) for count in ((64,) if scale < 1 else MEMORY_COUNTS)],
-    }
+    return {"machine": on, "repeats": repeats, "steps": rows}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
     one = next(iter(rates.values()))
-    memory_rows = [
-        (f"{row['environments']:,}", f"{row['bytes_at_rest']:,.0f}", f"{row['bytes_at_most']:,.0f}")
-        for row in result["memory"]
-    ]
-    drawn = [(row["kind"], f"{row['per_second']['median']:,.0f}") for row in result["layouts"]]
     return {
         "machine": machine_line(result["machine"]),
         "how": f"Medians of {result['repeats']} interleaved passes.",
@@ -156,8 +112,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             ("environments", "steps/s", "relative"),
             [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],
         ),
-        "layouts": table(("layouts, one thread", "drawn/s"), drawn),
-        "memory": table(("environments", "bytes each", "most while stepped"), memory_rows),
     }
 
 

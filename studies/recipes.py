@@ -36,8 +36,7 @@ from agents.evaluate import evaluate
 from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
 from agents.train import Point, learning_curve
-from benchmarks import table
-from benchmarks.figures import IMAGES, save
+from benchmarks import IMAGES, save, table
 from billiards_env.files import write_json, write_whole
 from studies import RESULTS, RUNS
 from studies.players import measure as play_alone

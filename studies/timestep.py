@@ -26,7 +26,7 @@ from pydantic.dataclasses import dataclass
 
 from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
 from agents.runs import train_all
-from benchmarks.figures import IMAGES
+from benchmarks import IMAGES
 from billiards_env.engine.modes import check_mode
 from billiards_env.files import write_json
 from studies import RESULTS, RUNS, timestep_figures, timestep_measure, timestep_report

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.figures import save
+from benchmarks import save
 from studies.causes import CAUSES
 from studies.timestep_report import rates, summary, transfer
 

@@ -164,7 +164,7 @@ def test_all_results_are_shown():
 @pytest.fixture
 def page(tmp_path, monkeypatch):
     path = tmp_path / "page.md"
-    path.write_text("# Title\n\n<!-- speed: threads -->\nold\n<!-- end -->\n\nText.\n")
+    path.write_text("# Title\n\n<!-- speed: calls -->\nold\n<!-- end -->\n\nText.\n")
     monkeypatch.setattr(readme, "PAGES", (path,))
     return path
 
@@ -172,8 +172,8 @@ def page(tmp_path, monkeypatch):
 def test_only_text_between_markers_is_replaced(page):
     readme.main([])
     result = json.loads(readme.results("speed").read_text())
-    threads = speed.blocks(result)["threads"]
-    whole = f"# Title\n\n<!-- speed: threads -->\n\n{threads}\n\n<!-- end -->\n\nText.\n"
+    calls = speed.blocks(result)["calls"]
+    whole = f"# Title\n\n<!-- speed: calls -->\n\n{calls}\n\n<!-- end -->\n\nText.\n"
     assert page.read_text() == whole
     assert [path.name for path in page.parent.iterdir()] == ["page.md"]
     readme.main([])
@@ -196,7 +196,7 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy, choices, cluster_speed"),
+        ("<!-- sped: shots -->\n<!-- end -->", "expected one of accuracy, comparison, english, error_limit"),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

@@ -6,8 +6,7 @@ import argparse
 from pathlib import Path
 
 import benchmarks.validation as validation
-from benchmarks import RESULTS, print_blocks
-from benchmarks.figures import IMAGES, save
+from benchmarks import IMAGES, RESULTS, print_blocks, save
 from billiards_env.files import write_json
 
 

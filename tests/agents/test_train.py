@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import cast
 
+import gymnasium as gym
 import pytest
 import torch
 import yaml
@@ -509,3 +510,10 @@ def test_training_and_evaluation_share_no_seeds(tiny):
         assert 0 <= min(training) <= max(training) < 2**31 <= min(evaluation) <= max(evaluation) < 2**32
         assert len(training) == 200
         assert len(evaluation) == 100
+
+
+def test_a_training_builds_its_environments_once(command, monkeypatch):
+    made, make_vec = [], gym.make_vec
+    monkeypatch.setattr(gym, "make_vec", lambda *args, **kwargs: made.append(kwargs) or make_vec(*args, **kwargs))
+    command()
+    assert [arguments["num_envs"] for arguments in made] == [4, 20]  # to train in, and for the learning curve
