@@ -1,8 +1,8 @@
 """Run time and error of PIC and of PIT at many timesteps.
 
-PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. Errors are measured
-against the 50-digit oracle. Outcomes (the balls potted, the ball hit first) of more shots are compared with those of
-PIC, which are compared with the oracle first. Run times are measured on one core; all methods take turns in one process.
+PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. Errors are
+measured against the 50-digit oracle. Outcomes (the balls potted, the ball hit first) of more shots are compared with
+those of PIC, which are compared with the oracle first. Run times are measured on one core; all methods take turns.
 
     python -m benchmarks.accuracy               # within ten minutes on two cores
     python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1

@@ -1,7 +1,7 @@
 """The laws of the package compared with measurements: `python -m benchmarks.validation`.
 
 It runs impacts, banks and paths into pockets as in published measurements, prints tables, writes
-`benchmarks/results/validation.json` and draws the pictures of docs/validation.md. The sources are next to the numbers
+`benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the numbers
 in `collisions`, `cushions`, `pockets` and `pooltool`.
 """
 

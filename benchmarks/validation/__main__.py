@@ -11,25 +11,19 @@ from billiards_env.files import write_json
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Measures, prints the tables, writes `benchmarks/results/validation.json` and draws the pictures."""
+    """Measures, prints the tables, writes `benchmarks/results/validation.json` and draws the picture."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.validation", description="Compare the laws of the package with measurements."
     )
     parser.add_argument("--output", type=Path, default=RESULTS / "validation.json", help="where the JSON goes")
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the pictures go (default: docs/images)")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the picture goes (default: docs/images)")
     arguments = parser.parse_args(argv)
     result = validation.measure()
     print_blocks(validation.blocks(result))
     write_json(arguments.output, result)
     from benchmarks.validation import pictures
 
-    for name, figure in (
-        ("throw", pictures.throw()),
-        ("paths", pictures.paths()),
-        ("rebounds", pictures.rebounds(result["cushions"])),
-        ("pockets", pictures.acceptance()),
-    ):
-        save(figure, arguments.folder / f"{name}.png")
+    save(pictures.picture(), arguments.folder / "validation.png")
     return 0
 
 

@@ -98,25 +98,6 @@ def outcomes(board: Table, pocket: str, speed: float, angle: Floats, offset: Flo
     return found
 
 
-class Map(NamedTuple):
-    """Paths into a pocket: angles (a,), offsets (b,), and the `outcomes` (b, a) at each speed."""
-
-    angles: Floats
-    offsets: Floats
-    outcomes: dict[str, Floats]
-
-
-def acceptance(board: Table, pocket: str, step: float = 1.0) -> Map:
-    """Returns the outcomes on a grid of angles and offsets; `step` is that of the angles in degrees."""
-    most, widest = (75.0, 2.5) if pocket == "side" else (45.0, 2.5)
-    angles = np.linspace(-most, most, round(2 * most / step) + 1)
-    offsets = np.linspace(-widest, widest, round(2 * widest / (step / 20)) + 1)
-    grid = np.meshgrid(angles, offsets)
-    flat = [a.ravel() for a in grid]
-    found = {name: outcomes(board, pocket, speed, *flat).reshape(grid[0].shape) for name, speed in SPEEDS.items()}
-    return Map(angles, offsets, found)
-
-
 def opening(board: Table, pocket: str, speed: float, angle: float) -> tuple[float, float]:
     """Returns the widths of the offsets that end in the pocket and of those without a touch, inches."""
     offsets = np.linspace(-4, 4, 801)

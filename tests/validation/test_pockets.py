@@ -1,10 +1,8 @@
 """Paths of single balls into pockets."""
 
-import numpy as np
 import pytest
 
 from benchmarks.validation import pockets as p
-from billiards_env.table import Table
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +24,3 @@ def test_the_steepest_path_into_a_side_pocket_is_the_published_one(board):
 def test_fast_balls_have_a_smaller_target(board, pocket):
     slow, fast = (p.opening(board, pocket, speed, 0.0)[0] for speed in p.SPEEDS.values())
     assert fast < slow
-
-
-@pytest.mark.parametrize("pocket", ["side", "corner"])
-def test_maps_are_mirror_images(pocket):
-    found = p.acceptance(Table.named("pool_9ft"), pocket, step=15.0)
-    for outcomes in found.outcomes.values():
-        assert np.array_equal(outcomes, outcomes[::-1, ::-1], equal_nan=True)
-        assert {p.MISSED, p.TOUCHED, p.CLEAN} <= set(np.unique(outcomes[~np.isnan(outcomes)]))
