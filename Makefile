@@ -60,7 +60,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.start_up
-	$(BIN)/python -m benchmarks.readme
+	$(BIN)/python -m studies.readme
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
@@ -68,13 +68,13 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.english
 	$(WORK)/python -m studies.run_outs
-	$(WORK)/python -m benchmarks.readme
+	$(WORK)/python -m studies.readme
 
 study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
 	$(WORK)/python -m studies.timestep configs/study/pot.yaml $(SPREAD)
 	$(WORK)/python -m studies.timestep configs/study/mixture.yaml $(SPREAD)
 	$(WORK)/python -m studies.timestep configs/study/blocked.yaml $(SPREAD)
-	$(WORK)/python -m benchmarks.readme
+	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little
 	.venv-rllib/bin/pytest -q -m cluster tests/cluster
@@ -82,7 +82,7 @@ rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two no
 	.venv-rllib/bin/python -m agents.evaluate runs/rllib/first
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
-	$(BIN)/python -m benchmarks.figures
+	$(BIN)/python -m studies.figures
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

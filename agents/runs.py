@@ -13,10 +13,10 @@ from tempfile import TemporaryDirectory
 import yaml
 from tqdm import tqdm
 
+from agents.cluster import RayExecutor
 from agents.config import Config
 from agents.train import learning_curve, open_run, train
 from billiards_env.files import write_whole
-from cluster import RayExecutor
 
 
 def train_all(runs: Mapping[Path, Config], jobs: int, address: str | None = None) -> None:

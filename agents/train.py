@@ -193,7 +193,7 @@ def _train(config: Config, run_dir: Path) -> None:
             start_from(model.policy, config.start_from)
         # A first shot compiles the engine, so that its notices appear before the progress bar.
         envs.reset()
-        envs.step(np.zeros((config.n_envs, *envs.action_space.shape)))
+        envs.step(np.zeros((config.n_envs, *(envs.action_space.shape or ()))))
         with tqdm(
             total=max(total, model.num_timesteps),
             disable=not total,

@@ -1,7 +1,7 @@
 """Measurements of the engine: each module prints tables and writes its results to `benchmarks/results` as JSON.
 
 The function `blocks` of a module converts the results to Markdown blocks by name. The module prints these blocks, and
-`benchmarks.readme` writes them into the README and the pages in `docs`.
+`studies.readme` writes them into the README and the pages in `docs`.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from benchmarks.methods import PIC, Method, run_all, timer
 from billiards_env.files import write_json
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]

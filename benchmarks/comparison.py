@@ -43,7 +43,7 @@ from benchmarks import RESULTS, check_counts, error_limit, machine, machine_line
 from benchmarks.methods import PIC, timer
 from billiards_env.files import write_json
 from billiards_env.scene import Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]

@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks import IMAGES, RESULTS, check_counts, machine, machine_line, print_blocks, save, table
-from billiards_env import layouts
 from billiards_env.files import write_json
-from billiards_env.scene import Scene
-from billiards_env.sensitivity import UNIT_ROUNDOFF
-from billiards_env.simulation import simulate
+from billiards_env.scene import Scene, layouts
+from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]

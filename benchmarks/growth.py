@@ -26,7 +26,7 @@ from billiards_env.engine.modes import MANY_BALLS, MAX_EVENTS, scene_arrays
 from billiards_env.engine.shots import empty_shots
 from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 
 DISKS = sorted([*(2**k for k in range(1, 13)), 96, 10_000])
 SHARE = 0.1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.scene import Scene
-from billiards_env.simulation import BatchResult, simulate_batch
+from billiards_env.shots.simulation import BatchResult, simulate_batch
 
 Floats = NDArray[np.float64]
 

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
-from billiards_env import layouts
 from billiards_env.engine import STATUS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
-from billiards_env.scene import Scene
-from billiards_env.simulation import simulate, simulate_batch
+from billiards_env.scene import Scene, layouts
+from billiards_env.shots.simulation import simulate, simulate_batch
 
 MAX_SPEED = 4.0  # m/s, largest speed of a random shot: the environment's default
 BREAK_SPEED = 8.0  # m/s, speed of the cue ball in a break

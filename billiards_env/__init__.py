@@ -11,8 +11,8 @@ import gymnasium
 from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
-    from billiards_env.simulation import simulate, simulate_batch
-    from billiards_env.strikes import strike
+    from billiards_env.shots.simulation import simulate, simulate_batch
+    from billiards_env.shots.strikes import strike
 
 __version__ = "0.1.0"
 
@@ -25,7 +25,7 @@ gymnasium.register(
 )
 
 
-_MODULES = {"simulate": "simulation", "simulate_batch": "simulation", "strike": "strikes"}
+_MODULES = {"simulate": "shots.simulation", "simulate_batch": "shots.simulation", "strike": "shots.strikes"}
 """The modules of the functions that are imported on first use."""
 
 

@@ -20,7 +20,7 @@ from billiards_env.files import check_path
 from billiards_env.scene import SCENES
 
 if TYPE_CHECKING:
-    from billiards_env.shot import ShotResult
+    from billiards_env.shots.result import ShotResult
 
 COMMANDS = {
     "agents.train": "train PPO with a configuration, for example configs/ppo/pot.yaml",
@@ -36,7 +36,7 @@ COMMANDS = {
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
     "benchmarks.error_limit": "measure errors against 50 digits",
     "benchmarks.stress": "check every event of ten million random shots",
-    "benchmarks.readme": "write the measured tables into the documentation",
+    "studies.readme": "write the measured tables into the documentation",
 }
 """Modules of the repository that run with `python -m`, and what they do."""
 
@@ -119,7 +119,8 @@ def _add_out(parser: argparse.ArgumentParser) -> None:
 
 def simulate(args: argparse.Namespace) -> None:
     """Runs the command `simulate`."""
-    from billiards_env import layouts, records
+    from billiards_env.games import records
+    from billiards_env.scene import layouts
 
     _check_out(args.out)
     scene = Scene.named(args.scene, args.balls)
@@ -149,7 +150,7 @@ def simulate(args: argparse.Namespace) -> None:
 
 def replay(args: argparse.Namespace) -> None:
     """Runs the command `replay`."""
-    from billiards_env import records
+    from billiards_env.games import records
     from billiards_env.games.game import replay as shots_of
 
     _check_out(args.out, without=".json")
@@ -224,7 +225,7 @@ def version() -> None:
 
 def cache(clear: bool) -> None:
     """Runs the command `cache`."""
-    from billiards_env.physics.jit import cache_folder
+    from billiards_env.jit.decorators import cache_folder
 
     current = cache_folder()
     if current is None:

@@ -26,9 +26,9 @@ from billiards_env.engine.predictions import (
 )
 from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import for_all_shots
+from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters import empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
-from billiards_env.physics.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
     HALF_LENGTH,

@@ -2,7 +2,7 @@
 
 A shot is run twice from the same start: exactly, and with a timestep. The contacts of the two runs are compared along
 the history of one ball. The first difference is the cause, one of `CAUSES`. The first four causes are the failures of
-`billiards_env.failures`; the others occur on a table with cushions and pockets:
+`studies.failures`; the others occur on a table with cushions and pockets:
 
 * missed_collision: two balls touch, and PIT does not test them during the contact. On PIT's paths they pass through
   each other.
@@ -25,9 +25,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_env.failures import FAILURES
 from billiards_env.scene import Scene
-from billiards_env.shot import ShotResult
+from billiards_env.shots.result import ShotResult
+from studies.failures import FAILURES
 
 CAUSES = (*FAILURES, "cushion", "pocket", "small_errors")
 
@@ -101,7 +101,8 @@ def cause(exact: ShotResult, stepped: ShotResult, dt: float, ball: int) -> str:
         ValueError: If a shot was not recorded.
 
     Example:
-        >>> from billiards_env import failures, simulate
+        >>> from billiards_env import simulate
+        >>> from studies import failures
         >>> case = failures.named("wrong_bounce")
         >>> shot = case.scene, case.positions, case.velocities
         >>> exact = simulate(*shot, record=True)

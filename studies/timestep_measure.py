@@ -29,7 +29,7 @@ from agents.ppo import evaluation_seeds, load_policy
 from agents.train import learning_curve, versions
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 from studies.causes import CAUSES, cause
 
 Floats = NDArray[np.float64]

@@ -11,18 +11,17 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env import records
 from billiards_env.checks import RANGES, Range, choose, fits, numbers, real, short, whole
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
-from billiards_env.games import Setup, Stroke, opening, play
+from billiards_env.games import Setup, Stroke, opening, play, records
 from billiards_env.games.batch import judge_batch
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate, simulate_batch
-from billiards_env.strikes import strike
-from billiards_env.table import Pocket, Table
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots.simulation import simulate, simulate_batch
+from billiards_env.shots.strikes import strike
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import readme
+from studies import readme
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("agents", "benchmarks", "billiards_env", "cluster", "reference", "studies")
@@ -42,13 +42,13 @@ TESTED = {
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",
     "benchmarks.error_limit": "benchmarks/test_benchmarks.py",
-    "benchmarks.figures": "benchmarks/test_benchmarks.py",
+    "studies.figures": "benchmarks/test_benchmarks.py",
     "benchmarks.game_figures": "benchmarks/test_game_figures.py",
     "benchmarks.growth": "benchmarks/test_benchmarks.py",
     "benchmarks.paper_figures": "benchmarks/test_paper_figures.py",
     "benchmarks.pooltool_worker": "benchmarks/test_comparison.py",
     "benchmarks.pressed": "reference/test_pressed.py",
-    "benchmarks.readme": "test_readme.py",
+    "studies.readme": "test_readme.py",
     "benchmarks.speed": "benchmarks/test_benchmarks.py",
     "benchmarks.vector": "benchmarks/test_vector.py",
     "billiards_env": "test_main.py",

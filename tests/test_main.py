@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env import Scene, records
+from billiards_env import Scene
 from billiards_env.__main__ import main
 from billiards_env.engine.modes import MODES
-from billiards_env.games import Setup, Stroke, opening
+from billiards_env.games import Setup, Stroke, opening, records
 from billiards_env.games.game import History
-from billiards_env.layouts import LAYOUTS
-from billiards_env.physics import jit
+from billiards_env.jit import decorators as jit
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import SCENES
+from billiards_env.scene.layouts import LAYOUTS
 
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 

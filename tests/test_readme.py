@@ -15,11 +15,12 @@ import yaml
 
 from agents.config import Config
 from agents.ppo import make_model, make_vec_env
-from benchmarks import readme, speed
+from benchmarks import speed
 from billiards_env import __main__ as overview
 from billiards_env.envs import BilliardsEnv
-from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Physics, Scene
+from billiards_env.scene.layouts import LAYOUTS
+from studies import readme
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"

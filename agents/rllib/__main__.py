@@ -6,10 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from agents.cluster import connect
 from agents.config import changed, read
 from agents.rllib.settings import Settings, load_recipe
 from agents.train import open_run, print_result
-from cluster import connect
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -20,13 +20,13 @@ from typing import Any
 from ray import tune
 from ray.tune.schedulers import ASHAScheduler
 
+from agents.cluster import connect
 from agents.config import Config, changed, read
 from agents.output import print_table
 from agents.rllib.settings import Settings, Sweep, load_recipe
 from agents.rllib.train import train
 from agents.train import Point, open_run
 from billiards_env.files import write_whole
-from cluster import connect
 
 
 def run(sweep: Sweep, recipe: Config, folder: Path) -> list[dict[str, Any]]:

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmarks import table
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate_batch
-from billiards_env.table import POOL_RADIUS, Table
+from billiards_env.scene.table import POOL_RADIUS, Table
+from billiards_env.shots.simulation import simulate_batch
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from benchmarks import table
 from benchmarks.validation.collisions import INSTANT, direction
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate, simulate_batch
-from billiards_env.table import POOL_LENGTH, POOL_RADIUS, POOL_WIDTH, Table
+from billiards_env.scene.table import POOL_LENGTH, POOL_RADIUS, POOL_WIDTH, Table
+from billiards_env.shots.simulation import simulate, simulate_batch
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks import table
 from billiards_env.scene import Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 SHOTS = Path(__file__).resolve().parents[2] / "tests" / "data" / "pooltool_real_shots.json"
 SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}

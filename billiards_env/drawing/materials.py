@@ -22,7 +22,7 @@ from billiards_env.drawing.style import (
     draw_table,
     rail_width,
 )
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 
 Images = NDArray[np.floating[Any]]
 

@@ -44,7 +44,7 @@ from billiards_env.drawing.style import (
     tray_height,
 )
 from billiards_env.files import check_path, replacing
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 
 SIDE, CONTROLS, LIST, NARROW, LARGEST = 296, 172, 225, 760, 640
 """Pixels: the width of the events next to the table, the heights of all controls and of the events under the table, the

@@ -42,7 +42,7 @@ from billiards_env.drawing.style import (
     tray_height,
 )
 from billiards_env.scene import Scene
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 
 MARKS = {
     "ball_ball": ("*", 11, "ball hits ball"),

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
+from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
-from billiards_env.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 

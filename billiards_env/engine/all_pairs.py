@@ -24,7 +24,7 @@ from billiards_env.engine.predictions import (
     single_time,
 )
 from billiards_env.engine.resolve import add_contact
-from billiards_env.physics.jit import allocating, inlined, kernel
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same
 

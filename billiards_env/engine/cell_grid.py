@@ -33,9 +33,9 @@ from billiards_env.engine.predictions import (
 )
 from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import LOOK_AFTER
+from billiards_env.jit import allocating, inlined, kernel
+from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.contact import line_time
-from billiards_env.physics.interrupt import interrupted
-from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import (
     AX,

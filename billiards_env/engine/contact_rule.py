@@ -36,9 +36,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,

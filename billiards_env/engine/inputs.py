@@ -12,9 +12,9 @@ from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, re
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import spread
+from billiards_env.jit import entry_point
+from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import entry_point
 from billiards_env.physics.state import (
     POCKET_RADIUS,
     POCKET_X,

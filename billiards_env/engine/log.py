@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import WIDTH, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest")

@@ -36,12 +36,12 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.runner import INTERRUPTED, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
+from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
+from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.interrupt import end_call, interrupted
-from billiards_env.physics.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     DT,

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
+from billiards_env.jit import allocating, inlined
 from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
-from billiards_env.physics.jit import allocating, inlined
 from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
 from billiards_env.physics.state import (
     AX,

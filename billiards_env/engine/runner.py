@@ -6,8 +6,8 @@ from typing import Any
 
 from billiards_env.engine.log import Log
 from billiards_env.engine.shots import Shots, load, store
-from billiards_env.physics.interrupt import interrupted
-from billiards_env.physics.jit import inlined
+from billiards_env.jit import inlined
+from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.state import SceneArrays
 
 INTERRUPTED = -1

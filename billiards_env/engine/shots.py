@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.physics.jit import inlined
+from billiards_env.jit import inlined
 from billiards_env.physics.state import (
     CUE_BALL,
     MOTION,

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotDone
 from time import perf_counter
 
-from billiards_env.physics.interrupt import helping
+from billiards_env.jit.interrupt import helping
 
 _PIECE = 4e-4
 """s. Least duration of a piece of work. Taking a piece costs some hundredths of it, waking a thread up to a quarter."""

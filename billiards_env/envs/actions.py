@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import choose, finite, numbers, shaped
+from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
-from billiards_env.strikes import Strike
+from billiards_env.shots.strikes import Strike
 
 ACTIONS = {"velocity": 2, "strike": 5}
 """The kinds of actions, with the number of numbers of each."""

@@ -11,7 +11,6 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env import layouts
 from billiards_env.checks import choose, finite, flag, real, whole
 from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
@@ -20,6 +19,7 @@ from billiards_env.envs.arguments import check_options, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import OPENING_LAYOUTS, task_targets
+from billiards_env.scene import layouts
 
 _ONE = np.ones(1, np.bool_)
 _NONE = np.zeros(1, np.bool_)

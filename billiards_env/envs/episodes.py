@@ -10,14 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env import layouts
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.tasks import BREAKS, GOAL_RADIUS, RUN_OUTS, TASKS, Outcome, begin_on, judge
-from billiards_env.physics.jit import entry_point, kernel
+from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
-from billiards_env.scene import Balls, Scene
+from billiards_env.scene import Balls, Scene, layouts
 
 # Columns of `Episodes.tally`.
 POINTS, SCORE, SHOTS_LEFT, SUCCESS = 0, 1, 2, 3
@@ -188,7 +187,7 @@ class Episodes:
             begin: First episode.
             end: Last episode plus 1.
             mask: (m,) bool, the episodes to draw for.
-            streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.streams`).
+            streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.jit.streams`).
             balls: Whether to draw positions of the balls.
             goals: Whether to draw goals.
 

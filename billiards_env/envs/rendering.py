@@ -24,7 +24,7 @@ from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
 from billiards_env.envs.tasks import GOAL_RADIUS
 from billiards_env.scene import Scene
-from billiards_env.simulation import run_shot
+from billiards_env.shots.simulation import run_shot
 
 if TYPE_CHECKING:
     from billiards_env.drawing.canvas import Canvas, Surface

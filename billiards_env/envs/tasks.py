@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import choose
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 

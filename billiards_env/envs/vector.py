@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env import streams
 from billiards_env.checks import choose, shaped, short, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.shots import AT_EVENT_LIMIT
@@ -20,6 +19,7 @@ from billiards_env.envs.arguments import check_options
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
+from billiards_env.jit import streams
 from billiards_env.physics.state import CUE_BALL
 
 Bools = NDArray[np.bool_]

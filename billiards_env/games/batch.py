@@ -19,7 +19,7 @@ from billiards_env.games.outcomes import group_rows, write_outcomes
 from billiards_env.games.rules import Rules
 from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
 from billiards_env.scene import Scene
-from billiards_env.simulation import BatchResult, simulate_batch
+from billiards_env.shots.simulation import BatchResult, simulate_batch
 
 _MOST_CUSHIONS = 3  # more cushion contacts before a hit make no difference
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env import layouts
 from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import check_mode
@@ -30,9 +29,9 @@ from billiards_env.games.state import (
     handed_back,
     next_state,
 )
-from billiards_env.scene import Scene, check_positions, check_scene
-from billiards_env.shot import ShotResult
-from billiards_env.simulation import run_shot
+from billiards_env.scene import Scene, check_positions, check_scene, layouts
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import run_shot
 
 _DECIDING_BALLS = {"eight_ball": (8,), "nine_ball": (9,)}
 

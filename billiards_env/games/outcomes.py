@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from billiards_env.physics.jit import allocating_entry_point, entry_point
+from billiards_env.jit import allocating_entry_point, entry_point
 
 CUE_BALL = 0
 """The ball that the engine strikes, as in `engine.shots`."""

@@ -12,9 +12,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from billiards_env import layouts
-from billiards_env.layouts import MARGIN
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, layouts
+from billiards_env.scene.layouts import MARGIN
 
 Point = tuple[float, float]
 Circle = tuple[float, float, float]

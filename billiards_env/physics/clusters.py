@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.complementarity import MOST, Problem, empty_problem, solve_complementarity
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
-from billiards_env.physics.jit import allocating, inlined, kernel
 from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
 
 # Columns of `Scratch.change`: changes of velocity along x and y, double-double, m/s.

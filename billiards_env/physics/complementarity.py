@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.double_double import HI, LO, add, divide, multiply, two_product, two_sum
-from billiards_env.physics.jit import allocating, inlined, kernel
 
 MOST = 48
 """Largest number of unknowns. The time of a solution grows with the cube of their number."""

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import math
 
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import arccosine, sine_cosine
-from billiards_env.physics.jit import inlined, kernel
 
 _HALF_PI = 0.5 * math.pi
 _BETA = 3.5  # ratio of the tangential to the normal inverse mass of a sphere

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.compliance import friction_impulse
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.mathavan import integrate_impact
 from billiards_env.physics.state import (
     CUSHION,

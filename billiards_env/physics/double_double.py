@@ -7,7 +7,7 @@ used, so results have the same bits on every IEEE 754 machine.
 
 from __future__ import annotations
 
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.jit import inlined, kernel
 
 HI, LO = 0, 1  # columns of an array of double-double numbers
 

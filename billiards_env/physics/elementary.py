@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.jit import kernel
 
 _LOG2_HI, _LOG2_LO = 6.93147180369123816490e-01, 1.90821492927058770002e-10  # ln 2; the first part has 33 bits
 _HALF_PI_HI, _HALF_PI_LO = 1.57079632673412561417e00, 6.07710050650619224932e-11  # pi/2, in the same way

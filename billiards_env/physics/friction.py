@@ -24,11 +24,11 @@ from __future__ import annotations
 
 import math
 
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters import quantum
 from billiards_env.physics.complementarity import solve_smallest
 from billiards_env.physics.double_double import HI
 from billiards_env.physics.elementary import exponential
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import MU_DROP, MU_LIMIT, MU_RATE, UX, UY, VX, VY, WZ
 

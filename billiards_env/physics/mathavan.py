@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.jit import inlined, kernel
 
 TOLERANCE = 1e-9
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from billiards_env.physics.jit import inlined, kernel
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import (
     AX,
     AY,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.jit import kernel
 
 _MAX_ITERATIONS = 128  # a limit for safety: twice the bisections that exhaust the digits of a double
 

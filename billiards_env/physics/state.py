@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.double_double import two_sum
-from billiards_env.physics.jit import allocating, inlined, kernel
 
 CUE_BALL = 0
 """The number of the cue ball."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import sine_cosine
-from billiards_env.physics.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.scene import Scene

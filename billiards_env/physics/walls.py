@@ -1,7 +1,7 @@
 """The cushions of a table: the times at which a ball touches them, and their normals.
 
 A table without an outline is a rectangle with cushions 0 to 3: -x, +x, -y, +y. Otherwise the straight cushions of the
-outline come first and then its tips, both in the order of `billiards_env.outline.pieces`. The type of the outline
+outline come first and then its tips, both in the order of `billiards_env.scene.outline.pieces`. The type of the outline
 decides at compile time which code is compiled.
 
 A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.outline import Corner, Line, Tip, pieces
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm, place_after, relative_to
 from billiards_env.physics.state import AX, AY, HALF_LENGTH, HALF_WIDTH, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
+from billiards_env.scene.outline import Corner, Line, Tip, pieces
 
 JOINT = 1e-10
 """m. A piece of an outline is longer by this at each end. It is far more than the rounding of the ends. A straight

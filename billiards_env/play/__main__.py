@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from billiards_env import layouts, records
 from billiards_env.checks import Range, choose, number, real, whole
 from billiards_env.engine.modes import MODES
-from billiards_env.games import RULES, History, Setup, opening
+from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
-from billiards_env.scene import Scene
-from billiards_env.simulation import simulate
+from billiards_env.scene import Scene, layouts
+from billiards_env.shots.simulation import simulate
 
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""

@@ -29,8 +29,8 @@ from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, p
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
-from billiards_env.shot import ShotResult
-from billiards_env.simulation import run_shot
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import run_shot
 
 HUMAN = "human"
 """The name of a player who is a person."""

@@ -19,7 +19,7 @@ from billiards_env.play import controls, labels
 from billiards_env.play.model import Model
 from billiards_env.play.panel import INK, LEVEL, PAPER, SOFT, Panel
 from billiards_env.scene import Scene
-from billiards_env.shot import ShotResult
+from billiards_env.shots.result import ShotResult
 
 FPS = 60
 

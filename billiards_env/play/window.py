@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env import records
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
-from billiards_env.games import GameState, History, Stroke, opening
+from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play.controls import STEEPEST
 from billiards_env.play.labels import UNSAVED
 from billiards_env.play.model import (

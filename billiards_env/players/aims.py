@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y

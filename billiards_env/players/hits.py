@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.predictions import cannot_meet
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import Path, motion_after, norm, spin_after
 from billiards_env.physics.state import (
     AX,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.jit import inlined, kernel
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, norm, path_of
 from billiards_env.physics.state import (
     AX,

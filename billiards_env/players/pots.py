@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import scene_arrays
+from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim

@@ -12,7 +12,7 @@ from typing import Any
 
 import mpmath
 
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 from reference.oracle.roots import Real
 
 Vector = tuple[Real, ...]

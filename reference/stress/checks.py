@@ -29,8 +29,8 @@ from billiards_env.engine.log import (
 from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shots import Shots, empty_shots
+from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.outline import Corner
+from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.jit import allocating_entry_point
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Pocket, Table
+from billiards_env.scene.outline import Corner
+from billiards_env.scene.table import Pocket, Table
 from reference.stress.outline import beyond_outline
 
 _TRIES = 1000

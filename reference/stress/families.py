@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env import layouts
-from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Table
+from billiards_env.scene import Balls, Physics, Scene, layouts
+from billiards_env.scene.table import Table
 from reference.stress import draw
 from reference.stress.checks import MOMENTUM, OUTSIDE, OVERLAP, RISE, check_shots
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.physics.jit import kernel
+from billiards_env.jit import kernel
 from billiards_env.physics.state import X, Y
 from billiards_env.physics.walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.shot import ShotResult
-from billiards_env.simulation import simulate
-from billiards_env.table import Pocket, Table
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import simulate
 from reference.stress.checks import check_shots
 
 R = 0.03125  # m, a power of two: sums and halves of it are exact

@@ -20,7 +20,7 @@ from benchmarks import (
 )
 from benchmarks.methods import PIC, Method, timer
 from billiards_env.scene import Scene, check_positions
-from billiards_env.simulation import simulate_batch
+from billiards_env.shots.simulation import simulate_batch
 
 
 @pytest.fixture

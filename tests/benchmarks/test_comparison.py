@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import comparison
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 ECHO = """
 import json, sys

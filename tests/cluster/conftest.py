@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cluster import two_nodes
+from agents.cluster import two_nodes
 
 
 @pytest.fixture(scope="session")

@@ -16,12 +16,12 @@ import pytest
 import torch
 import yaml
 
+from agents.cluster import RETRIES, ROOT, RayExecutor
 from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.rllib.settings import Settings
 from agents.runs import train_all
 from agents.train import learning_curve, open_run
-from cluster import RETRIES, ROOT, RayExecutor
 
 ray = pytest.importorskip("ray")
 

@@ -3,8 +3,9 @@ import os
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts
-from billiards_env.simulation import simulate
+from billiards_env import Scene
+from billiards_env.scene import layouts
+from billiards_env.shots.simulation import simulate
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("MPLBACKEND", "Agg")

@@ -6,8 +6,8 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.scene import Balls
-from billiards_env.simulation import simulate
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
+from billiards_env.shots.simulation import simulate
 
 pytest.importorskip("pygame")
 

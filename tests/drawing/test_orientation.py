@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product, turn, turning
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 
 def distance(one, other):

@@ -11,7 +11,7 @@ from billiards_env import Scene
 from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import CLOTH, POCKET, looks
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the PATH")
@@ -310,7 +310,7 @@ def test_a_shot_that_ends_at_its_time_limit():
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
     assert "<iframe " in shot._repr_html_()
     assert unrecorded._repr_html_() is None
-    monkeypatch.setattr("billiards_env.shot.LONGEST_SHOWN", 3)
+    monkeypatch.setattr("billiards_env.shots.result.LONGEST_SHOWN", 3)
     assert shot._repr_html_() is None
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 pytest.importorskip("matplotlib")
 

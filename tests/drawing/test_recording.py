@@ -8,7 +8,7 @@ from billiards_env import Scene
 from billiards_env.drawing.recording import check_pair, frame_times
 from billiards_env.drawing.style import looks
 from billiards_env.scene import Balls
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 
 def places(recording, t):

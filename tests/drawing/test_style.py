@@ -21,10 +21,10 @@ from billiards_env.drawing.style import (
     rail_width,
     tray,
 )
-from billiards_env.outline import Corner, polygon
 from billiards_env.scene import Balls
-from billiards_env.simulation import simulate
-from billiards_env.table import Pocket, Table, six_pockets
+from billiards_env.scene.outline import Corner, polygon
+from billiards_env.scene.table import Pocket, Table, six_pockets
+from billiards_env.shots.simulation import simulate
 
 BIG = tuple(Pocket(pocket.x, pocket.y, 0.12) for pocket in six_pockets())
 TABLES = {

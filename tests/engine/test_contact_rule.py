@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.contact_rule import longest_run
-from billiards_env.physics.jit import kernel
+from billiards_env.jit import kernel
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
+from billiards_env.shots.simulation import simulate
 from tests.helpers.contacts import position_in_contact
 
 R = 0.03

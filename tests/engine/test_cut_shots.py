@@ -49,6 +49,7 @@ def check_cuts(engine, shot, rng, **options):
 def test_a_cut_shot_is_a_prefix(kind, seed):
     rng = np.random.default_rng(seed)
     shot = families.FAMILIES[kind](rng, 1)
+    assert shot is not None
     engines = dict(PIC, two=pic.run_shots_of_two) if shot[0].n_balls <= 2 else PIC
     for engine in engines.values():
         check_cuts(engine, shot, rng)

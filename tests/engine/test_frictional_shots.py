@@ -6,11 +6,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts
+from billiards_env import Scene
 from billiards_env.physics.state import UX, UY, VX, VY, WZ
-from billiards_env.scene import Balls, Physics
-from billiards_env.sensitivity import UNIT_ROUNDOFF
-from billiards_env.simulation import simulate
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
+from billiards_env.shots.simulation import simulate
 from reference.oracle import laws, run
 from reference.oracle.laws import World
 from tests.helpers import rubbing_clusters as clusters

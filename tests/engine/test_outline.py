@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import simulation
 from billiards_env.engine import pic
-from billiards_env.outline import clearance, pieces
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Pocket, Table
+from billiards_env.scene.outline import clearance, pieces
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots import simulation
 from reference import plain
 from reference.stress.draw import star
 from tests.helpers.engine_runs import run

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, layouts, simulation
+from billiards_env import Scene
 from billiards_env.engine.contact_rule import CONTACT_TIME
 from billiards_env.physics import state as columns
-from billiards_env.scene import Balls, Physics
-from billiards_env.table import Pocket, Table
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots import simulation
 from tests.helpers.shots import (
     FREE,
     ROLLING,

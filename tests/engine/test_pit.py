@@ -10,11 +10,12 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, engine, layouts, simulate_batch, simulation
+from billiards_env import Scene, engine, simulate_batch
 from billiards_env.physics import state as columns
 from billiards_env.physics.state import FIXES
-from billiards_env.scene import SCENES, Balls, Physics
-from billiards_env.table import Pocket, Table
+from billiards_env.scene import SCENES, Balls, Physics, layouts
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots import simulation
 from tests.helpers.shots import (
     FREE,
     ROLLING,

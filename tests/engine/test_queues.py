@@ -10,7 +10,7 @@ import pytest
 from billiards_env import Scene
 from billiards_env.engine import modes, pic
 from billiards_env.scene import Balls, Physics
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 from reference.stress import draw, families
 from tests.helpers.queues import CELL_GRID, check
 

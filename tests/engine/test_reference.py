@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts, simulation
-from billiards_env.scene import Balls, Physics
-from billiards_env.table import Table
+from billiards_env import Scene
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Table
+from billiards_env.shots import simulation
 from reference.oracle import run
 from tests.helpers.outlines import TABLES, free_places
 

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts, simulation
+from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.players.pots import pot_shots
-from billiards_env.scene import Balls, Physics, check_positions
-from billiards_env.sensitivity import UNIT_ROUNDOFF
-from billiards_env.table import Table
+from billiards_env.scene import Balls, Physics, check_positions, layouts
+from billiards_env.scene.table import Table
+from billiards_env.shots import simulation
+from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
 from reference.oracle import run
 from reference.stress import checks, draw
 from tests.helpers.derivatives import aimed, differences

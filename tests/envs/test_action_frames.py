@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import layouts, simulate_batch
+from billiards_env import simulate_batch
 from billiards_env.envs.action_frames import (
     BALLS,
     FRAMES,
@@ -24,7 +24,7 @@ from billiards_env.envs.action_frames import (
     sum_to_three,
 )
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
-from billiards_env.scene import Scene
+from billiards_env.scene import Scene, layouts
 
 POOL = Scene.named("pool")
 REACH = 2 * POOL.balls.radius[0]

@@ -10,8 +10,8 @@ from gymnasium.utils.env_checker import check_env
 
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
-from billiards_env.failures import FAILURES
 from billiards_env.physics.state import FIXES
+from studies.failures import FAILURES
 from tests.helpers.environments import VARIANTS
 
 TIMESTEP = 1 / 60

@@ -38,7 +38,7 @@ def test_the_version_matches_pyproject():
 
 
 def test_the_engine_is_imported_on_first_use():
-    from billiards_env.simulation import simulate, simulate_batch
+    from billiards_env.shots.simulation import simulate, simulate_batch
 
     assert billiards_env.simulate is simulate
     assert billiards_env.simulate_batch is simulate_batch

@@ -9,7 +9,7 @@ from billiards_env.games.facts import Facts
 from billiards_env.games.placement import rack_again
 from billiards_env.games.pool import eight_ball, nine_ball, straight
 from billiards_env.games.state import next_state
-from billiards_env.layouts import plan
+from billiards_env.scene.layouts import plan
 from tests.helpers.games import facts, state
 
 POT_3 = facts(("hit", 0, 3), ("pocket", 3, 5))

@@ -14,7 +14,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.envs.actions import cue_strike
 from billiards_env.games import RULES, Call, Stroke, billiards_v0, replay
-from billiards_env.layouts import MARGIN
+from billiards_env.scene.layouts import MARGIN
 
 with warnings.catch_warnings():
     # It imports an example by its old name if the dependencies of the example are installed.
@@ -416,7 +416,7 @@ def test_render_without_a_render_mode_warns():
         assert env.render() is None
     code = (
         "import sys, numpy as np\n"
-        "import billiards_env, billiards_env.records, billiards_env.games\n"
+        "import billiards_env, billiards_env.games.records, billiards_env.games\n"
         "print('pettingzoo' in sys.modules)\n"
         "from billiards_env.games import billiards_v0\n"
         "env = billiards_v0.env(rules='carom')\n"

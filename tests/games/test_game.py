@@ -7,8 +7,8 @@ import pytest
 from billiards_env import Scene
 from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play, replay
 from billiards_env.games.game import rack_order
-from billiards_env.layouts import MARGIN
 from billiards_env.scene import check_positions
+from billiards_env.scene.layouts import MARGIN
 
 PIT = {"mode": "pit", "dt": 1 / 240}
 TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
-from billiards_env.layouts import MARGIN
 from billiards_env.scene import Balls, Scene, check_positions
-from billiards_env.table import Table
+from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]

@@ -11,7 +11,7 @@ from billiards_env.games.facts import facts_of
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
 from billiards_env.games.snooker import ball_value, balls_on, is_miss, is_snookered, points_left, snooker
 from billiards_env.games.state import next_state
-from billiards_env.layouts import plan
+from billiards_env.scene.layouts import plan
 from tests.helpers.games import events, facts, state
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)

@@ -3,7 +3,7 @@
 import mpmath
 import numpy as np
 
-from billiards_env import layouts
+from billiards_env.scene import layouts
 from reference.oracle import run
 
 STEP = mpmath.mpf(10) ** -25

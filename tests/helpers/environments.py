@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from billiards_env.envs.tasks import RUN_OUTS, TASKS
-from billiards_env.layouts import LAYOUTS
 from billiards_env.scene import SCENES, Scene
+from billiards_env.scene.layouts import LAYOUTS
 
 # All valid pairs of a scene and a task, but "position" and "clear" in two scenes only. The run-outs are separate.
 FITTING = [

@@ -5,7 +5,7 @@ import numpy as np
 from billiards_env.games.facts import facts_of
 from billiards_env.games.rules import RULES
 from billiards_env.games.state import RuleState
-from billiards_env.shot import EVENT_DTYPE
+from billiards_env.shots.result import EVENT_DTYPE
 
 
 def events(*rows, times=None):

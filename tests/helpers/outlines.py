@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from billiards_env.outline import Corner, clearance, pieces
-from billiards_env.table import Table
+from billiards_env.scene.outline import Corner, clearance, pieces
+from billiards_env.scene.table import Table
 from reference.stress.draw import outline_table as table
 
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from billiards_env import Scene, layouts
+from billiards_env import Scene
 from billiards_env.engine.shots import STATUS
 from billiards_env.physics import state as columns
-from billiards_env.scene import Balls, Physics
-from billiards_env.table import Table
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Table
 
 R = 0.03125  # m; a power of two, so multiples of it are exact
 FREE = {"motion": "ideal", "cushion": "restitution", "e_ball": 1.0, "e_cushion": 1.0, "max_time": 10.0}

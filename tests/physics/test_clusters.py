@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
+from billiards_env.jit import allocating, allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST
-from billiards_env.physics.jit import allocating, allocating_entry_point
 from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster, triangle

@@ -11,7 +11,7 @@ from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution, han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
 
 R = 0.03
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from billiards_env.outline import Corner, clearance, pieces
 from billiards_env.physics import walls
 from billiards_env.physics.motion import Path
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
+from billiards_env.scene.outline import Corner, clearance, pieces
 from reference.stress.draw import star
 from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table
 

@@ -7,9 +7,9 @@ import pytest
 
 pytest.importorskip("pygame")
 
-from billiards_env import Scene, records
+from billiards_env import Scene
 from billiards_env.engine.modes import MODES
-from billiards_env.games import RULES, Stroke
+from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, Command, shoot, update

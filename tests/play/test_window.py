@@ -9,9 +9,9 @@ import pytest
 
 pygame = pytest.importorskip("pygame")
 
-from billiards_env import records, simulate  # noqa: E402
+from billiards_env import simulate  # noqa: E402
 from billiards_env.drawing.canvas import pixels  # noqa: E402
-from billiards_env.games import Stroke  # noqa: E402
+from billiards_env.games import Stroke, records  # noqa: E402
 from billiards_env.play.model import Command, TurnAim, tick, update  # noqa: E402
 from billiards_env.play.view import View  # noqa: E402
 from billiards_env.play.window import GameWindow  # noqa: E402

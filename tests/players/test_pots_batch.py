@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from billiards_env import Scene, layouts, simulate, simulate_batch
+from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.players import pots
 from billiards_env.players.pots import find_pots, pot_shots
+from billiards_env.scene import layouts
 
 MAX_SPEED = 4.0
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.table import Pocket, Table
+from billiards_env.scene.table import Pocket, Table
 from reference.oracle import Event, OracleShot, RestingContactError, contact, laws, run
 from reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
 

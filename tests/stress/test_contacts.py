@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from billiards_env.scene import CONTACT_GAP, Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 from reference.stress.scenes import R, energy, ideal, kinds, momentum, rough, run, triangle
 
 INF = math.inf

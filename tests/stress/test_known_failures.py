@@ -10,7 +10,7 @@ import pytest
 from billiards_env.physics.contact import circle_time
 from billiards_env.physics.motion import Path
 from billiards_env.scene import Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 from reference.stress import families
 from reference.stress.checks import OVERLAP, check_shots
 from reference.stress.scenes import R, kinds, rough, run, triangle

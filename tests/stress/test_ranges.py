@@ -10,8 +10,8 @@ import pytest
 
 from billiards_env.checks import RANGES
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate
-from billiards_env.table import Table
+from billiards_env.scene.table import Table
+from billiards_env.shots.simulation import simulate
 
 MAX_EVENTS = 2000
 Shot = tuple[Scene, np.ndarray, np.ndarray, np.ndarray | None]

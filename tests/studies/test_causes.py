@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene, failures, layouts, simulate
-from billiards_env.failures import FAILURES
-from billiards_env.scene import Balls, Physics
-from billiards_env.table import Pocket, Table
+from billiards_env import Scene, simulate
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Pocket, Table
+from studies import failures
 from studies.causes import CAUSES, cause, contacts, history
+from studies.failures import FAILURES
 
 
 def ideal(*pockets, balls=1, mass=0.2, max_time=1.0):

@@ -18,8 +18,9 @@ from agents.config import Config
 from agents.intervals import over_seeds
 from agents.ppo import evaluation_seeds
 from agents.train import Point
-from billiards_env import Scene, layouts
+from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
+from billiards_env.scene import layouts
 from studies import timestep as module
 from studies import timestep_measure, timestep_report
 from studies.causes import CAUSES

@@ -1,0 +1,33 @@
+"""What is on the table before a shot: the scene, its table and cushions, and the starting positions (`layouts`)."""
+
+from billiards_env.scene.scene import (
+    CONTACT_GAP,
+    CUSHIONS,
+    MOTIONS,
+    SCENES,
+    Balls,
+    Cue,
+    Physics,
+    Scene,
+    ball_friction,
+    check_positions,
+    check_scene,
+)
+from billiards_env.scene.table import TABLES, Pocket, Table
+
+__all__ = [
+    "CONTACT_GAP",
+    "CUSHIONS",
+    "MOTIONS",
+    "SCENES",
+    "TABLES",
+    "Balls",
+    "Cue",
+    "Physics",
+    "Pocket",
+    "Scene",
+    "Table",
+    "ball_friction",
+    "check_positions",
+    "check_scene",
+]

@@ -1,0 +1,499 @@
+"""Layouts: starting positions of the balls, drawn for a scene with a random generator.
+
+`draw(name, scene, rng)` returns (n, 2) float64 positions in m that `check_positions` accepts. It raises a `ValueError`
+if the layout does not suit the scene's balls. The head of the table is its -x end, where the cue ball starts; the foot
+is its +x end. The foot spot lies at a quarter of the table's length from the centre. `Table.head_x` is the x of the
+head string, which is called baulk line in snooker. All balls lie inside the rectangle of the table's length and width.
+
+"random"
+    Balls all over the table. They are placed one after the other, the largest first, uniformly in the free area (random
+    sequential addition, Widom 1966), `MARGIN` clear of balls, cushions and pockets.
+"rack"
+    Cue ball anywhere behind the head string, object balls in a loose rack at the foot spot. The rack is a triangle that
+    is filled row by row from the foot spot, or a diamond for 9 object balls. Each ball is displaced at random so that
+    the gaps between neighbours lie within `RACK_GAP`. Balls of several sizes are spaced for the largest object ball.
+"tight_rack"
+    As "rack", but neighbours touch: their gap is 0 up to the rounding of the coordinates. The object balls must have
+    one radius.
+"nine_ball"
+    As "rack" with 9 object balls: the 1 at the foot spot, the 9 in the middle and the others in a random order (WPA
+    2016, rule 2.2).
+"eight_ball"
+    As "rack" with 15 object balls: the 8 in the middle of the third row, a ball of each group (1 to 7 and 9 to 15) at
+    the rear corners, and the others in a random order (WPA 2016, rule 3.2).
+"carom_opening"
+    The fixed opening position of carom billiards (UMB 1989, art. 23), for one or two object balls: the cue ball on the
+    right starting spot, ball 1 (the red ball) on the foot spot, ball 2 (the opponent's cue ball) on the head spot.
+"snooker"
+    The start of a frame of snooker: the last six object balls (yellow, green, brown, blue, pink, black) on their spots
+    (WPBSA, Official Rules of Snooker, section 3), the others (15 red balls) in a tight rack behind the pink ball, and
+    the cue ball anywhere in the D.
+"line"
+    Cue ball and object ball on the long axis of the table, at a quarter and at three quarters of its length.
+"snookered"
+    Cue ball and ball 1 anywhere, as in "random", and ball 2 midway between them; all are drawn again until ball 2 fits.
+    Ball 2 must be at least as large as ball 1, so it hides ball 1 completely: a straight path that passes the centre of
+    ball 1 at a distance b passes the centre of ball 2, half as far away, at b / 2. On a path that meets ball 1,
+    b <= r0 + r1, so b / 2 < r0 + r2, and the cue ball meets ball 2 first.
+
+`plan` computes once what a layout needs on a scene; one kernel draws from a plan, for one table or for many. The kernel
+draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the same way. The same seed
+therefore gives the same layout bit for bit.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import choose
+from billiards_env.jit import entry_point, kernel, streams
+from billiards_env.jit.interrupt import end_call, interrupted
+from billiards_env.scene import Scene, check_positions, check_scene
+from billiards_env.scene.outline import pieces
+
+Floats = NDArray[np.float64]
+
+MARGIN = 1e-3
+"""m. Smallest gap between a randomly placed ball and other balls, cushions and pockets."""
+
+RACK_GAP = (1e-4, 5e-4)
+"""m. Smallest and largest gap between neighbours in a loose rack."""
+
+_TRIES = 10_000
+_BALLS_PER_CHECK = 5000  # an interrupt is checked after this number of balls: a millisecond, or more on a full table
+
+# World Rules of Carom Billiard (UMB 1989), art. 13: the two starting spots lie 18.25 cm either side of the head spot
+# on a table 1.42 m wide; on other tables they scale with the width.
+_STARTING_SPOT = 0.1825 / 1.42
+
+# WPBSA: the black ball lies 324 mm from the cushion of a table 3569 mm long; on other tables this scales. The red balls
+# are as close to the pink ball as possible without touching it.
+_BLACK_SPOT, _PINK_GAP = 0.324 / 3.569, 5e-4
+
+LAYOUTS = ("random", "rack", "tight_rack", "nine_ball", "eight_ball", "carom_opening", "line", "snookered", "snooker")
+_NINE_BALL, _EIGHT_BALL = LAYOUTS.index("nine_ball"), LAYOUTS.index("eight_ball")
+
+
+def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
+    """Draws a layout.
+
+    Args:
+        name: One of `LAYOUTS`.
+        scene: The scene.
+        rng: The generator to draw from.
+
+    Returns:
+        (n, 2) positions, m.
+
+    Raises:
+        ValueError: If the name is unknown, the layout does not suit the scene's balls, or a ball finds no free position
+            in 10,000 tries.
+
+    Example:
+        >>> draw("tight_rack", Scene.named("pool", 15), np.random.default_rng(0))[1].tolist()
+        [0.635, 0.0]
+        >>> cue, target, blocker = draw("snookered", Scene.named("blocked_pool"), np.random.default_rng(0))
+        >>> bool((blocker == (cue + target) / 2).all())
+        True
+    """
+    return draw_one(plan(name, scene), rng)
+
+
+class Plan(NamedTuple):
+    """The data that a layout needs on a scene: some balls lie at spots, the others are drawn one after the other.
+
+    Attributes:
+        layout: Index in `LAYOUTS`.
+        spots: (n, 2) float64, m: the spots of the balls that have one, before the displacement.
+        displacement: m; the largest displacement of these balls along x and along y.
+        order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
+        n_spots: Number of balls that have a spot.
+        midway: Whether the last ball of the order lies midway between the other two, which have no spots.
+        limits: (n, 3) float64, m: smallest x, largest x and largest abs(y) of a drawn ball.
+        radius: (n,) float64, m.
+        pockets: (k, 3) float64: x, y, radius, m.
+        outline: The cushions that reach into the rectangle of the table: (e, 4) float64, the ends of the straight
+            cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; None for a rectangle.
+        d: x of the centre and radius of the D in which balls are drawn, m; infinite without a D.
+    """
+
+    layout: int
+    spots: Floats
+    displacement: float
+    order: NDArray[np.int64]
+    n_spots: int
+    midway: bool
+    limits: Floats
+    radius: Floats
+    pockets: Floats
+    outline: tuple[Floats, Floats] | None
+    d: tuple[float, float]
+
+
+def plan(name: str, scene: Scene) -> Plan:
+    """Returns the plan of a layout.
+
+    Args:
+        name: One of `LAYOUTS`.
+        scene: The scene.
+
+    Returns:
+        The plan. Its arrays are shared and must not be changed.
+
+    Raises:
+        ValueError: If the name is unknown or the layout does not suit the scene's balls.
+    """
+    choose("layout", name, LAYOUTS)
+    check_scene(scene)
+    return _make_plan(name, scene)
+
+
+@functools.lru_cache(maxsize=256)
+def _make_plan(name: str, scene: Scene) -> Plan:
+    n = scene.n_balls
+    if name == "random":
+        largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
+        return _plan(name, scene, largest_first, np.zeros((n, 2)))
+    if name in ("rack", "tight_rack", "nine_ball", "eight_ball"):
+        return _rack_plan(name, scene)
+    if name == "snookered":
+        return _snookered_plan(name, scene)
+    if name == "snooker":
+        return _snooker_plan(name, scene)
+    _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
+    foot = scene.table.foot_x
+    if name == "line":
+        spots = [(-foot, 0.0), (foot, 0.0)]
+    else:
+        spots = [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)][:n]
+    return _plan(name, scene, (), np.array(spots))
+
+
+def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
+    """Draws a layout from its plan.
+
+    Args:
+        plan: The plan.
+        rng: The generator to draw from.
+
+    Returns:
+        (n, 2) positions, m.
+
+    Raises:
+        ValueError: If a ball finds no free position.
+    """
+    positions = np.empty_like(plan.spots)
+    if plan.n_spots == len(positions) and plan.displacement == 0.0:  # nothing to draw
+        positions[...] = plan.spots
+        return positions
+    stream = streams.read(rng)
+    draw_tables(plan, 0, 1, _ONE, stream[None], positions[None])
+    streams.write(rng, stream)
+    return positions
+
+
+def draw_tables(
+    plan: Plan, begin: int, end: int, mask: NDArray[np.bool_], table_streams: NDArray[np.uint64], positions: Floats
+) -> None:
+    """Draws a layout for the tables `begin` to `end` that are in the mask, each from its own stream.
+
+    Args:
+        plan: The plan.
+        begin: First table.
+        end: One past the last table.
+        mask: (m,) bool, the tables to draw for; the others do not change.
+        table_streams: (m, 4), one stream per table, changed in place.
+        positions: (m, n, 2) float64, m, changed in place.
+
+    Raises:
+        ValueError: If a ball finds no free position.
+    """
+    failed = fill_tables(plan, begin, end, mask, table_streams, positions)
+    if failed >= 0:
+        raise _no_room(LAYOUTS[plan.layout], failed, plan.radius[failed])
+
+
+_ONE = np.ones(1, np.bool_)
+
+
+@kernel
+def is_inside(outline, x, y, reach):
+    """Returns whether a point is inside an outline and at least `reach` from it."""
+    if outline is None:
+        return True
+    edges, tips = outline
+    for k in range(len(tips)):
+        dx, dy, least = x - tips[k, 0], y - tips[k, 1], tips[k, 2] + reach
+        if dx * dx + dy * dy < least * least:
+            return False
+    inside = False
+    for k in range(len(edges)):
+        x0, y0 = edges[k, 0], edges[k, 1]
+        dx, dy = edges[k, 2] - x0, edges[k, 3] - y0
+        square = dx * dx + dy * dy
+        share = min(max(((x - x0) * dx + (y - y0) * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        ox, oy = x - x0 - share * dx, y - y0 - share * dy
+        if ox * ox + oy * oy < reach * reach:
+            return False
+        if (y0 > y) != (edges[k, 3] > y) and x < x0 + dx * ((y - y0) / dy):  # the ray towards +x crosses the edge
+            inside = not inside
+    return inside
+
+
+@kernel
+def is_clear(plan, i, x, y, placed, positions):
+    """Returns whether ball i at (x, y) is clear of the cushions, the pockets and the first `placed` balls of the order.
+
+    The limits of the plan keep it clear of the cushions of a rectangle.
+    """
+    if not is_inside(plan.outline, x, y, plan.radius[i] + MARGIN):
+        return False
+    for k in range(placed):
+        j = plan.order[k]
+        dx, dy, reach = x - positions[j, 0], y - positions[j, 1], plan.radius[j] + plan.radius[i] + MARGIN
+        if dx * dx + dy * dy < reach * reach:
+            return False
+    for k in range(len(plan.pockets)):
+        dx, dy, reach = x - plan.pockets[k, 0], y - plan.pockets[k, 1], plan.pockets[k, 2] + MARGIN
+        if dx * dx + dy * dy < reach * reach:
+            return False
+    return True
+
+
+@kernel
+def draw_ball(plan, i, placed, stream, positions):
+    """Draws a position of ball i clear of pockets and of the first `placed` balls; returns whether it found one."""
+    x_low, x_high, y_high = plan.limits[i, 0], plan.limits[i, 1], plan.limits[i, 2]
+    for _ in range(_TRIES):
+        x = x_low + (x_high - x_low) * streams.next_double(stream)
+        y = y_high * (2 * streams.next_double(stream) - 1)
+        d_x, d_radius = plan.d
+        if (x - d_x) * (x - d_x) + y * y > d_radius * d_radius:
+            continue
+        if is_clear(plan, i, x, y, placed, positions):
+            positions[i, 0], positions[i, 1] = x, y
+            return True
+    return False
+
+
+@kernel
+def draw_midway(plan, stream, positions):
+    """Draws the first two balls of the order until the third fits midway; returns -1, or a ball that does not fit."""
+    order, limits = plan.order, plan.limits
+    a, b, i = order[0], order[1], order[2]
+    for _ in range(_TRIES):
+        for k in range(2):
+            if not draw_ball(plan, order[k], k, stream, positions):
+                return order[k]
+        x, y = 0.5 * (positions[a, 0] + positions[b, 0]), 0.5 * (positions[a, 1] + positions[b, 1])
+        fits = limits[i, 0] <= x <= limits[i, 1] and abs(y) <= limits[i, 2]
+        if fits and is_clear(plan, i, x, y, 2, positions):
+            positions[i, 0], positions[i, 1] = x, y
+            return -1
+    return i
+
+
+@entry_point
+def fill_tables(plan, begin, end, mask, table_streams, positions):
+    """Runs the loop of `draw_tables`; returns -1, or a ball that found no free position."""
+    order, spots, displacement = plan.order, plan.spots, plan.displacement
+    balls = 0
+    for table in range(begin, end):
+        if not mask[table]:
+            continue
+        balls += len(order)
+        if balls > _BALLS_PER_CHECK:
+            end_call(interrupted())
+            balls = 0
+        stream, drawn = table_streams[table], positions[table]
+        if plan.midway:
+            failed = draw_midway(plan, stream, drawn)
+            if failed >= 0:
+                return failed
+            continue
+        for k in range(plan.n_spots):
+            i = order[k]
+            drawn[i, 0], drawn[i, 1] = spots[i, 0], spots[i, 1]
+            if displacement > 0.0:
+                drawn[i, 0] += (2 * streams.next_double(stream) - 1) * displacement
+                drawn[i, 1] += (2 * streams.next_double(stream) - 1) * displacement
+        if plan.layout == _NINE_BALL:
+            shuffle(2, 8, (1, 9), stream, drawn)
+        elif plan.layout == _EIGHT_BALL:
+            shuffle_eight_ball(stream, drawn)
+        for k in range(plan.n_spots, len(order)):
+            if not draw_ball(plan, order[k], k, stream, drawn):
+                return order[k]
+    return -1
+
+
+@kernel
+def swap(a, b, positions):
+    """Exchanges the positions of two balls."""
+    x, y = positions[a, 0], positions[a, 1]
+    positions[a, 0], positions[a, 1] = positions[b, 0], positions[b, 1]
+    positions[b, 0], positions[b, 1] = x, y
+
+
+@kernel
+def shuffle(first, last, fixed, stream, positions):
+    """Permutes the positions of the balls `first` to `last` uniformly, except the `fixed` ones (Fisher, Yates 1938)."""
+    left = 0
+    for i in range(first, last + 1):
+        if i not in fixed:
+            left += 1
+    for i in range(first, last + 1):
+        if i in fixed:
+            continue
+        steps, j = int(streams.next_double(stream) * left), i
+        while steps > 0:
+            j += 1
+            if j not in fixed:
+                steps -= 1
+        swap(i, j, positions)
+        left -= 1
+
+
+@kernel
+def shuffle_eight_ball(stream, positions):
+    """Permutes the balls of a rack of eight ball: 8 stays, and 1 and 15, at the rear corners, change within groups."""
+    if streams.next_double(stream) < 0.5:
+        swap(1, 15, positions)
+    solid, stripe = 1 + int(7.0 * streams.next_double(stream)), 9 + int(7.0 * streams.next_double(stream))
+    swap(1, solid, positions)
+    swap(15, stripe, positions)
+    shuffle(1, 15, (8, solid, stripe), stream, positions)
+
+
+def _plan(
+    name: str,
+    scene: Scene,
+    drawn: Sequence[int],
+    spots: Floats,
+    *,
+    displacement: float = 0.0,
+    x_most: float = math.inf,
+    d_radius: float = math.inf,
+    midway: bool = False,
+) -> Plan:
+    """Returns a plan that draws the balls `drawn`, in this order; the other balls lie at their `spots`.
+
+    The drawn balls stay at x <= `x_most`. If `d_radius` is finite, they also stay in the D of this radius.
+
+    Raises:
+        ValueError: If the balls cannot fit.
+    """
+    placed = [i for i in range(scene.n_balls) if i not in drawn]
+    order, n_spots = np.array([*placed, *drawn], np.int64), len(placed)
+    radius = np.array(scene.balls.radius)
+    x_limit, y_limit = (side / 2 - radius - MARGIN for side in (scene.table.length, scene.table.width))
+    x_least = x_most - d_radius if d_radius < math.inf else -math.inf  # inf - inf is not a number
+    limits = np.column_stack(
+        (np.maximum(-x_limit, x_least), np.minimum(x_limit, x_most), np.minimum(y_limit, d_radius))
+    )
+    for i in order[n_spots:].tolist():
+        if limits[i, 1] < limits[i, 0] or limits[i, 2] < 0:
+            raise _no_room(name, i, float(radius[i]))
+    pockets = np.array([(p.x, p.y, p.radius) for p in scene.table.pockets]).reshape(-1, 3)
+    _check_spots(name, scene, spots, displacement, order[:n_spots])
+    outline, d = None, (x_most if d_radius < math.inf else 0.0, d_radius)
+    if not scene.table.is_rectangular:
+        lines, tips = pieces(scene.table.outline)
+        outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
+    return Plan(LAYOUTS.index(name), spots, displacement, order, n_spots, midway, limits, radius, pockets, outline, d)
+
+
+def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:
+    """Raises if a ball cannot lie at its spot with any displacement."""
+    in_play = np.zeros(scene.n_balls, np.bool_)
+    in_play[balls] = True
+    corners = [(x, y) for x in (-displacement, displacement) for y in (-displacement, displacement)]
+    for corner in corners if displacement else [(0.0, 0.0)]:
+        check_positions(scene, spots + corner, f"layout {name!r}", in_play)
+
+
+def _rack_plan(name: str, scene: Scene) -> Plan:
+    """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
+    radius = scene.balls.radius
+    count = scene.n_balls - 1
+    for game, balls in (("nine_ball", 9), ("eight_ball", 15)):
+        if name == game:
+            _expect_object_balls(scene, name, balls, balls)
+    if name != "tight_rack":
+        low, high = RACK_GAP
+        gap = (low + high) / 2
+        # A displacement by s along x and along y has the length sqrt(2) s. Two balls come closer by at most twice that.
+        displacement = (high - low) / 2 / (2 * math.sqrt(2))
+    else:
+        gap = displacement = 0.0
+        radii = sorted(set(radius[1:]))
+        if len(radii) > 1:
+            raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
+    spots = np.zeros((scene.n_balls, 2))
+    spots[1:] = _rack(count, scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
+    if name == "nine_ball":
+        spots[[5, 9]] = spots[[9, 5]]
+    elif name == "eight_ball":
+        spots[[5, 8]] = spots[[8, 5]]
+        spots[[1, 11]] = spots[[11, 1]]
+    return _plan(name, scene, (0,), spots, displacement=displacement, x_most=scene.table.head_x)
+
+
+def _rack(count: int, foot: float, pitch: float) -> Floats:
+    """Returns the places (count, 2) of the balls of a rack, m, with the first ball at x = `foot`."""
+    rows = (1, 2, 3, 2, 1) if count == 9 else range(1, count + 1)
+    # Position of each ball in units of the distance between neighbours: (rows from the apex, offset from the axis).
+    lattice = [(k, j - (size - 1) / 2) for k, size in enumerate(rows) for j in range(size)][:count]
+    places = [(foot + pitch * (math.sqrt(3) / 2) * row, pitch * offset) for row, offset in lattice]
+    return np.array(places).reshape(-1, 2)
+
+
+def _snooker_plan(name: str, scene: Scene) -> Plan:
+    """Returns the plan of "snooker": object balls on their spots, the cue ball drawn in the D."""
+    _expect_object_balls(scene, name, 6, 21)
+    table, radius = scene.table, scene.balls.radius[1:]
+    if not table.d_radius:
+        raise ValueError(
+            f"layout = {name!r} with table.d_radius = 0: expected a table with a D, such as 'snooker_12ft'"
+        )
+    if len(set(radius)) > 1:
+        raise ValueError(f"layout = {name!r} with object balls of radii {sorted(set(radius))} m: expected one radius")
+    pitch, reds = 2 * radius[0], scene.n_balls - 7
+    spots = np.zeros((scene.n_balls, 2))
+    spots[1 : 1 + reds] = _rack(reds, table.foot_x + pitch + _PINK_GAP, pitch)
+    black = table.length / 2 - _BLACK_SPOT * table.length
+    across = ((table.head_x, -table.d_radius), (table.head_x, table.d_radius), (table.head_x, 0.0))
+    spots[1 + reds :] = (*across, (0.0, 0.0), (table.foot_x, 0.0), (black, 0.0))
+    return _plan(name, scene, (0,), spots, x_most=table.head_x, d_radius=table.d_radius)
+
+
+def _snookered_plan(name: str, scene: Scene) -> Plan:
+    """Returns the plan of "snookered": cue ball and ball 1 are drawn, the larger first, with ball 2 midway."""
+    _expect_object_balls(scene, name, 2, 2)
+    radius = scene.balls.radius
+    if radius[1] > radius[2]:
+        raise ValueError(
+            f"layout = {name!r} with balls 1 and 2 of radii {radius[1]} and {radius[2]} m: expected ball 2, "
+            "which hides ball 1, to be at least as large"
+        )
+    order = (0, 1, 2) if radius[0] >= radius[1] else (1, 0, 2)
+    return _plan(name, scene, order, np.zeros((3, 2)), midway=True)
+
+
+def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:
+    if not low <= scene.n_balls - 1 <= high:
+        wanted = str(low) if low == high else f"{low} to {high}"
+        raise ValueError(f"layout = {layout!r} with {scene.n_balls - 1} object balls: expected {wanted}")
+
+
+def _no_room(layout: str, ball: int, radius: float) -> ValueError:
+    return ValueError(
+        f"layout = {layout!r}: found no room for ball {ball} (radius {radius} m) in {_TRIES} tries: "
+        "expected fewer or smaller balls, or a larger table"
+    )

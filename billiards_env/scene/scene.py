@@ -1,0 +1,605 @@
+"""Scenes: the table, the balls and the physics, which stay the same from shot to shot.
+
+All quantities are in SI units. The origin is the table's centre, x runs along the table's length and y along its width.
+Scenes are immutable and are validated on construction. `checks.RANGES` holds the range of each number.
+
+The default values and their sources (`billiards_env.scene.table` has those of the tables):
+
+=====================  ==============  ===========================================================================
+field                  default         source
+=====================  ==============  ===========================================================================
+balls.radius           0.028575 m      WPA: diameter 2.25 in
+balls.mass             0.170097 kg     WPA: 5.5 to 6 oz; 6 oz
+physics.g              9.81 m/s^2      standard gravity, rounded
+physics.mu_slide       0.2             Marlow (1995), The Physics of Pocket Billiards; Alciatore (2004): 0.15 to 0.4
+physics.mu_roll        0.01            Marlow (1995); Alciatore (2004): 0.005 to 0.015
+physics.spin_decay     10 rad/s^2      Alciatore (2004), The Illustrated Principles of Pool and Billiards: 5 to 15
+physics.e_ball         0.95            Marlow (1995); Alciatore (2004): 0.92 to 0.98
+physics.e_cushion      0.85            Han (2005); Alciatore (2004): 0.6 to 0.9
+physics.mu_cushion     0.2             Han (2005): 0.14 to 0.2
+physics.mu_ball        None            Alciatore (2019), TP A.14: a fit of Marlow (1995), Table 10
+physics.cushion_       1.8             the default of the simulator pooltool 0.6
+  frequency_ratio
+carom ball             0.03075 m,      UMB: 61 to 61.5 mm across, 205 to 220 g
+                       0.21 kg
+snooker ball           0.02625 m,      WPBSA: 52.5 mm across, sets of equal mass; 140 g is usual
+                       0.14 kg
+snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010)
+                       mu_cushion 0.14
+                       e(v)            0.995, falling by 0.1 s/m above 2 m/s: a fit of their figure 7a, see
+                                       docs/validation.md; not below 0.6, the least of Alciatore (2004)
+                       mu_ball 0.05,   Mathavan, Jackson and Parkin (2014)
+                       spin_decay 22
+cue.mass               0.538 kg        Alciatore (2008), TP A.30: 19 oz
+cue.tip_restitution    0.73            Alciatore (2008), TP A.30: 0.71 to 0.75 for leather, 0.81 to 0.87 for phenolic
+cue.end_mass           0.0084 kg       Alciatore (2007), TP A.31: 1/20.2 of a ball for an ordinary cue
+cue.miscue_offset      0.5             Alciatore (2006), TP 2.1: 0.50 to 0.55 with chalk
+snooker cue            0.478 kg        the simulator pooltool 0.6
+UK object ball         0.0254 m,       WEPF: 2 in across, 116 g
+                       0.116 kg
+UK cue ball            0.0238125 m,    WEPF: 1 7/8 in across, 94 g
+                       0.094 kg
+=====================  ==============  ===========================================================================
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import Range, check_fields, choose, fields_of, numbers, real, sequence, short, whole
+from billiards_env.scene.outline import extents
+from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
+
+MOTIONS = ("ideal", "rolling", "sliding")
+CUSHIONS = ("restitution", "han2005", "stronge", "mathavan2010")
+BALL_BALL = ("frictionless", "frictional")
+COLOURS = ("pool", "snooker", "uk")
+SHAPES = ("disk", "sphere")
+
+MARLOW = 9.951e-3, 0.108, 1.088
+"""The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
+(1995), Table 10."""
+
+CONTACT_GAP = 1e-12
+"""m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
+above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
+
+_POOL_MASS = 0.170097
+_CAROM_RADIUS, _CAROM_MASS = 0.03075, 0.21
+_SNOOKER_RADIUS, _SNOOKER_MASS = 0.0525 / 2, 0.14
+_UK_RADIUS, _UK_MASS = 2 * INCH / 2, 0.116
+_UK_CUE_RADIUS, _UK_CUE_MASS = 1.875 * INCH / 2, 0.094
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Balls:
+    """The balls; ball 0 is the cue ball.
+
+    Attributes:
+        radius: Radius of each ball, m.
+        mass: Mass of each ball, kg. A ball of mass `math.inf` is a fixed obstacle.
+        colours: The colours in pictures: "pool" (numbered balls; on a table without pockets up to three balls are
+            white, red and yellow), "snooker" (the last six object balls are yellow, green, brown, blue, pink and black,
+            the others red) or "uk" (seven red balls, the black ball, seven yellow balls).
+        shape: "disk" (balls touch when their centres are R1 + R2 apart) or "sphere" (their centres are at different
+            heights: they touch at a horizontal distance of 2 sqrt(R1 R2), and the normal is inclined). Balls of equal
+            radius are the same in both.
+    """
+
+    radius: tuple[float, ...]
+    mass: tuple[float, ...]
+    colours: str = "pool"
+    shape: str = "disk"
+
+    def __post_init__(self) -> None:
+        choose("balls.colours", self.colours, COLOURS)
+        choose("balls.shape", self.shape, SHAPES)
+        for name, within in (("radius", "length"), ("mass", "mass")):
+            values = getattr(self, name)
+            if not isinstance(values, tuple):
+                raise TypeError(f"balls.{name} = {short(values)}: expected a tuple of numbers")
+            checked = (
+                math.inf if name == "mass" and value == math.inf else real(f"balls.{name}[{i}]", value, within)
+                for i, value in enumerate(values)
+            )
+            object.__setattr__(self, name, tuple(checked))
+        if not self.radius:
+            raise ValueError("balls.radius = (): expected at least one ball, the cue ball")
+        whole("number of balls", len(self.radius), "balls")
+        if len(self.radius) != len(self.mass):
+            raise ValueError(
+                f"balls.mass has {len(self.mass)} values and balls.radius has {len(self.radius)}: "
+                "expected one value per ball in both"
+            )
+        if math.isinf(self.mass[0]):
+            raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move")
+
+    @classmethod
+    def uniform(cls, count: int, radius: float = POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
+        """Returns `count` equal balls of `radius` metres and `mass` kilograms."""
+        count = whole("count", count, "balls")
+        return cls((radius,) * count, (mass,) * count)
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def contact_distances(self, i: int) -> NDArray[np.float64]:
+        """Returns the horizontal distance of the centres of ball i and each ball that touches it, (n,) m.
+
+        Example:
+            >>> Balls((0.01, 0.04), (0.1, 0.1), shape="sphere").contact_distances(0).tolist()
+            [0.02, 0.04]
+        """
+        radius = np.array(self.radius)
+        return radius[i] + radius if self.shape == "disk" else 2.0 * np.sqrt(radius[i] * radius)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Physics:
+    """The laws of motion and collision, with their constants.
+
+    Attributes:
+        motion: "sliding" (a ball slides until it rolls, then rolls to rest), "rolling" (rolling resistance only) or
+            "ideal" (constant velocity).
+        cushion: "restitution" (the normal velocity is reversed and multiplied by the restitution), "han2005" (Han 2005,
+            with friction and spin), "stronge" (Stronge 2000, with friction, spin and a compliant cushion) or
+            "mathavan2010" (Mathavan, Jackson and Parkin 2010, with friction at the cushion and at the cloth). All but
+            "restitution" need `motion="sliding"`.
+        ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
+            spin; needs `motion="sliding"`).
+        g: Gravity, m/s^2.
+        mu_slide: Coefficient of sliding friction between ball and cloth.
+        mu_roll: Coefficient of rolling resistance between ball and cloth.
+        spin_decay: Deceleration of the spin about the vertical axis, rad/s^2.
+        e_ball: Restitution of a ball-ball collision, 0 to 1.
+        e_cushion: Restitution of a ball-cushion collision, 0 to 1.
+        mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
+        mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
+        mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for those that cling.
+        cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
+        e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
+            normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
+        e_cushion_onset: Normal speed above which the cushions' restitution falls, m/s.
+        e_cushion_floor: Least restitution of the cushions.
+        max_time: Time limit of a shot, s; None for no limit. "ideal" motion needs a limit.
+    """
+
+    motion: str = "sliding"
+    cushion: str = "han2005"
+    ball_ball: str = "frictionless"
+    g: float = 9.81
+    mu_slide: float = 0.2
+    mu_roll: float = 0.01
+    spin_decay: float = 10.0
+    e_ball: float = 0.95
+    e_cushion: float = 0.85
+    mu_cushion: float = 0.2
+    mu_ball: float | None = None
+    mu_ball_factor: float = 1.0
+    cushion_frequency_ratio: float = 1.8
+    e_cushion_loss: float = 0.0
+    e_cushion_onset: float = 0.0
+    e_cushion_floor: float = 0.0
+    max_time: float | None = None
+
+    def __post_init__(self) -> None:
+        choose("physics.motion", self.motion, MOTIONS)
+        choose("physics.cushion", self.cushion, CUSHIONS)
+        choose("physics.ball_ball", self.ball_ball, BALL_BALL)
+        check_fields(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
+        check_fields(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
+        check_fields(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
+        check_fields(
+            self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution"
+        )
+        if self.mu_ball is not None:
+            check_fields(self, "physics", mu_ball="mu_ball")
+        if self.max_time is not None:
+            check_fields(self, "physics", max_time="max_time")
+        if self.motion == "ideal" and self.max_time is None:
+            raise ValueError("physics.max_time = None: expected a number of seconds, ideal motion never ends")
+        if self.motion != "sliding":
+            for name, other in (("cushion", "restitution"), ("ball_ball", "frictionless")):
+                if getattr(self, name) != other:
+                    raise ValueError(
+                        f"physics.{name} = {getattr(self, name)!r} with physics.motion = {self.motion!r}: "
+                        f"expected motion 'sliding' (its friction acts on spin) or {name} {other!r}"
+                    )
+        if self.e_cushion_floor > self.e_cushion:
+            raise ValueError(
+                f"physics.e_cushion_floor = {self.e_cushion_floor!r}: expected at most e_cushion = {self.e_cushion!r}"
+            )
+        if self.cushion == "stronge":
+            name = "e_cushion_floor" if self.e_cushion_loss else "e_cushion"
+            least = (math.sqrt(1.0 + 8.0 / self.cushion_frequency_ratio**2) - 1.0) / 2.0
+            if getattr(self, name) < least:
+                raise ValueError(
+                    f"physics.{name} = {getattr(self, name)!r} with physics.cushion = 'stronge': expected at least "
+                    f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
+                    "no energy"
+                )
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Cue:
+    """The cue.
+
+    Attributes:
+        mass: Mass, kg.
+        tip_restitution: Restitution of the tip on the ball in a central impact, 0 to 1.
+        end_mass: Mass of the end of the shaft that moves sideways with the ball, kg. It pushes the ball away from the
+            side on which the tip hits it (squirt).
+        miscue_offset: Distance of the tip from the ball's centre above which the tip slips, in ball radii.
+    """
+
+    mass: float = 0.538
+    tip_restitution: float = 0.73
+    end_mass: float = 0.0084
+    miscue_offset: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self, "cue", mass="mass", end_mass="mass", tip_restitution="restitution")
+        check_fields(self, "cue", miscue_offset="miscue_offset")
+
+
+def ball_friction(physics: Physics) -> tuple[float, float, float]:
+    """Returns (a, b, c) of the coefficient of friction a + b exp(-c v) between balls that slide at v m/s."""
+    a, b, c = MARLOW if physics.mu_ball is None else (physics.mu_ball, 0.0, 0.0)
+    return physics.mu_ball_factor * a, physics.mu_ball_factor * b, c
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Scene:
+    """Balls, a table, physics and a cue; the module's docstring lists the defaults.
+
+    Attributes:
+        balls: The balls.
+        table: The table.
+        physics: The laws and their constants.
+        cue: The cue.
+    """
+
+    balls: Balls
+    table: Table = Table()
+    physics: Physics = Physics()
+    cue: Cue = Cue()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.balls, str):
+            raise TypeError(f"scene.balls = {short(self.balls)}: expected a Balls; Scene.named(name) returns one")
+        for name, kind in (("balls", Balls), ("table", Table), ("physics", Physics), ("cue", Cue)):
+            if not isinstance(getattr(self, name), kind):
+                raise TypeError(f"scene.{name} = {short(getattr(self, name))}: expected a {kind.__name__}")
+        radius = max(self.balls.radius)
+        widest = 2 * radius
+        if widest > min(self.table.length, self.table.width) or _room(self.table, radius) is None:
+            raise ValueError(
+                f"scene.table of {self.table.length} x {self.table.width} m: expected room for a ball {widest} m across"
+            )
+        # The tip leaves the ball only if the energy that the impact loses is less than the energy of the approach.
+        ratio, spin = self.balls.mass[0] / self.cue.mass, 2.5 * self.cue.miscue_offset**2
+        least = math.sqrt(spin / (1.0 + ratio + spin))
+        if self.cue.tip_restitution < least:
+            raise ValueError(
+                f"cue.tip_restitution = {self.cue.tip_restitution!r}: expected at least {least:.4g}, so that the tip "
+                f"leaves the ball at the miscue_offset {self.cue.miscue_offset!r}"
+            )
+        if self.physics.cushion != "restitution":
+            for i, radius in enumerate(self.balls.radius):
+                if not 0 < self.table.cushion_height < 2 * radius:
+                    raise ValueError(
+                        f"scene.table.cushion_height = {self.table.cushion_height!r}: expected less than the diameter "
+                        f"of ball {i} ({2 * radius} m), {self.physics.cushion!r} cushions must hit a ball below its top"
+                    )
+
+    def __repr__(self) -> str:
+        table, physics = self.table, self.physics
+        used = {"ideal": (), "rolling": ("mu_roll",), "sliding": ("mu_slide", "mu_roll")}[physics.motion]
+        constants = (*used, "e_ball", "e_cushion", *(() if physics.max_time is None else ("max_time",)))
+        return (
+            f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"
+            f"  balls: {self.n_balls}, radius {_range(self.balls.radius)} m, mass {_range(self.balls.mass)} kg\n"
+            f"  physics: {physics.motion} motion, {physics.cushion} cushions, "
+            + ("frictional balls, " if physics.ball_ball == "frictional" else "")
+            + ", ".join(f"{name} {getattr(physics, name):g}" for name in constants)
+        )
+
+    @property
+    def n_balls(self) -> int:
+        """Number of balls, including the cue ball."""
+        return len(self.balls)
+
+    @property
+    def half_extents(self) -> tuple[float, float]:
+        """Bounds of abs(x) and abs(y) of the centre of a ball in play, m: the scale of observations.
+
+        For a rectangle these are half its length and half its width. In the jaws of a pocket a ball can lie outside the
+        playing surface, so for an outline they are the largest values of the smallest ball, increased by a millionth.
+        """
+        if not self.table.outline:
+            return self.table.length / 2, self.table.width / 2
+        room = _room(self.table, min(self.balls.radius))
+        assert room is not None  # a larger ball has room
+        return room[0] * (1 + 1e-6), room[1] * (1 + 1e-6)
+
+    @classmethod
+    def named(cls, name: str, n_object_balls: int | None = None) -> Scene:
+        """Returns the scene of a given name.
+
+        Args:
+            name: "pool" (9-foot table with six pockets), "blocked_pool" (the same, with ball 2 as a fixed obstacle),
+                "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
+                "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
+                "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
+                jaws of the pockets), "real_carom" (carom), "snooker" (15 red balls, then yellow, green, brown, blue,
+                pink and black), "uk_pool" (small table, smaller cue ball), "pooltool_pool" or "pooltool_real_carom"
+                (7-foot pool table and carom table of reference shots made with pooltool).
+            n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
+                carom scenes and in "blocked_pool", 1 in the others.
+
+        Returns:
+            The scene.
+
+        Raises:
+            ValueError: If the name is unknown or the scene does not allow this number of balls.
+
+        Example:
+            >>> scene = Scene.named("pool", n_object_balls=15)
+            >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
+            (16, 6, 'sliding')
+        """
+        choose("scene", name, tuple(_NAMED))
+        build, usual, most = _NAMED[name]
+        n = usual if n_object_balls is None else n_object_balls
+        return build(whole("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Scene:
+        """Builds a scene from plain data, as read from YAML or JSON.
+
+        Args:
+            data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
+                `Table`, `Physics` and `Cue`. Fields with a default are optional. An infinite mass may be written "inf".
+                The table may be a name of `Table.named`.
+
+        Returns:
+            The scene; `Scene.from_dict(scene.to_dict()) == scene`.
+
+        Raises:
+            ValueError: If a key is unknown or missing, or a value is outside its range.
+            TypeError: If a value has the wrong type.
+
+        Example:
+            >>> Scene.from_dict({"balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}).balls.mass
+            (0.2, inf)
+        """
+        fields = dict(fields_of(Scene, "scene", data))
+        if "table" in fields:
+            table = fields["table"]
+            named = isinstance(table, str)
+            fields["table"] = Table.named(table) if named else Table.from_dict(table, "scene.table")
+        balls = fields_of(Balls, "scene.balls", fields["balls"])
+        for name in ("radius", "mass"):
+            balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
+        fields["balls"] = Balls(**balls)
+        if "physics" in fields:
+            fields["physics"] = Physics(**fields_of(Physics, "scene.physics", fields["physics"]))
+        if "cue" in fields:
+            fields["cue"] = Cue(**fields_of(Cue, "scene.cue", fields["cue"]))
+        return cls(**fields)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Returns the scene as plain data for JSON or YAML: dicts, lists, strings and finite numbers.
+
+        Example:
+            >>> Scene.named("ideal").to_dict()["physics"]["motion"]
+            'ideal'
+        """
+        data = dataclasses.asdict(self)
+        for name in ("pockets", "outline"):
+            data["table"][name] = list(data["table"][name])
+        for name in ("radius", "mass"):
+            data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
+        return data
+
+
+def _room(table: Table, radius: float) -> tuple[float, float] | None:
+    """Returns the largest abs(x) and abs(y), m, of the centre of a ball in play; None if there is no room for it."""
+    if not table.outline:
+        return table.length / 2 - radius, table.width / 2 - radius
+    return extents(table.outline, tuple((p.x, p.y, p.radius) for p in table.pockets), radius)
+
+
+def _range(values: tuple[float, ...]) -> str:
+    least, most = min(values), max(values)
+    return f"{least:g}" if least == most else f"{least:g} to {most:g}"
+
+
+def _pool(n_balls: int) -> Scene:
+    return Scene(Balls.uniform(n_balls), Table(pockets=six_pockets()))
+
+
+def _blocked_pool(n_balls: int) -> Scene:
+    scene = _pool(n_balls)
+    mass = tuple(math.inf if i == 2 else m for i, m in enumerate(scene.balls.mass))
+    return dataclasses.replace(scene, balls=Balls(scene.balls.radius, mass))
+
+
+def _carom(n_balls: int) -> Scene:
+    return Scene(
+        Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS),
+        Table.named("carom_10ft"),
+    )
+
+
+def _ideal(n_balls: int) -> Scene:
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=10.0)
+    return Scene(Balls.uniform(n_balls), Table(), physics)
+
+
+def _pooltool_spin_decay(radius: float) -> float:
+    # pooltool's spin coefficient is a length, 4/9 of a radius; its spin decays at 5 mu_spin g / (2 R).
+    return 5 * (4 / 90 * 10 * radius) * 9.81 / (2 * radius)
+
+
+def _pooltool_carom(n_balls: int) -> Scene:
+    physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=_pooltool_spin_decay(_CAROM_RADIUS))
+    return dataclasses.replace(_carom(n_balls), physics=physics)
+
+
+# The cue of pooltool 0.6, which has an elastic tip and no miscues
+_POOLTOOL_CUE = Cue(mass=0.567, tip_restitution=1.0, end_mass=0.0056699, miscue_offset=1.0)
+
+# The physics of the scenes with the cushions of real tables
+_REAL = Physics(ball_ball="frictional", cushion="stronge")
+
+
+def _pooltool_real(radius: float, mu_cushion: float) -> Physics:
+    spin_decay = _pooltool_spin_decay(radius)
+    return dataclasses.replace(_REAL, e_ball=1.0, mu_cushion=mu_cushion, spin_decay=spin_decay)
+
+
+def _real_pool(n_balls: int) -> Scene:
+    return Scene(Balls.uniform(n_balls), Table.named("pool_9ft"), _REAL)
+
+
+def _real_carom(n_balls: int) -> Scene:
+    return dataclasses.replace(_carom(n_balls), physics=_REAL)
+
+
+def _snooker(n_balls: int) -> Scene:
+    balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
+    physics = Physics(
+        ball_ball="frictional",
+        mu_ball=0.05,
+        cushion="mathavan2010",
+        mu_cushion=0.14,
+        e_cushion=0.995,
+        e_cushion_loss=0.1,
+        e_cushion_onset=2.0,
+        e_cushion_floor=0.6,
+        mu_slide=0.212,
+        spin_decay=22.0,
+    )
+    return Scene(dataclasses.replace(balls, colours="snooker"), Table.named("snooker_12ft"), physics, Cue(mass=0.478))
+
+
+def _uk_pool(n_balls: int) -> Scene:
+    radius = (_UK_CUE_RADIUS, *(_UK_RADIUS,) * (n_balls - 1))
+    mass = (_UK_CUE_MASS, *(_UK_MASS,) * (n_balls - 1))
+    return Scene(Balls(radius, mass, "uk", "sphere"), Table.named("uk_7ft"), _REAL)
+
+
+def _pooltool_real_carom(n_balls: int) -> Scene:
+    return dataclasses.replace(_carom(n_balls), physics=_pooltool_real(_CAROM_RADIUS, 0.15), cue=_POOLTOOL_CUE)
+
+
+def _pooltool_pool(n_balls: int) -> Scene:
+    physics = _pooltool_real(POOL_RADIUS, 0.2)
+    return Scene(Balls.uniform(n_balls), Table.named("pool_7ft"), physics, _POOLTOOL_CUE)
+
+
+def _sum_to_three(n_balls: int) -> Scene:
+    # pooltool's game of that name, as LightZero plays it (Niu et al. 2023; zoo/pooltool).
+    physics = dataclasses.replace(_pooltool_carom(n_balls).physics, mu_slide=0.5, mu_cushion=0.5)
+    return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
+
+
+# To add a scene, write its builder, list it here and describe it in `Scene.named`.
+# name: (builder, default number of object balls, largest number)
+_NAMED: dict[str, tuple[Callable[[int], Scene], int, int]] = {
+    "pool": (_pool, 1, 15),
+    "blocked_pool": (_blocked_pool, 2, 15),
+    "carom": (_carom, 2, 15),
+    "ideal": (_ideal, 1, 500),
+    "pooltool_carom": (_pooltool_carom, 2, 15),
+    "sum_to_three": (_sum_to_three, 1, 15),
+    "real_pool": (_real_pool, 1, 15),
+    "real_carom": (_real_carom, 2, 15),
+    "snooker": (_snooker, 21, 21),
+    "uk_pool": (_uk_pool, 15, 15),
+    "pooltool_pool": (_pooltool_pool, 1, 15),
+    "pooltool_real_carom": (_pooltool_real_carom, 2, 15),
+}
+SCENES = tuple(_NAMED)
+
+
+def check_scene(scene: Scene) -> None:
+    """Raises a TypeError unless `scene` is a Scene."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene = {short(scene)}: expected a Scene, such as Scene.named('pool')")
+
+
+def check_positions(
+    scene: Scene, positions: ArrayLike, name: str = "positions", in_play: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """Checks the positions of the balls.
+
+    Args:
+        scene: The scene.
+        positions: (n, 2) centres of the balls in m, or (m, n, 2) for m layouts.
+        name: Name used in error messages.
+        in_play: (n,) or (m, n) bool; all True by default. Balls that are not in play may be anywhere.
+
+    Returns:
+        A float64 copy of the positions.
+
+    Raises:
+        ValueError: If a coordinate is not finite, a ball lies outside the cushions or in a pocket, or two balls
+            overlap by more than `CONTACT_GAP`.
+    """
+    array = numbers(name, positions)
+    n = scene.n_balls
+    if array.ndim not in (2, 3) or array.shape[-2:] != (n, 2):
+        raise ValueError(f"{name} has shape {array.shape}: expected ({n}, 2) or (m, {n}, 2), one row per ball")
+
+    playing = np.ones(array.shape[:-1], np.bool_) if in_play is None else in_play
+
+    def where(index: tuple[np.intp, ...]) -> str:
+        shot = f"shot {index[0]}, " if array.ndim == 3 else ""
+        return f"{name}: {shot}ball {index[-1]}"
+
+    bad = np.argwhere(~np.isfinite(array).all(axis=-1))
+    if len(bad):
+        at = tuple(bad[0])
+        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
+    radius = np.array(scene.balls.radius)
+    bad = np.argwhere((scene.table.clearance(array) < radius - CONTACT_GAP) & playing)
+    if len(bad):
+        at = tuple(bad[0])
+        least = scene.balls.radius[at[-1]]
+        expected = f"a place inside the outline, at least {least} m from the cushions"
+        if not scene.table.outline:
+            x, y = scene.table.length / 2 - least, scene.table.width / 2 - least
+            expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
+        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
+    for k, pocket in enumerate(scene.table.pockets):
+        inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius
+        bad = np.argwhere(inside & playing)
+        if len(bad):
+            at = tuple(bad[0])
+            raise ValueError(
+                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
+                f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
+            )
+    for i in range(n):
+        offset = array[..., i + 1 :, :] - array[..., i : i + 1, :]
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        contact_distance = scene.balls.contact_distances(i)[i + 1 :]
+        both_in_play = playing[..., i : i + 1] & playing[..., i + 1 :]
+        bad = np.argwhere((distance < contact_distance - CONTACT_GAP) & both_in_play)
+        if len(bad):
+            at = tuple(bad[0])
+            j = i + 1 + at[-1]
+            shot = f"shot {at[0]}, " if array.ndim == 3 else ""
+            raise ValueError(
+                f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: "
+                f"expected at least {contact_distance[at[-1]]} m, the distance at which they touch"
+            )
+    return array

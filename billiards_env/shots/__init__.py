@@ -1,0 +1,9 @@
+"""Shots from Python: `simulation` runs them, `result` holds what happened, `strikes` describes the cue.
+
+Modules:
+    simulation: `simulate` and `simulate_batch`.
+    result: The result of one shot.
+    sensitivity: The derivative of a shot with respect to its start.
+    strikes: The motion of the cue ball after a strike.
+    strike_map: The success of strikes over two parameters.
+"""

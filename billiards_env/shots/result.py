@@ -1,0 +1,309 @@
+"""The result of one shot."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import Range, fits, numbers, short
+from billiards_env.engine.log import (
+    BALL,
+    EVENT_X,
+    EVENT_Y,
+    KIND,
+    KINDS,
+    N_EVENTS_LOGGED,
+    N_SEGMENTS_LOGGED,
+    OTHER,
+    RULE,
+    SEGMENT_BALL,
+    SEGMENT_PHASE,
+    SEGMENT_ROW,
+    SPEED,
+    TIME,
+    Log,
+)
+from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.trajectory import Trajectory
+from billiards_env.scene import Scene
+from billiards_env.shots.sensitivity import Sensitivity, sensitivity_along
+
+if TYPE_CHECKING:
+    from billiards_env.drawing.plot import Axes
+    from billiards_env.drawing.recording import Recording
+
+Floats = NDArray[np.float64]
+
+LONGEST_SHOWN = 20_000
+"""Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
+
+EVENT_DTYPE = np.dtype(
+    [
+        ("time", "f8"),
+        ("kind", f"U{max(map(len, KINDS))}"),
+        ("ball", "i4"),
+        ("other", "i4"),
+        ("x", "f8"),
+        ("y", "f8"),
+        ("speed", "f8"),
+        ("rule", "?"),
+    ]
+)
+
+_COLUMNS = {"time": TIME, "ball": BALL, "other": OTHER, "x": EVENT_X, "y": EVENT_Y, "speed": SPEED, "rule": RULE}
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class ShotResult:
+    """The balls at the end of a shot, and what happened.
+
+    Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "".
+
+    Attributes:
+        positions: (n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
+        velocities: (n, 2) float64, m/s, at the end.
+        spins: (n, 3) float64, rad/s, at the end; zero unless the motion is "sliding".
+        potted: (n,) bool: in a pocket, or not in play from the start.
+        time: Duration of the shot, s: until every ball rests, or `max_time`.
+        n_events: Number of events.
+        status: "rest", "max_time" or, if the engine ended the shot, "event_limit" or "step_limit" (see
+            `engine.MAX_EVENTS` and `pit.MAX_STEPS`).
+        first_hit: The ball that the cue ball touched first, -1 if none.
+        cushions: (n,) int32: number of cushion contacts of each ball.
+        cushions_before_hit: (n,) int32: number of cushion contacts that the cue ball had when it first touched the
+            ball, -1 if it did not touch it.
+        n_contact_rule: Number of acts of the contact-time rule (see `engine.contact_rule`), which ends sequences of
+            impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
+            in most breaks of 15 balls.
+        events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
+            "rolling_rest" or "spinning_rest"), ball, other (the second ball, the cushion, the pocket, or -1), x and y
+            (position of the ball, m), speed (at which ball and other approached, m/s) and rule (whether the
+            contact-time rule acted). The cushions 0 to 3 of a rectangle are -x, +x, -y, +y. In an outline the straight
+            cushions come first, then the tips.
+        trajectory: The paths of the balls.
+        scene: The scene.
+        engine: The engine: "PIC", or "PIT" with its timestep and fix.
+    """
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    potted: NDArray[np.bool_]
+    time: float
+    n_events: int
+    status: str
+    first_hit: int
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
+    n_contact_rule: int
+    events: NDArray[Any] | None = None
+    trajectory: Trajectory | None = None
+    scene: Scene | None = None
+    engine: str = ""
+    _log: Floats | None = None  # the rows of `Log.events`; None for PIT
+
+    def __repr__(self) -> str:
+        potted, contacts = np.flatnonzero(self.potted), self.cushions
+        lines = [
+            f"ShotResult: {len(self.potted)} balls, {self.status} after {self.time:.4g} s, {self.n_events} events",
+            f"potted balls: {', '.join(map(str, potted)) or 'none'}",
+            f"first hit: {'none' if self.first_hit < 0 else f'ball {self.first_hit}'}",
+            f"cushion contacts: {contacts[0]} of the cue ball, {contacts[1:].sum()} of other balls",
+        ]
+        if self.trajectory is not None:
+            lines.append(f"recorded ({self.engine}): events, at(t), plot(), to_html(path), to_gif(path), to_mp4(path)")
+        return "\n  ".join(lines)
+
+    def at(self, t: float) -> Floats:
+        """Returns the positions of the balls at time t, from their trajectories.
+
+        Args:
+            t: Seconds since the start of the shot. After its end the balls stay where they are.
+
+        Returns:
+            (n, 2) float64, m. A potted ball is at the centre of its pocket.
+
+        Raises:
+            ValueError: If the shot was not recorded, or t is negative or not finite.
+        """
+        if self.trajectory is None:
+            raise ValueError("shot.at: the shot was not recorded, expected simulate(..., record=True)")
+        if not fits(t, Range(0.0, sys.float_info.max)):
+            raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
+        return self.trajectory.at(min(float(t), self.time))
+
+    def sensitivity(self, t: float | None = None) -> Sensitivity:
+        """Returns the derivative of the positions at time t with respect to the initial state of the balls.
+
+        Args:
+            t: Seconds since the start of the shot; None for its end.
+
+        Returns:
+            The derivative and the condition number, see `Sensitivity`.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
+        """
+        return next(self.sensitivities([self.time if t is None else t]))
+
+    def sensitivities(self, times: ArrayLike) -> Iterator[Sensitivity]:
+        """Returns the `sensitivity` at each of several times, computed in one pass.
+
+        Args:
+            times: Ascending, s; a time after the end of the shot counts as its end.
+
+        Returns:
+            An iterator with one sensitivity for each time.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic", or a time is negative, not finite or earlier
+                than the one before.
+        """
+        if self.trajectory is None or self.scene is None or self._log is None:
+            raise ValueError("shot.sensitivity: expected a shot of simulate(..., mode='pic', record=True)")
+        array = numbers("times", times)
+        if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+            raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
+        arrays = scene_arrays(self.scene)
+        return sensitivity_along(self.trajectory, self._log, arrays, np.minimum(array, self.time))
+
+    def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
+        """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, and balls at the start and the end.
+
+        Args:
+            ax: Axes to draw on; None for a new figure.
+            compare: Another run of the shot, such as one by "pit". Its paths are dashed and its balls are rings.
+
+        Returns:
+            The axes, in metres.
+
+        Raises:
+            ValueError: If a shot was not recorded, or `compare` has other balls or another table.
+            ModuleNotFoundError: If matplotlib is not installed.
+        """
+        from billiards_env.drawing.plot import draw_shot
+
+        return draw_shot(self.recording("plot"), ax, _recording(compare, "plot"))
+
+    def to_gif(
+        self, path: str | os.PathLike[str], *, fps: float = 25, width: int = 640, compare: ShotResult | None = None
+    ) -> None:
+        """Writes the shot as an animated GIF (extras `render` and `plot`). An error leaves no partial file.
+
+        Args:
+            path: The file. Its name must end in ".gif" and its folder must exist.
+            fps: Frames per second. The duration of a frame is rounded to hundredths of a second; the least is two.
+            width: Pixels.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, an argument is invalid, or `compare` has other balls or
+                another table.
+            OSError: If the file cannot be written.
+            ModuleNotFoundError: If pygame is not installed.
+        """
+        recording, other = self.recording("to_gif"), _recording(compare, "to_gif")
+        from billiards_env.drawing.film import write_gif
+
+        write_gif(path, recording, fps, width, other)
+
+    def to_mp4(
+        self, path: str | os.PathLike[str], *, fps: float = 60, width: int = 960, compare: ShotResult | None = None
+    ) -> None:
+        """Writes the shot as an MP4 film (extra `render`). An error leaves no partial file.
+
+        Args:
+            path: The file. Its name must end in ".mp4" and its folder must exist.
+            fps: Frames per second.
+            width: Pixels.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, an argument is invalid, or `compare` has other balls or
+                another table.
+            OSError: If the file cannot be written.
+            ModuleNotFoundError: If pygame or imageio-ffmpeg is not installed.
+        """
+        recording, other = self.recording("to_mp4"), _recording(compare, "to_mp4")
+        from billiards_env.drawing.film import write_mp4
+
+        write_mp4(path, recording, fps, width, other)
+
+    def to_html(
+        self, path: str | os.PathLike[str], *, title: str | None = None, compare: ShotResult | None = None
+    ) -> None:
+        """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
+
+        Args:
+            path: The file. Its name must end in ".html" and its folder must exist.
+            title: The page's heading; None for the engine, the number of events and the duration.
+            compare: Another run of the shot, drawn as rings.
+
+        Raises:
+            ValueError: If a shot was not recorded, or `compare` has other balls or another table.
+            OSError: If the file cannot be written.
+        """
+        recording, other = self.recording("to_html"), _recording(compare, "to_html")
+        from billiards_env.drawing.page import write_page
+
+        write_page(path, recording, other, title)
+
+    def _repr_html_(self) -> str | None:
+        """Returns the page of `to_html` for a notebook, or None if the shot was not recorded or is very long."""
+        if self.trajectory is None or len(self.trajectory.ball) > LONGEST_SHOWN:
+            return None
+        from billiards_env.drawing.page import notebook_output
+
+        return notebook_output(self.recording("_repr_html_"))
+
+    def recording(self, method: str = "recording") -> Recording:
+        """Returns the shot as the `Recording` that `billiards_env.drawing` uses.
+
+        Args:
+            method: Name of the caller for the error message.
+
+        Raises:
+            ValueError: If the shot was not recorded.
+        """
+        if self.trajectory is None or self.events is None or self.scene is None:
+            raise ValueError(f"shot.{method}: the shot was not recorded, expected simulate(..., record=True)")
+        from billiards_env.drawing.recording import Recording
+
+        return Recording(self.scene, self.time, self.engine, self.trajectory, self.events)
+
+
+def _recording(shot: ShotResult | None, method: str) -> Recording | None:
+    if not (shot is None or isinstance(shot, ShotResult)):
+        raise TypeError(f"compare = {short(shot)}: expected a ShotResult or None")
+    return None if shot is None else shot.recording(method)
+
+
+def read_log(log: Log, scene: Scene, mode: str, dt: float | None, fix: str | None) -> dict[str, Any]:
+    """Returns the fields of a `ShotResult` that only a recorded shot has."""
+    rows, segments = log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
+    events = np.empty(len(rows), EVENT_DTYPE)
+    events["kind"] = np.array(KINDS)[rows[:, KIND].astype(np.intp)]
+    for name, column in _COLUMNS.items():
+        events[name] = rows[:, column]
+    trajectory = Trajectory(
+        segments[:, SEGMENT_BALL].astype(np.intp),
+        segments[:, SEGMENT_PHASE].astype(np.intp),
+        segments[:, SEGMENT_ROW:].copy(),
+    )
+    engine = mode.upper()
+    if dt is not None:
+        engine += f", dt = {1000 * dt:.4g} ms" + (f", {fix}" if fix else "")
+    exact = mode == "pic"
+    return {
+        "events": events,
+        "trajectory": trajectory,
+        "scene": scene,
+        "engine": engine,
+        "_log": rows.copy() if exact else None,
+    }

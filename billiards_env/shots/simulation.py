@@ -1,0 +1,248 @@
+"""Runs shots: `simulate` runs one, `simulate_batch` runs many."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import flag, numbers, short, whole
+from billiards_env.engine.inputs import ShotInput, check_shot
+from billiards_env.engine.log import NO_LOG, empty_log
+from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
+from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.engine.threads import spread
+from billiards_env.scene import Scene, check_scene
+from billiards_env.shots.result import ShotResult, read_log
+from billiards_env.shots.strikes import Strike
+
+
+def simulate(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike | Strike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    record: bool = False,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+) -> ShotResult:
+    """Runs one shot until every ball rests.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`.
+        mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
+        dt: The timestep of "pit", s; None for "pic".
+        fix: The treatment of overlaps in "pit": "push_apart" (its default), "move_back" or "none", see `engine.pit`;
+            None for "pic".
+        spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
+            which has a spin.
+        in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
+        record: Whether to record the events and trajectories.
+        max_time: Time at which the shot ends, s; None for the limit of the scene. The events before it are those of
+            the whole shot, bit for bit.
+        max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also
+            ends it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+
+    Raises:
+        ValueError: If balls overlap, lie outside the table or in a pocket, a value is outside its range (see
+            `checks.RANGES`), a ball of infinite mass moves, or an argument is unknown or of the wrong shape.
+        TypeError: If an argument is of the wrong type.
+        KeyboardInterrupt: Within a second of Ctrl-C. The arguments are unchanged.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> shot = simulate(scene, [[-0.5, 0.0], [0.0, 0.0]], [1.0, 0.0], max_time=1.0)
+        >>> shot.status, shot.first_hit, shot.velocities.tolist()
+        ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
+    """
+    check_scene(scene)
+    check_mode(mode, dt, fix)
+    whole("max_events", max_events, "max_events")
+    flag("record", record)
+    positions = numbers("positions", positions)
+    if positions.ndim != 2:
+        raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
+    checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
+    return run_shot(scene, checked, mode, dt, fix, record, max_events)
+
+
+def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[ArrayLike, ArrayLike | None]:
+    """Returns the velocities and spins of `simulate`, those of a `Strike` if there is one."""
+    if not isinstance(velocities, Strike):
+        return velocities, spins
+    if spins is not None:
+        raise ValueError(f"spins = {short(spins)} with a Strike: expected None, the strike has a spin")
+    return velocities.velocity, velocities.spin
+
+
+def run_shot(
+    scene: Scene,
+    shot: ShotInput,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    record: bool = False,
+    max_events: int = MAX_EVENTS,
+) -> ShotResult:
+    """Runs one shot like `simulate`, without checking its input.
+
+    Args:
+        scene: Table, balls and physics.
+        shot: Valid input, such as the end of another shot.
+        mode: As in `simulate`.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
+        record: As in `simulate`.
+        max_events: As in `simulate`.
+
+    Returns:
+        The balls at the end of the shot, and what happened.
+    """
+    n = scene.n_balls
+    arrays, engine = scene_arrays(scene, dt, fix), engine_of(mode, n)
+    room = 256 if record else 0
+    while True:
+        log, shots = empty_log(room, 4 * room), empty_shots(1, n)
+        for out, array in zip(shots, shot[:4], strict=False):
+            out[0] = array
+        engine(0, 1, tuple(arrays), shot.limit, max_events, tuple(shots), tuple(log))
+        if not record or (log.used <= (len(log.events), len(log.segments))).all():
+            break
+        room = max(4 * room, int(max(log.used)))  # the log was too small: the shot runs again
+    return ShotResult(
+        positions=shots.positions[0],
+        velocities=shots.velocities[0],
+        spins=shots.spins[0],
+        potted=~shots.in_play[0],
+        time=shots.time.item(),
+        n_events=shots.n_events.item(),
+        status=STATUS[shots.status[0]],
+        first_hit=shots.first_hit.item(),
+        cushions=shots.cushions[0],
+        cushions_before_hit=shots.cushions_before_hit[0],
+        n_contact_rule=shots.n_contact_rule.item(),
+        **(read_log(log, scene, mode, dt, fix) if record else {}),
+    )
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False)
+class BatchResult:
+    """The outcome of m shots: the fields of `ShotResult` with a leading axis.
+
+    The arrays share one block of memory. To keep one field and free the others, copy it.
+
+    Attributes:
+        positions: (m, n, 2) float64, m.
+        velocities: (m, n, 2) float64, m/s.
+        spins: (m, n, 3) float64, rad/s.
+        potted: (m, n) bool.
+        time: (m,) float64, s.
+        cushions: (m, n) int32.
+        cushions_before_hit: (m, n) int32.
+        n_events: (m,) int64.
+        status: (m,) int64, indices into `engine.STATUS`.
+        first_hit: (m,) int64.
+        n_contact_rule: (m,) int64.
+    """
+
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    spins: NDArray[np.float64]
+    potted: NDArray[np.bool_]
+    time: NDArray[np.float64]
+    cushions: NDArray[np.int32]
+    cushions_before_hit: NDArray[np.int32]
+    n_events: NDArray[np.int64]
+    status: NDArray[np.int64]
+    first_hit: NDArray[np.int64]
+    n_contact_rule: NDArray[np.int64]
+
+    def __repr__(self) -> str:
+        m, n = self.potted.shape
+        lines = [f"BatchResult: {m} shots of {n} balls"]
+        if m > 0:
+            counts = np.bincount(self.status, minlength=len(STATUS)).tolist()
+            cue_ball, object_balls = self.potted[:, 0].sum(), self.potted[:, 1:].any(axis=1).sum()
+            lines += [
+                f"status: {', '.join(f'{name} {k}' for name, k in zip(STATUS, counts, strict=True) if k)}",
+                f"time: {_spread_of(self.time)} s",
+                f"events: {_spread_of(self.n_events)}",
+                f"shots with a potted ball: cue ball {cue_ball}, object balls {object_balls}",
+            ]
+        return "\n  ".join(lines)
+
+
+def _spread_of(values: NDArray[Any]) -> str:
+    return f"{values.min():.4g} to {values.max():.4g}, median {np.median(values):.4g}"
+
+
+def simulate_batch(
+    scene: Scene,
+    positions: ArrayLike,
+    velocities: ArrayLike | Strike,
+    *,
+    mode: str = "pic",
+    dt: float | None = None,
+    fix: str | None = None,
+    spins: ArrayLike | None = None,
+    in_play: ArrayLike | None = None,
+    max_time: float | None = None,
+    max_events: int = MAX_EVENTS,
+    threads: int | None = None,
+) -> BatchResult:
+    """Runs m shots in one scene, each to rest and each with the same bits as in `simulate`.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
+        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
+        mode: The engine, as in `simulate`.
+        dt: As in `simulate`.
+        fix: As in `simulate`.
+        spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
+        in_play: (m, n) or (n,) bool; by default all balls are in play.
+        max_time: As in `simulate`.
+        max_events: As in `simulate`, for each shot.
+        threads: Number of threads; None for one per core.
+
+    Returns:
+        The balls at the end of each shot, and what happened.
+
+    Raises:
+        ValueError: As in `simulate`; the message names the shot.
+        TypeError: As in `simulate`.
+        KeyboardInterrupt: As in `simulate`.
+
+    Example:
+        >>> scene = Scene.named("ideal")
+        >>> batch = simulate_batch(scene, [[[-0.5, 0.0], [0.0, 0.0]]] * 3, [[0.1, 0.0], [0.2, 0.0], [0.0, 0.0]])
+        >>> batch.first_hit.tolist()
+        [1, 1, -1]
+    """
+    check_scene(scene)
+    check_mode(mode, dt, fix)
+    whole("max_events", max_events, "max_events")
+    positions = numbers("positions", positions)
+    if positions.ndim != 3:
+        raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
+    if threads is not None:
+        whole("threads", threads, "threads")
+    m = len(positions)
+    shots = empty_shots(m, scene.n_balls)
+    limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
+    engine, arrays, plain = engine_of(mode, scene.n_balls), tuple(scene_arrays(scene, dt, fix)), tuple(shots)
+    spread(lambda begin, end: engine(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+    outcome = shots._asdict()
+    return BatchResult(potted=~outcome.pop("in_play"), **outcome)

@@ -1,0 +1,118 @@
+"""The four failures of PIT, as small scenes with round numbers that can be computed by hand.
+
+They are the failures of section 4 of N. Warkari and M. Jamsandekar, "Evaluation of Collision Handling Techniques in 2D
+collisions" (Georgia Institute of Technology), in the world of this paper: elastic disks without friction, here with a
+radius of 3 cm on a table of 2 x 1 m. With a timestep of 1/25 s, PIT tests for overlap at 25 instants per second and
+gets all four scenes wrong:
+
+* missed_collision: the paths of two balls cross. The balls touch at 0.088 s and would separate at 0.112 s; PIT tests at
+  0.08 s and 0.12 s. Each ball should leave in the other's direction. In PIT both go straight on.
+* penetration: the balls touch with their line of centres along (4, 3). PIT tests 16.5 ms later. The first ball is then
+  33 mm deeper and the line of centres lies along (5, 12). Both balls leave in directions that are 30.5 degrees wrong.
+* multiple_collisions: near a cushion, ball 0 hits ball 1; ball 1 rebounds from the cushion and hits ball 0 again, all
+  between two tests. PIT finds one of the two collisions. Ball 0 should come back; in PIT ball 1 comes back.
+* wrong_bounce: the positions of penetration, with a ball of infinite mass. The first ball should bounce backwards. In
+  PIT it continues forwards, 61.0 degrees wrong.
+
+These numbers hold for fix="push_apart" and fix="none". With fix="move_back", PIT computes the true line of centres of
+two overlapping balls. It is then wrong only in the first and the third scene.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from billiards_env.checks import choose
+from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene.table import Table
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Failure:
+    """A shot that PIT gets wrong; `mode="pic"` gives the correct result.
+
+    Attributes:
+        title: The name of the failure in the paper of Warkari and Jamsandekar.
+        scene: A scene with two balls; its `physics.max_time` ends the shot soon after the failure.
+        positions: (2, 2) initial positions, m.
+        velocities: (2, 2) initial velocities, m/s.
+        dt: A timestep at which PIT fails, s.
+        right_below: s. With any shorter timestep PIT has the collisions of PIC in the same order, and the final
+            directions differ by less than a degree. This holds for every `fix` and for any offset of the timesteps.
+    """
+
+    title: str
+    scene: Scene
+    positions: tuple[tuple[float, float], ...]
+    velocities: tuple[tuple[float, float], ...]
+    dt: float
+    right_below: float
+
+
+def _scene(mass: float, max_time: float) -> Scene:
+    """Returns the world of Warkari and Jamsandekar with two balls; the second has `mass` kg."""
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=max_time)
+    return Scene(Balls((0.03, 0.03), (0.2, mass)), Table(2.0, 1.0), physics)
+
+
+_DT = 1 / 25
+
+FAILURES: dict[str, Failure] = {
+    "missed_collision": Failure(
+        title="Missed collision",
+        scene=_scene(mass=0.2, max_time=0.2),
+        positions=((-0.4, 0.0), (0.0, -0.3)),
+        velocities=((4.0, 0.0), (0.0, 3.0)),
+        dt=_DT,
+        right_below=0.012,
+    ),
+    "penetration": Failure(
+        title="Penetrating balls",
+        scene=_scene(mass=0.2, max_time=0.4),
+        positions=((-0.4, 0.0), (0.015, 0.036)),
+        velocities=((2.0, 0.0), (0.0, 0.0)),
+        dt=_DT,
+        right_below=0.0008,
+    ),
+    "multiple_collisions": Failure(
+        title="Multiple collisions",
+        scene=_scene(mass=0.2, max_time=0.4),
+        positions=((0.45, 0.0), (0.96, 0.01)),
+        velocities=((2.0, 0.0), (0.0, 0.0)),
+        dt=_DT,
+        right_below=0.0003,
+    ),
+    "wrong_bounce": Failure(
+        title="Wrong direction after bounce",
+        scene=_scene(mass=math.inf, max_time=0.4),
+        positions=((-0.4, 0.0), (0.015, 0.036)),
+        velocities=((2.0, 0.0), (0.0, 0.0)),
+        dt=_DT,
+        right_below=0.0004,
+    ),
+}
+
+
+def named(name: str) -> Failure:
+    """Returns the failure of a given name.
+
+    Args:
+        name: "missed_collision", "penetration", "multiple_collisions" or "wrong_bounce".
+
+    Returns:
+        The failure.
+
+    Raises:
+        ValueError: If the name is unknown.
+
+    Example:
+        >>> from billiards_env import simulate
+        >>> case = named("missed_collision")
+        >>> simulate(case.scene, case.positions, case.velocities).first_hit
+        1
+        >>> simulate(case.scene, case.positions, case.velocities, mode="pit", dt=case.dt).first_hit
+        -1
+    """
+    choose("failure", name, tuple(FAILURES))
+    return FAILURES[name]

@@ -1,0 +1,290 @@
+"""The pictures of the documentation that show no measurement: `python -m studies.figures`.
+
+They show a shot, the named tables, maps of strikes, massé shots, the failures of a timestep, and the window. The window
+receives keyboard and mouse events on a dummy display.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import io
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
+from PIL import Image
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+
+from benchmarks import IMAGES, save
+from billiards_env.drawing.canvas import pixels, pygame
+from billiards_env.drawing.plot import draw_ball, legend_handles
+from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
+from billiards_env.files import write_whole
+from billiards_env.games import History, Setup, opening
+from billiards_env.play.model import HUMAN, SetTip, begin, update
+from billiards_env.play.window import GameWindow
+from billiards_env.players.game_player import find_player
+from billiards_env.scene import Balls, Cue, Scene, layouts
+from billiards_env.scene.table import TABLES, Table
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import simulate
+from billiards_env.shots.strike_map import strike_map
+from billiards_env.shots.strikes import strike
+from studies.failures import FAILURES, Failure
+
+WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}
+"""The game in the window, its width in pixels, and the offset of the tip."""
+
+SHOT = {"seed": 140, "degrees": 197.0, "speed": 2.8}
+"""A random shot with a combination, a bank and two potted balls."""
+
+
+def picture(shot: ShotResult, title: str) -> Figure:
+    """Returns a figure of a recorded shot."""
+    figure = Figure(figsize=(9, 5.35), dpi=120, facecolor="white")
+    shot.plot(figure.add_axes((0.01, 0.06, 0.98, 0.88)))
+    figure.text(0.5, 0.965, title, fontsize=11.5, color=INK, ha="center", va="center")
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.062), "handletextpad": 0.3, "columnspacing": 1.6}
+    figure.legend(handles=legend_handles(), ncols=7, frameon=False, fontsize=8, **place)
+    return figure
+
+
+def shot_of(scene: Scene, seed: int, degrees: float, speed: float) -> ShotResult:
+    """Returns a recorded shot from a random layout."""
+    positions = layouts.draw("random", scene, np.random.default_rng(seed))
+    angle = math.radians(degrees)
+    return simulate(scene, positions, [speed * math.cos(angle), speed * math.sin(angle)], record=True)
+
+
+GAMES = {
+    "snooker_12ft": ("snooker", 21, "snooker"),
+    "carom_10ft": ("real_carom", 2, "carom_opening"),
+    "uk_7ft": ("uk_pool", 15, "tight_rack"),
+}
+"""The scene whose balls lie on a table, their number and their layout; pool on the others."""
+
+
+def tables() -> Figure:
+    """Returns a figure of all named tables at the same scale, the largest first."""
+    figure = Figure(figsize=(9, 7.3), dpi=120, facecolor="white")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    names = sorted(TABLES, key=lambda name: -Table.named(name).length)
+    middle, top = (0.0, 3.95), 0.0
+    for left, right in (names[:2], names[2:4], names[4:]):
+        height = Table.named(left).width / 2 + rail_width(Table.named(left))
+        for name, x in zip((left, right), middle, strict=True):
+            _draw_named_table(ax, name, np.array([x, top - height]))
+            ax.text(x, top + 0.06, name, fontsize=10, color=INK, ha="center", va="bottom")
+        top -= 2 * height + 0.36
+    ax.set_xlim(-2.1, 5.7)
+    ax.set_ylim(top + 0.2, 0.32)
+    ax.set_aspect("equal")
+    ax.axis("off")
+    return figure
+
+
+def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
+    """Draws a named table with the balls of its game, with its centre at a point (2,), m."""
+    game, count, layout = GAMES.get(name, ("real_pool", 15, "tight_rack"))
+    scene = dataclasses.replace(Scene.named(game, count), table=Table.named(name))
+    for corners, colour in draw_table(scene.table):
+        ax.add_patch(Polygon(corners + centre, facecolor=colour, edgecolor="none"))
+    positions = layouts.draw(layout, scene, np.random.default_rng(0))
+    for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
+        draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
+
+
+def maps() -> Figure:
+    """Returns a figure of the two maps of strikes of docs/simulate.md."""
+    scene, places, heading = Scene.named("real_pool"), [[0.0, 0.0], [0.6, 0.33]], math.atan2(0.33, 0.6)
+    figure = Figure(figsize=(10, 4.6), dpi=110, facecolor="white", layout="constrained")
+    left, right = figure.subplots(1, 2)
+    tip = np.linspace(-0.6, 0.6, 317)
+    strike_map(scene, places, {"side": tip, "top": tip}, heading=heading + 0.015, speed=1.6).plot(left)
+    headings, speeds = heading + np.linspace(-0.06, 0.12, 400), np.linspace(0.5, 6.0, 250)
+    strike_map(scene, places, {"heading": headings, "speed": speeds}, side=0.3).plot(right)
+    return figure
+
+
+MASSE = {"speed": 3.0, "heading": 0.0, "side": 0.3, "top": -0.2}
+"""The parameters of `strike` in the picture of massé shots, except for the elevation."""
+
+ELEVATIONS = {20: "#0072b2", 40: "#009e73", 55: "#d55e00", 70: "#aa4499"}
+"""Degrees. The elevations of the massé shots, with their colours."""
+
+
+def masse() -> Figure:
+    """Returns a figure of massé shots without squirt, with the final directions by the construction of Coriolis."""
+    table = Table(length=20.0, width=20.0)
+    scene = Scene(Balls.uniform(1), table, cue=Cue(end_mass=1e-8))
+    reach = 1.6  # m; the paths end at this distance from their start
+    figure = Figure(figsize=(9, 7), dpi=110, facecolor="white")
+    ax = figure.add_axes((0.07, 0.08, 0.92, 0.9))
+    for degrees, colour in ELEVATIONS.items():
+        shot = simulate(scene, [[0.0, 0.0]], strike(scene, **MASSE, elevation=math.radians(degrees)), record=True)
+        assert shot.events is not None
+        end = shot.events[shot.events["kind"] == "sliding_rolling"]["time"][0]
+        path = np.array([shot.at(t)[0] for t in np.linspace(0.0, shot.time, 2000)])
+        path = path[np.hypot(*path.T) < reach]
+        ax.plot(*path.T, color=colour, linewidth=2.2, zorder=3)
+        ax.plot(*shot.at(end)[0], "o", color="white", markeredgecolor=colour, markeredgewidth=1.6, zorder=4)
+        ax.plot(
+            *zip((0.0, 0.0), 0.7 * reach * _coriolis(degrees), strict=True), "--", color=colour, linewidth=1.1, zorder=2
+        )
+        x, y = path[-1] / np.hypot(*path[-1]) * (reach + 0.03)
+        ax.text(x, y, f"{degrees}°", color=colour, fontsize=12, ha="left", va="center")
+    ax.add_patch(Circle((0.0, 0.0), scene.balls.radius[0], facecolor="white", edgecolor=INK, zorder=5))
+    arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xy=(-0.04, 0.0), xytext=(-0.2, 0.0), arrowprops=arrow)
+    ax.text(-0.12, 0.025, "cue", color=INK, fontsize=11, ha="center", va="bottom")
+    lines: dict[str, dict[str, Any]] = {
+        "path": {"linestyle": "-"},
+        "end of the slide": {"linestyle": "none", "marker": "o"},
+        "construction of Coriolis": {"linestyle": "--"},
+    }
+    style: dict[str, Any] = {"color": INK, "markerfacecolor": "white", "linewidth": 1.6}
+    handles = [Line2D([], [], label=text, **style, **line) for text, line in lines.items()]
+    ax.legend(handles=handles, loc="upper right", frameon=False, fontsize=10.5)
+    ax.set_xlabel("x, m")
+    ax.set_ylabel("y, m")
+    ax.set_xlim(-0.28, 1.72)
+    ax.set_ylim(-0.1, 1.45)
+    ax.set_aspect("equal")
+    ax.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _coriolis(degrees: float) -> np.ndarray:
+    """Returns the unit vector (2,) from the resting point of a ball to the point where the cue's axis meets the cloth.
+
+    The heading of the cue is 0.
+    """
+    s, c = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    side, top = MASSE["side"], MASSE["top"]
+    ahead = top * s + c * (1.0 + top * c) / s  # ball radii; the axis falls from 1 + top * c to the cloth
+    return np.array((ahead, side)) / math.hypot(ahead, side)
+
+
+VIEWS: dict[str, tuple[tuple[int, int], tuple[float, float], float, tuple[int, int]]] = {
+    "missed_collision": ((1, 2), (0.02, 0.018), 0.31, (1, 4)),
+    "penetration": ((3, 4), (-0.045, 0.018), 0.18, (2, 7)),
+    "multiple_collisions": ((6, 5), (0.80, 0.005), 0.14, (3, 8)),
+    "wrong_bounce": ((8, 7), (-0.045, -0.09), 0.18, (2, 7)),
+}
+"""For each failure of `studies.failures`: the figures of Warkari and Jamsandekar (PIT, PIC), the centre and half
+the height of the view, m, and the first and the last timestep."""
+
+
+def failures() -> Figure:
+    """Returns a figure of the failures of a timestep: PIT on the left, PIC on the right, to scale."""
+    figure = Figure(figsize=(9, 11), dpi=110, facecolor="white", layout="constrained")
+    for row, (name, (numbers, centre, half, ends)) in zip(figure.subplots(len(VIEWS), 2), VIEWS.items(), strict=True):
+        case = FAILURES[name]
+        start = case.scene, case.positions, case.velocities
+        stepped = simulate(*start, mode="pit", dt=case.dt, record=True)
+        for ax, shot, engine, number in zip(
+            row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), numbers, strict=True
+        ):
+            _draw_failure(ax, case, shot, centre, half, ends)
+            ax.set_title(f"Fig. {number}: {case.title}, {engine}", fontsize=10, color=INK, loc="left")
+    return figure
+
+
+def _draw_failure(
+    ax: Axes, case: Failure, shot: ShotResult, centre: tuple[float, float], half: float, ends: tuple[int, int]
+) -> None:
+    """Draws the balls at each timestep, later ones darker, their paths, and the positions at contacts, dashed."""
+    assert shot.events is not None
+    first, last = ends
+    times = np.unique(shot.events["time"]).tolist()
+    moments = np.sort([*np.linspace(first * case.dt, last * case.dt, 200), *times])
+    for ball, (radius, mass, colour) in enumerate(
+        zip(case.scene.balls.radius, case.scene.balls.mass, ("#0072b2", "#e69f00"), strict=True)
+    ):
+        shade = colour if math.isfinite(mass) else "#8c8c8c"
+        for k in range(first, last + 1):
+            alpha = 0.12 + 0.7 * (k - first) / (last - first)
+            # The position before a fix moves the ball.
+            place = shot.at(float(np.nextafter(k * case.dt, 0.0)))[ball]
+            ax.add_patch(Circle(tuple(place), radius, facecolor=shade, alpha=alpha, edgecolor=INK, linewidth=0.6))
+        for t in times:
+            place = shot.at(float(np.nextafter(t, 0.0)))[ball]
+            ax.add_patch(Circle(tuple(place), radius, fill=False, edgecolor=shade, linestyle="--", zorder=3))
+        ax.plot(*np.array([shot.at(t)[ball] for t in moments]).T, color=shade, linewidth=1.3, zorder=2)
+    ax.axvline(case.scene.table.length / 2, color="#5b8468", linewidth=3)
+    ax.set_xlim(centre[0] - 1.8 * half, centre[0] + 1.8 * half)
+    ax.set_ylim(centre[1] - half, centre[1] + half)
+    ax.set_aspect("equal")
+    ax.set_xticks([])
+    ax.set_yticks([])
+    ax.set_facecolor("#dfe9e2")
+
+
+def window() -> GameWindow:
+    """Returns a window with a nine ball game after the break; the mouse aims the shot of the geometric player."""
+    rng = np.random.default_rng(WINDOW["seed"])
+    setup = Setup("nine_ball", Scene.named("real_pool", 9))
+    model = begin(History(setup, opening(setup, rng), ()), (HUMAN, HUMAN), 8.0, 1 / 60)
+    shown = GameWindow(model, (None, None), rng, Path("game.json"), WINDOW["width"])
+    for _ in range(3):  # places the cue ball, shoots and skips to the end of the break
+        press(shown, pygame.K_SPACE)
+    model = shown.model
+    velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
+    cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
+    drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
+    shown.model = update(shown.model, SetTip(*WINDOW["english"]))
+    return shown
+
+
+def press(shown: GameWindow, key: int) -> None:
+    """Presses a key and shows a frame."""
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
+    shown.frame()
+
+
+def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
+    """Drags the mouse from one point, m, to another."""
+    (x0, y0), (x1, y1) = (np.round(shown.pixels_of(point)).astype(int).tolist() for point in (start, end))
+    for kind, more in (
+        (pygame.MOUSEBUTTONDOWN, {"pos": (x0, y0), "button": 1}),
+        (pygame.MOUSEMOTION, {"pos": (x1, y1), "rel": (x1 - x0, y1 - y0), "buttons": (1, 0, 0)}),
+        (pygame.MOUSEBUTTONUP, {"pos": (x1, y1), "button": 1}),
+    ):
+        pygame.event.post(pygame.event.Event(kind, more))
+    shown.frame()
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.figures --help`."""
+    parser = argparse.ArgumentParser(prog="python -m studies.figures", description="Draw the pictures in docs/images.")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
+    args = parser.parse_args(arguments)
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    scene = Scene.named("pool", 4)
+    shot = shot_of(scene, **SHOT)
+    title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
+    figures = {"shot": picture(shot, title), "tables": tables(), "strike_map": maps(), "masse": masse()}
+    for name, figure in {**figures, "failures": failures()}.items():
+        save(figure, args.folder / f"{name}.png")
+    shown, buffer = window(), io.BytesIO()
+    image = Image.fromarray(pixels(shown.frame()))
+    image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(buffer, "png", optimize=True)
+    shown.close()
+    write_whole(args.folder / "play.png", buffer.getvalue())
+    velocity = shot.recording().trajectory.velocity[0]
+    rough = simulate(scene, shot.at(0.0), velocity, mode="pit", dt=1 / 60, record=True)
+    shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
+    print(f"Written to {args.folder}.")
+
+
+if __name__ == "__main__":
+    main()

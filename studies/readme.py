@@ -1,0 +1,129 @@
+"""Writes the measured tables into README.md and the pages in docs: `python -m studies.readme`.
+
+A line `<!-- speed: shots -->` is followed by the block "shots" that `benchmarks.speed.blocks` makes from
+`benchmarks/results/speed.json`, up to a line `<!-- end -->`. The command replaces this block. It measures nothing, and
+text outside of the markers does not change. `--check` writes nothing and fails if a page is not up to date.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks import (
+    accuracy_report,
+    comparison,
+    error_limit,
+    growth,
+    speed,
+    start_up,
+    stress,
+    validation,
+    vector,
+)
+from billiards_env.files import write_whole
+from studies import english, recipes, run_outs, timestep_report
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+
+
+# By the name of the results: the command, and the function that makes the blocks.
+SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
+    "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
+    "comparison": ("benchmarks.comparison", comparison.blocks),
+    "english": ("studies.english", english.blocks),
+    "error_limit": ("benchmarks.error_limit", error_limit.blocks),
+    "growth": ("benchmarks.growth", growth.blocks),
+    "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
+    "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
+    "recipes": ("studies.recipes", recipes.blocks),
+    "run_outs": ("studies.run_outs", run_outs.blocks),
+    "speed": ("benchmarks.speed", speed.blocks),
+    "start_up": ("benchmarks.start_up", start_up.blocks),
+    "stress": ("benchmarks.stress", stress.blocks),
+    "timestep_blocked": ("studies.timestep configs/study/blocked.yaml", timestep_report.blocks),
+    "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
+    "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
+    "validation": ("benchmarks.validation", validation.blocks),
+    "vector": ("benchmarks.vector", vector.blocks),
+}
+
+_BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
+
+
+def results(source: str, root: Path = ROOT) -> Path:
+    """Returns the file of the results of a source, in the package of its command."""
+    return root / SOURCES[source][0].partition(".")[0] / "results" / f"{source}.json"
+
+
+def block(source: str, name: str, root: Path = ROOT) -> str:
+    """Returns one block of Markdown, or a line with the command that measures it.
+
+    Raises:
+        ValueError: If there is no such source or block.
+    """
+    if source not in SOURCES:
+        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES)}")
+    command, blocks = SOURCES[source]
+    path = results(source, root)
+    if not path.exists():
+        return f"*Not measured yet: `python -m {command}`.*"
+    found = blocks(json.loads(path.read_text(encoding="utf-8")))
+    if name not in found:
+        raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(found)}")
+    return found[name]
+
+
+def fill(text: str, root: Path = ROOT) -> str:
+    """Returns a page with its blocks made from the results in the packages of a folder.
+
+    Raises:
+        ValueError: If a marker has no end, or names an unknown source or block.
+    """
+    lines, out = iter(text.splitlines()), []
+    for line in lines:
+        out.append(line)
+        begins = _BEGIN.fullmatch(line)
+        if begins:
+            for old in lines:
+                if old == _END:
+                    break
+                if _BEGIN.fullmatch(old):
+                    raise ValueError(f"{line}: {_END} expected before {old}")
+            else:
+                raise ValueError(f"{line}: no {_END} follows")
+            out += ["", block(begins[1], begins[2], root), "", _END]
+        elif line == _END:
+            raise ValueError(f"{_END} ends nothing")
+    return "\n".join(out) + "\n"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.readme --help`."""
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.readme", description="Write the measured tables into README.md and docs."
+    )
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a page is not up to date")
+    args = parser.parse_args(arguments)
+    try:
+        pages = {path: fill(path.read_text(encoding="utf-8")) for path in PAGES}
+    except ValueError as error:
+        sys.exit(f"error: {error}")
+    old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
+    if args.check:
+        if old:
+            sys.exit(f"not up to date: {', '.join(path.name for path in old)}; run python -m studies.readme")
+        return
+    for path in old:
+        write_whole(path, pages[path].encode())
+    print(f"Written: {', '.join(path.name for path in old) or 'nothing, all is up to date'}.")
+
+
+if __name__ == "__main__":
+    main()

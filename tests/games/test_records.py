@@ -1,0 +1,455 @@
+import contextlib
+import dataclasses
+import json
+import math
+import os
+import re
+import stat
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env import Scene, __version__, simulate
+from billiards_env.games import NO_CALL, RULES, Call, History, Setup, Stroke, opening, play, records
+from billiards_env.scene import SCENES, Balls
+
+POOL = [[-0.635, 0.0], [0.635, 0.3]]
+MASSES = Scene(Balls((0.03, 0.03, 0.04), (0.2, 0.1 + 0.2, math.inf)))
+SHOTS = {
+    "plain": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45]),
+    "numpy": lambda: records.record_shot(Scene.named("pool"), np.array(POOL), np.array([2.0, 0.45], np.float32)),
+    "spins": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
+    "in_play": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
+    "pit": lambda: records.record_shot(
+        Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=np.float64(2.5)
+    ),
+    "masses": lambda: records.record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
+    "event_limit": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
+    **{
+        f"in {name}": (
+            lambda name=name: records.record_shot(Scene.named(name, 1), [[-0.5, 0.1], [0.5, 0.1]], [1.7, 0.1])
+        )
+        for name in SCENES
+    },
+}
+
+
+def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
+    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
+    setup = Setup(rules, scene, **kwargs)
+    rng = np.random.default_rng(seed)
+    game = start = opening(setup, rng)
+    strokes = []
+    while len(strokes) < shots and not game.state.over:
+        place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
+        spin, ball, pocket = 40 * rng.random(3) - 20, int(rng.integers(-1, 3)), int(rng.integers(-1, 6))
+        call = Call(ball, pocket) if RULES[rules].pockets else NO_CALL
+        strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place, tuple(spin.tolist()), call))
+        game = play(setup, game, strokes[-1]).game
+    return records.record_game(History(setup, start, tuple(strokes)))
+
+
+RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}
+every_record = pytest.mark.parametrize("name", RECORDS)
+
+
+@every_record
+def test_a_record_survives_a_file(name, tmp_path):
+    record = RECORDS[name]()
+    records.save(tmp_path / "a.json", record)
+    loaded = records.load(tmp_path / "a.json")
+    assert loaded == record
+    assert repr(loaded) == repr(record)  # text distinguishes 0.0 and -0.0
+    records.save(str(tmp_path / "b.json"), loaded)
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+@pytest.mark.parametrize("name", SHOTS)
+def test_a_shot_replays_bit_for_bit(name):
+    record = records.from_json(records.to_json(SHOTS[name]()))
+    assert isinstance(record, records.ShotRecord)
+    shot = records.replay(record, record_events=True)
+    assert shot.events is not None
+    assert shot.positions.tolist() == [list(row) for row in record.end.positions]
+    assert (shot.status, shot.time, shot.n_events) == (record.end.status, record.end.time, record.end.n_events)
+    assert records.replay(record).events is None
+
+
+def test_a_recorded_shot_equals_that_of_simulate():
+    record = SHOTS["pit"]()
+    shot = simulate(Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=2.5)
+    assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
+
+
+@pytest.mark.parametrize("rules", RULES)
+@pytest.mark.parametrize("engine", [{}, {"mode": "pit", "dt": 1 / 100}], ids=["pic", "pit"])
+def test_a_game_replays_bit_for_bit(rules, engine):
+    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **engine)))
+    assert isinstance(record, records.GameRecord)
+    game = records.replay(record)
+    assert game.positions.tolist() == [list(row) for row in record.end.positions]
+    assert game.state.scores == record.end.scores
+
+
+@every_record
+def test_files_are_strict_json_with_format_and_version(name):
+    text = records.to_json(RECORDS[name]())
+    data = json.loads(text, parse_constant=pytest.fail)
+    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
+    assert data["version"] == 2
+    assert data["written_by"] == f"billiards_env {__version__}"
+
+
+def test_a_shot_of_version_1_is_read():
+    assert records.from_json(changed(SHOT_TEXT, "version", 1)) == SHOTS["plain"]()
+
+
+@pytest.mark.parametrize("options", [{"called": True}, {"target": 40, "called": True}])
+def test_the_options_of_a_game_survive_a_file(options):
+    record = recorded_game("straight", **options)
+    loaded = records.from_json(records.to_json(record))
+    assert loaded == record
+    assert isinstance(loaded, records.GameRecord)
+    assert records.replay(loaded).state.called
+
+
+def test_an_infinite_mass_is_written_as_text():
+    assert json.loads(records.to_json(SHOTS["masses"]()))["scene"]["balls"]["mass"][2] == "inf"
+
+
+def test_record_shot_rejects_what_simulate_rejects():
+    scene = Scene.named("pool")
+    for args, kwargs in [
+        (([[0.0, 0.0], [0.01, 0.0]], [1.0, 0.0]), {}),
+        ((POOL, [math.nan, 0.0]), {}),
+        (([POOL], [[1.0, 0.0]]), {}),
+        ((POOL, [1.0, 0.0]), {"mode": "pit"}),
+        ((POOL, [1.0, 0.0]), {"max_events": -1}),
+    ]:
+        with pytest.raises(ValueError, match=r"expected"):
+            records.record_shot(scene, *args, **kwargs)
+
+
+def test_a_replay_with_another_result_raises():
+    record = SHOTS["plain"]()
+    off = np.nextafter(record.end.positions[0][0], 1.0)
+    end = dataclasses.replace(
+        record.end, positions=((float(off), record.end.positions[0][1]), *record.end.positions[1:])
+    )
+    wrong = dataclasses.replace(record, end=end)
+    with pytest.raises(ValueError, match="the replay differs from the record: positions = "):
+        records.replay(wrong)
+    assert records.replay(wrong, check=False).positions[0, 0] == record.end.positions[0][0]
+    played = recorded_game()
+    with pytest.raises(ValueError, match="the replay differs from the record: scores = "):
+        records.replay(dataclasses.replace(played, end=dataclasses.replace(played.end, scores=(7, 0))))
+
+
+def test_an_impossible_stroke_is_named_by_its_index():
+    record = recorded_game()
+    strokes = (record.strokes[0]._replace(place=None), *record.strokes[1:])
+    with pytest.raises(ValueError, match=r"strokes\[0\]: stroke.place = None"):
+        records.replay(dataclasses.replace(record, strokes=strokes))
+    assert record.history.strokes == record.strokes
+
+
+# Files.
+
+
+def test_a_file_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "shot.json"
+    records.save(path, SHOTS["plain"]())
+    before = path.read_bytes()
+
+    def fail(*args):
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fail)
+        with pytest.raises(OSError, match="disk full"):
+            records.save(path, SHOTS["spins"]())
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["shot.json"]
+    records.save(path, SHOTS["spins"]())
+    assert path.read_bytes() != before
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"")
+    assert stat.S_IMODE(path.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+
+
+def test_missing_files_and_folders_are_os_errors(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        records.load(tmp_path / "none.json")
+    with pytest.raises(FileNotFoundError):
+        records.save(tmp_path / "none" / "a.json", SHOTS["plain"]())
+    with pytest.raises(OSError, match=re.escape(str(tmp_path))):
+        records.load(tmp_path)
+
+
+def test_errors_contain_the_path(tmp_path):
+    path = tmp_path / "shot.json"
+    path.write_text("{")
+    with pytest.raises(ValueError, match=re.escape(str(path))):
+        records.load(path)
+
+
+def test_a_file_that_is_too_large_is_rejected(tmp_path, monkeypatch):
+    records.save(tmp_path / "shot.json", SHOTS["plain"]())
+    monkeypatch.setattr(records, "MAX_BYTES", 100)
+    with pytest.raises(ValueError, match="more than 100 bytes"):
+        records.load(tmp_path / "shot.json")
+    with pytest.raises(ValueError, match=r"a text of \d+ characters: expected at most 100"):
+        records.from_json((tmp_path / "shot.json").read_text())
+
+
+def test_a_large_file_of_empty_lists_is_rejected_before_it_is_parsed(tmp_path, monkeypatch):
+    """Such a file of 63 MB once took 1.9 GB and ten seconds."""
+    path = tmp_path / "lists.json"
+    path.write_bytes(b"[" + b"[]," * (21 * 2**20) + b"[]]")
+    monkeypatch.setattr(records.json, "loads", lambda *_, **__: pytest.fail("the file was parsed"))
+    with pytest.raises(ValueError, match="a file of more than 4194304 bytes: expected at most 4194304"):
+        records.load(path)
+
+
+@pytest.mark.parametrize("velocity", [1e200, -1001.0])
+def test_a_file_with_a_velocity_that_would_take_minutes_is_rejected(velocity):
+    """A small file could once keep `replay` busy forever."""
+    shot = json.loads(SHOT_TEXT) | {"mode": "pit", "dt": 1 / 60}
+    shot["velocities"][0][0] = velocity
+    with pytest.raises(ValueError, match=r"velocities: ball 0 has .*: expected numbers from -1000 to 1000 m/s"):
+        records.from_json(json.dumps(shot))
+    game = json.loads(GAME_TEXT) | {"mode": "pit", "dt": 1 / 60}
+    game["strokes"][0]["velocity"][0] = velocity
+    with pytest.raises(ValueError, match=r"strokes\[0\].velocity\[0\] = .*: expected a number from -1000 to 1000 m/s"):
+        records.from_json(json.dumps(game))
+
+
+# Invalid files. A path such as "scene.table.length" names the value that is changed.
+
+DROP = object()
+SHOT_FAULTS = [
+    ("format", DROP, "format = None: expected 'billiards_env/shot' or 'billiards_env/game'"),
+    ("format", "billiards_env/film", "format = 'billiards_env/film'"),
+    ("format", ["billiards_env/shot"], "format = "),
+    ("version", DROP, "version = None"),
+    ("version", 3, "version = 3: expected at most 2; the file was written by a newer version of billiards_env"),
+    ("version", 0, "version = 0"),
+    ("version", 1.0, "version = 1.0"),
+    ("version", True, "version = True"),
+    ("written_by", 3, "written_by = 3"),
+    ("positions", DROP, "key 'positions' of the file is missing"),
+    ("colour", "red", "key 'colour' of the file is unknown"),
+    ("__class__", "os.system", "key '__class__' of the file is unknown"),
+    ("positions", [[0, 0]], "positions = .*: expected a list of 2"),
+    ("positions", "here", "positions = 'here'"),
+    ("positions.1", [0.0], r"positions\[1\] = \[0.0\]: expected a list of 2"),
+    ("positions.1.0", "0", r"positions\[1\]\[0\] = '0': expected a number"),
+    ("positions.1.0", True, r"positions\[1\]\[0\] = True: expected a number"),
+    ("positions.1.0", None, r"positions\[1\]\[0\] = None: expected a number"),
+    ("positions.1.0", 10**400, r"positions\[1\]\[0\] = 1000.*: expected a finite number"),
+    ("positions.1.0", 5.0, "positions: ball 1 is at"),
+    ("positions.1", POOL[0], "positions: balls 0 and 1 are"),
+    ("velocities.0.0", "fast", r"velocities\[0\]\[0\] = 'fast'"),
+    ("spins", [[0, 0], [0, 0]], r"spins\[0\] = \[0, 0\]: expected a list of 3"),
+    ("in_play", [True], "in_play = "),
+    ("in_play.0", 1, r"in_play\[0\] = 1: expected True or False"),
+    ("mode", "pyc", "mode = 'pyc'"),
+    ("mode", ["pic"], "mode = "),
+    ("mode", "pit", "dt = None"),
+    ("dt", 0.1, "dt = 0.1"),
+    ("fix", "none", "fix = 'none'"),
+    ("fix", {}, "fix = {}"),
+    ("max_time", -1, "max_time = -1"),
+    ("max_time", "long", "max_time = 'long'"),
+    ("max_events", 1.5, "max_events = 1.5"),
+    ("max_events", 10**30, "max_events = "),
+    ("scene", None, "scene = None"),
+    ("scene.table", [], r"scene.table = \[\]"),
+    ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),
+    ("scene.table.length", "long", "table.length = 'long'"),
+    ("scene.table.length", 10**400, "table.length = 1000.*: expected a number from"),
+    ("scene.table.length", -1.0, "table.length = -1.0"),
+    ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
+    ("scene.balls.mass", [10**400, 0.1], r"balls.mass\[0\] = 1000.*: expected a number from"),
+    (
+        "scene.balls",
+        {"radius": [0.03] * 2000, "mass": [0.1] * 2000},
+        "number of balls = 2000: expected a whole number from 1 to 1000",
+    ),
+    ("scene.physics.motion", "glide", "physics.motion = 'glide'"),
+    ("scene.physics.motion", ["ideal"], "physics.motion"),
+    ("end", None, "end = None"),
+    ("end.status", "stop", "end.status = 'stop'"),
+    ("end.status", {}, "end.status = {}"),
+    ("end.time", "late", "end.time = 'late'"),
+    ("end.n_events", -1, "end.n_events = -1"),
+    ("end.potted.0", 0, r"end.potted\[0\] = 0"),
+    ("end.more", 0, "key 'more' of end is unknown"),
+    ("end.positions", [], "end.positions = "),
+]
+GAME_FAULTS = [
+    ("rules", "ten_ball", "rules = 'ten_ball'"),
+    ("rules", ["nine_ball"], "rules = "),
+    ("rules", "eight_ball", "expected 15"),
+    ("n_players", 1, "n_players = 1"),
+    ("n_players", "2", "n_players = '2'"),
+    ("target", 5, "target = 5"),
+    ("velocities", [], "key 'velocities' of the file is unknown"),
+    ("state", [], "state = "),
+    ("state.player", 2, "state.player = 2"),
+    ("state.over", True, "key 'over' of state is unknown"),
+    ("state.solids", DROP, "key 'solids' of state is missing"),
+    ("state.on_table", [[0], 9], r"state.on_table\[0\] = \[0\]"),
+    ("state.in_hand", [], r"state.in_hand = \[\]"),
+    ("positions.5", [9.0, 0.0], "positions: ball 5"),
+    ("strokes", {}, "strokes = {}"),
+    ("strokes.3", [1, 2], r"strokes\[3\] = \[1, 2\]: expected a mapping"),
+    ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
+    ("strokes.3.velocity.0", "1", r"strokes\[3\].velocity\[0\] = '1'"),
+    ("strokes.3.spin", [0.0, 1.0], r"strokes\[3\].spin = \[0.0, 1.0\]: expected a list of 3"),
+    ("strokes.3.spin.2", 1e9, r"strokes\[3\].spin\[2\] = 1000000000.0"),
+    ("strokes.3.call", None, r"strokes\[3\].call = None: expected a mapping"),
+    ("strokes.3.call.kind", "jump", r"strokes\[3\].call.kind = 'jump'"),
+    ("strokes.3.call.ball", 0.5, r"strokes\[3\].call.ball = 0.5"),
+    ("called", True, "called = True with rules 'nine_ball'"),
+    ("miss", 0, "miss = 0: expected True or False"),
+    ("state.choices", ["replace"], r"state.choices\[0\] = 'replace'"),
+    ("state.fouls", [1], r"state.fouls = \[1\]: expected 2 fouls"),
+    ("state.colour", True, "state.colour = True with rules 'nine_ball'"),
+    ("version", 1, "version = 1: expected 2 for a game; the file has older rules"),
+    ("strokes.3.place", DROP, r"key 'place' of strokes\[3\] is missing"),
+    ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),
+    ("end.winner", 2, "end.winner = 2"),
+    ("end.over", 0, "end.over = 0"),
+    ("end.on_table.0", "cue", r"end.on_table\[0\] = 'cue'"),
+    ("end.scores", 3, "end.scores = 3"),
+]
+
+
+def changed(text, path, value):
+    data = json.loads(text)
+    *parents, last = (int(part) if part.isdigit() else part for part in path.split("."))
+    inner = data
+    for part in parents:
+        inner = inner[part]
+    if value is DROP:
+        del inner[last]
+    else:
+        inner[last] = value
+    return json.dumps(data)
+
+
+SHOT_TEXT, GAME_TEXT = records.to_json(SHOTS["plain"]()), records.to_json(recorded_game())
+FAULTS = [(SHOT_TEXT, *fault) for fault in SHOT_FAULTS] + [(GAME_TEXT, *fault) for fault in GAME_FAULTS]
+
+
+@pytest.mark.parametrize(("text", "path", "value", "message"), FAULTS, ids=range(len(FAULTS)))
+def test_an_invalid_file_is_rejected_with_the_reason(text, path, value, message):
+    with pytest.raises(ValueError, match=message):
+        records.from_json(changed(text, path, value))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "Expecting value"),
+        ("null", "the file = None: expected a mapping"),
+        ("[]", "expected a mapping"),
+        ("3", "expected a mapping"),
+        ("NaN", "NaN: expected a finite number"),
+        ("[" * 100_000 + "]" * 100_000, "nested too deeply"),
+        ('{"format": "billiards_env/shot", "format": "billiards_env/game"}', "key 'format' appears twice"),
+        ('{"format": "billiards_env/shot", "version": ' + "9" * 5000 + "}", "."),
+        (SHOT_TEXT.replace('"time": ', '"time": Infinity, "was": '), "Infinity: expected a finite number"),
+        (SHOT_TEXT.replace("[[-0.635, 0.0]", "[[1e999, 0.0]"), r"positions\[0\]\[0\] = inf: expected a finite number"),
+        (SHOT_TEXT[: len(SHOT_TEXT) // 2], "."),
+        (SHOT_TEXT + "x", "Extra data"),
+    ],
+)
+def test_text_that_is_not_a_record_is_rejected(text, message):
+    with pytest.raises(ValueError, match=message):
+        records.from_json(text)
+
+
+def test_bytes_that_are_not_text_are_rejected(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_bytes(b"\xff\xfe\x00{")
+    with pytest.raises(ValueError, match="utf-8"):
+        records.load(path)
+
+
+ANYTHING = st.recursive(
+    st.one_of(
+        st.none(),
+        st.booleans(),
+        st.integers(),
+        st.floats(),
+        st.text(max_size=5),
+        st.sampled_from([10**400, -(10**400), "inf", "pic", "pit", 1e308, -0.0, 2**63]),
+    ),
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=5), inner, max_size=3)),
+    max_leaves=5,
+)
+
+
+def paths_of(value, path=()):
+    """Yields the path to every value in nested lists and dicts."""
+    yield path
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        yield from paths_of(inner, (*path, key))
+
+
+PATHS = [(text, path) for text in (SHOT_TEXT, GAME_TEXT) for path in paths_of(json.loads(text)) if path]
+
+
+@given(st.sampled_from(PATHS), ANYTHING, st.sampled_from(["set", "drop", "add"]))
+def test_a_changed_value_is_either_valid_or_a_value_error(target, value, how):
+    text, (*parents, last) = target
+    data = json.loads(text)
+    inner = data
+    for part in parents:
+        inner = inner[part]
+    if how == "set":
+        inner[last] = value
+    elif how == "drop":
+        del inner[last]
+    elif isinstance(inner, list):
+        inner.insert(last, value)
+    else:
+        inner[str(value)] = value
+    try:
+        record = records.from_json(json.dumps(data))
+    except ValueError:
+        return
+    assert records.from_json(records.to_json(record)) == record
+
+
+@given(st.data())
+def test_changed_bytes_are_either_valid_or_a_value_error(tmp_path_factory, data):
+    text = bytearray(data.draw(st.sampled_from([SHOT_TEXT, GAME_TEXT])).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(text) - 1))
+        text[at : at + data.draw(st.integers(0, 20))] = data.draw(st.binary(max_size=4))
+    path = tmp_path_factory.getbasetemp() / "mangled.json"
+    path.write_bytes(bytes(text))
+    with contextlib.suppress(ValueError):
+        records.load(path)
+
+
+@given(st.text(max_size=40))
+def test_arbitrary_text_is_a_value_error(text):
+    with pytest.raises(ValueError, match=r"."):
+        records.from_json(text)
+
+
+def test_loading_does_not_simulate(monkeypatch):
+    def fail(*args, **kwargs):
+        raise AssertionError("a shot was run")
+
+    monkeypatch.setattr(records, "simulate", fail)
+    monkeypatch.setattr(records, "play", fail)
+    records.from_json(SHOT_TEXT)
+    records.from_json(GAME_TEXT)

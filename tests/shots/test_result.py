@@ -1,0 +1,250 @@
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.engine.log import KINDS
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Table
+from billiards_env.shots import simulation
+
+simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
+
+POOL = Scene.named("pool")
+PLACES = [[-0.5, 0.0], [0.5, 0.0]]
+
+
+def rejected(message, kind: type[Exception] = ValueError):
+    """Returns `pytest.raises` for an error whose message contains this text."""
+    return pytest.raises(kind, match=re.escape(message))
+
+
+# Records
+
+
+SCATTERED = layouts.draw("random", Scene.named("pool", 15), np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Returns a shot in which all sixteen balls move at first; five are potted."""
+    velocities = np.random.default_rng(4).normal(size=(16, 2)) * 2
+    return simulate(Scene.named("pool", 15), SCATTERED, velocities, record=True)
+
+
+def test_a_record_starts_and_ends_at_the_positions_of_the_shot(recorded):
+    assert np.array_equal(recorded.at(0.0), SCATTERED)
+    assert np.array_equal(recorded.at(recorded.time), recorded.positions)
+    assert np.array_equal(recorded.at(recorded.time + 1e9), recorded.positions)
+
+
+def test_positions_are_continuous_at_every_event(recorded):
+    gone = {e["ball"] for e in recorded.events if e["kind"] == "pocket"}
+    stay = [i for i in range(16) if i not in gone]
+    for t in np.unique(recorded.events["time"]):
+        before, after = recorded.at(max(0.0, t - 1e-10)), recorded.at(t + 1e-10)
+        assert np.abs(after - before)[stay].max() < 3e-9  # at 10 m/s at most
+
+
+def test_a_captured_ball_moves_to_the_centre_of_its_pocket(recorded):
+    pockets = Scene.named("pool").table.pockets
+    captures = recorded.events[recorded.events["kind"] == "pocket"]
+    assert len(captures) > 0
+    for event in captures:
+        pocket = pockets[event["other"]]
+        edge = recorded.at(float(np.nextafter(event["time"], 0)))[event["ball"]]
+        assert math.dist(edge, (pocket.x, pocket.y)) == pytest.approx(pocket.radius, abs=1e-12)
+        assert recorded.at(event["time"])[event["ball"]].tolist() == [pocket.x, pocket.y]
+        assert recorded.positions[event["ball"]].tolist() == [pocket.x, pocket.y]
+    assert np.flatnonzero(recorded.potted).tolist() == sorted(captures["ball"])
+
+
+def test_events_are_in_order_and_have_positions_and_speeds(recorded):
+    events = recorded.events
+    assert set(events["kind"]) <= set(KINDS)
+    assert (np.diff(events["time"]) >= 0).all()
+    assert len(events) == recorded.n_events
+    for event in events[::10]:
+        place = (event["x"], event["y"])
+        if event["kind"] != "pocket":
+            assert recorded.at(event["time"])[event["ball"]] == pytest.approx(place, abs=1e-14)
+    assert (events["speed"][np.isin(events["kind"], ["ball_ball", "cushion", "pocket"])] >= 0).all()
+    assert not events["speed"][np.isin(events["kind"], ["sliding_rolling", "rolling_rest", "spinning_rest"])].any()
+
+
+def test_the_first_event_follows_the_closed_form():
+    shot = simulate(POOL, PLACES, [2.0, 0.0], record=True)
+    t, d = shot.events["time"][0], 1.0 - 2 * POOL.balls.radius[0]
+    a = 0.2 * 9.81
+    v = math.sqrt(4 - 2 * a * d) if shot.events["kind"][0] == "ball_ball" else 10 / 7
+    assert t == pytest.approx((2 - v) / a, rel=1e-12)
+    assert shot.at(t / 2)[0, 0] == pytest.approx(-0.5 + t - a * t * t / 8, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["pool", "carom", "ideal"])
+def test_recording_changes_no_bit(name):
+    scene = Scene.named(name, 5)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        places, start = layouts.draw("random", scene, rng), rng.normal(size=2) * 3
+        plain, record = (simulate(scene, places, start, record=r) for r in (False, True))
+        for field in ("positions", "velocities", "spins", "potted", "cushions", "cushions_before_hit"):
+            assert np.array_equal(getattr(plain, field), getattr(record, field))
+        for field in ("time", "n_events", "status", "first_hit", "n_contact_rule"):
+            assert getattr(plain, field) == getattr(record, field)
+        assert plain.events is None
+        assert plain.trajectory is None
+
+
+def test_a_log_that_exceeds_its_initial_size_is_complete():
+    scene = Scene.named("ideal", 15)
+    rng = np.random.default_rng(0)
+    places, velocities = layouts.draw("random", scene, rng), rng.normal(size=(16, 2)) * 2
+    shot = simulate(scene, places, velocities, record=True, max_time=30.0)
+    assert shot.n_events > 1000
+    assert len(shot.events) == shot.n_events
+    assert shot.status == "max_time"
+    assert shot.at(30.0) == pytest.approx(shot.positions, abs=1e-15)
+    first = simulate(scene, places, velocities, record=True, max_time=float(shot.events["time"][100]))
+    assert np.array_equal(first.events, shot.events[: first.n_events])
+    assert first.n_events >= 100
+
+
+def test_a_shot_without_a_record_has_no_positions_at_other_times():
+    with rejected("shot.at: the shot was not recorded, expected simulate(..., record=True)"):
+        simulate(POOL, PLACES, [1.0, 0.0]).at(0.1)
+
+
+@pytest.mark.parametrize("t", [-1e-9, math.nan, math.inf])
+def test_a_bad_time_is_rejected(recorded, t):
+    with rejected(f"t = {t!r}: expected a finite number of seconds >= 0"):
+        recorded.at(t)
+
+
+# Input
+
+
+def test_one_velocity_is_that_of_the_cue_ball():
+    one = simulate(POOL, PLACES, [2.0, 0.1], spins=[1.0, 2.0, 3.0])
+    all_of_them = simulate(POOL, PLACES, [[2.0, 0.1], [0.0, 0.0]], spins=[[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    assert np.array_equal(one.positions, all_of_them.positions)
+    assert one.time == all_of_them.time
+
+
+def test_a_velocity_per_ball_is_allowed_for_two_balls():
+    shot = simulate(POOL, PLACES, [[0.0, 0.0], [0.0, 0.5]], record=True)
+    assert set(shot.events["ball"]) == {1}
+
+
+def test_a_shot_does_not_change_its_arguments():
+    places, velocities, spins = np.array(PLACES), np.array([[1.0, 0.0], [0.0, 1.0]]), np.ones((2, 3))
+    playing = np.array([True, True])
+    simulate(POOL, places, velocities, spins=spins, in_play=playing)
+    assert places.tolist() == PLACES
+    assert velocities.tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert (spins == 1).all()
+    assert playing.all()
+
+
+def test_balls_not_in_play_are_ignored_and_reported_as_potted():
+    alone = simulate(Scene.named("pool", 0), PLACES[:1], [3.0, 0.0])
+    shot = simulate(POOL, PLACES, [3.0, 0.0], in_play=[True, False])
+    assert shot.potted.tolist() == [False, True]
+    assert np.array_equal(shot.positions, [alone.positions[0], PLACES[1]])
+    assert (shot.time, shot.n_events, shot.first_hit) == (alone.time, alone.n_events, -1)
+    elsewhere = simulate(POOL, [PLACES[0], [9.0, 9.0]], [3.0, 0.0], in_play=[True, False])
+    assert np.array_equal(elsewhere.positions[0], alone.positions[0])
+
+
+def test_results_have_the_documented_types():
+    shot = simulate(POOL, [[-1, 0], [0, 0]], [1, 0])
+    assert (shot.positions.shape, shot.velocities.shape, shot.spins.shape) == ((2, 2), (2, 2), (2, 3))
+    assert shot.positions.dtype == shot.velocities.dtype == shot.spins.dtype == np.float64
+    assert shot.potted.dtype == np.bool_
+    assert (type(shot.time), type(shot.n_events), type(shot.status)) == (float, int, str)
+    assert (type(shot.first_hit), type(shot.n_contact_rule)) == (int, int)
+
+
+def test_spin_is_zero_if_the_motion_has_no_spin():
+    physics = Physics(motion="rolling", cushion="restitution")
+    assert not simulate(Scene(Balls.uniform(1), physics=physics), [[0, 0]], [1, 0], max_time=0.1).spins.any()
+    rolling = simulate(Scene.named("carom", 0), [[0, 0]], [1, 0], max_time=0.5)
+    assert rolling.spins[0] == pytest.approx([0, rolling.velocities[0, 0] / 0.03075, 0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"positions": [0.0, 0.0]}, "positions has shape (2,): expected (2, 2), one row per ball"),
+        ({"positions": [PLACES]}, "positions has shape (1, 2, 2): expected (2, 2), one row per ball"),
+        ({"positions": [[0.0, 0.0]]}, "positions has shape (1, 2): expected (2, 2)"),
+        ({"positions": [[0.0, 0.0], [0.0, 0.05]]}, "positions: balls 0 and 1 are 0.05 m apart: expected at least"),
+        ({"positions": [[0.0, 0.0], [1.25, 0.0]]}, "positions: ball 1 is at [1.25, 0.0]: expected |x|"),
+        ({"velocities": [1.0]}, "velocities has shape (1,): expected (2, 2) for all balls or (2,) for the cue ball"),
+        ({"velocities": [[1.0, 0.0]] * 3}, "velocities has shape (3, 2): expected (2, 2) for all balls"),
+        ({"velocities": [math.nan, 0.0]}, "velocities: ball 0 has [nan, 0.0]: expected numbers from -1000 to 1000 m/s"),
+        (
+            {"velocities": [[0.0, 0.0], [0.0, math.inf]]},
+            "velocities: ball 1 has [0.0, inf]: expected numbers from -1000 to 1000 m/s",
+        ),
+        ({"spins": [1.0, 2.0]}, "spins has shape (2,): expected (2, 3) for all balls or (3,) for the cue ball"),
+        (
+            {"spins": [0.0, 0.0, math.nan]},
+            "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s",
+        ),
+        ({"in_play": [True]}, "in_play has shape (1,): expected (2,), one value per ball"),
+        ({"in_play": True}, "in_play has shape (): expected (2,), one value per ball"),
+        ({"mode": "pik"}, "mode = 'pik': expected one of 'pic'"),
+        ({"dt": 0.01}, "dt = 0.01 with mode='pic': expected None, PIC has no timestep"),
+        ({"max_time": -1.0}, "max_time = -1.0: expected a number from 0 to 1e+12 s"),
+        ({"max_time": math.nan}, "max_time = nan: expected a number from 0 to 1e+12 s"),
+        ({"max_time": math.inf}, "max_time = inf: expected a number from 0 to 1e+12 s"),
+    ],
+)
+def test_bad_shots_are_rejected(arguments, message):
+    with rejected(message):
+        simulate(POOL, **{"positions": PLACES, "velocities": [1.0, 0.0], **arguments})
+
+
+def test_fixed_balls_must_be_at_rest():
+    scene = Scene(Balls((0.03, 0.03), (0.2, math.inf)))
+    with rejected("velocities: ball 1 has an infinite mass: expected it to be at rest"):
+        simulate(scene, PLACES, [[0.0, 0.0], [0.0, 0.1]])
+    with rejected("spins: ball 1 has an infinite mass: expected it to be at rest"):
+        simulate(scene, PLACES, [0.0, 0.0], spins=[[0.0] * 3, [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("motion", ["ideal", "rolling"])
+def test_spins_are_rejected_if_the_motion_has_no_spin(motion):
+    scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
+    with rejected(f"spins with physics.motion = '{motion}': expected None, spins need motion 'sliding'"):
+        simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("max_events", [-1, 1.5, True, None])
+def test_a_limit_on_events_must_be_a_whole_number(max_events):
+    scene = Scene.named("ideal")
+    places = [[-0.5, 0.0], [0.0, 0.0]]
+    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
+        simulation.simulate(scene, places, [1.0, 0.0], max_events=max_events)
+    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
+        simulation.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)
+
+
+def test_a_shot_prints_its_result_in_a_few_lines():
+    start = Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45]
+    lines = [
+        "ShotResult: 2 balls, rest after 4.642 s, 8 events",
+        "  potted balls: 1",
+        "  first hit: ball 1",
+        "  cushion contacts: 1 of the cue ball, 0 of other balls",
+    ]
+    assert repr(simulate(*start)).splitlines() == lines
+    *recorded, last = repr(simulate(*start, record=True)).splitlines()
+    assert recorded == lines
+    assert last.startswith("  recorded (PIC): events, at(t), plot()")
+    rest = simulate(start[0], start[1], [0.0, 0.0])
+    assert repr(rest).splitlines()[1:3] == ["  potted balls: none", "  first hit: none"]

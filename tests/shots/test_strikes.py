@@ -1,0 +1,227 @@
+"""Strikes: the cue ball's velocity and spin, their derivatives, and the paths that follow from them."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt
+from billiards_env.scene import Balls, Cue, Physics
+from billiards_env.shots.strikes import strike_derivative
+
+POOL = Scene.named("pool")
+R = POOL.balls.radius[0]
+SHOTS = json.loads((Path(__file__).parent / "data" / "pooltool_real_shots.json").read_text())["shots"]
+SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}
+
+
+@pytest.mark.parametrize("table", SCENES)
+def test_strikes_of_pooltool(table):
+    shots = [shot for shot in SHOTS if shot["table"] == table]
+    scene = Scene.named(SCENES[table])
+    keys = ("V0", "phi_deg", "a", "b", "elevation_deg")
+    speed, heading, side, top, elevation = np.array([[shot["strike"][key] for key in keys] for shot in shots]).T
+    found = strike(scene, speed, np.radians(heading), side, top, np.radians(elevation))
+    assert len(shots) == 60
+    np.testing.assert_allclose(found.velocity, [shot["velocity"] for shot in shots], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.spin, [shot["spin"] for shot in shots], rtol=0, atol=1e-12)
+    assert not found.miscue.any()
+
+
+# Alciatore (2008), TP A.30, for a ball of 0.3 times the mass of the cue: speed of the ball over that of the cue at the
+# offsets 0, 0.1, ... 0.5, by the efficiency of a central impact.
+@pytest.mark.parametrize(
+    ("efficiency", "gains"),
+    [
+        (1.0, [1.5385, 1.5094, 1.4286, 1.3115, 1.1765, 1.0390]),
+        (0.95, [1.4500, 1.4209, 1.3397, 1.2220, 1.0862, 0.9476]),
+        (0.888, [1.3211, 1.2912, 1.2078, 1.0861, 0.9438, 0.7950]),
+        (0.87, [1.2775, 1.2472, 1.1623, 1.0376, 0.8901, 0.7310]),
+    ],
+)
+def test_speed_of_the_ball_by_offset(efficiency, gains):
+    restitution = math.sqrt((1.3 * efficiency - 1) / 0.3)
+    cue = CueNumbers(mass_ratio=0.3, end_ratio=20.2, restitution=restitution, miscue=0.6, radius=R)
+    assert [speed_gain(cue, 0.1 * i) for i in range(6)] == pytest.approx(gains, abs=5.1e-5)
+
+
+# Alciatore (2007), TP A.31: degrees at the offsets 0.1 to 0.5, by the mass of the ball over that of the end.
+@pytest.mark.parametrize(
+    ("end_ratio", "angles"),
+    [
+        (12, [0.92, 1.82, 2.68, 3.47, 4.16]),
+        (20.2, [0.602, 1.189, 1.746, 2.253, 2.686]),
+        (40, [0.328, 0.647, 0.947, 1.218, 1.446]),
+    ],
+)
+def test_squirt_by_offset(end_ratio, angles):
+    cue = CueNumbers(0.3, end_ratio, 0.73, 0.6, R)
+    found = [math.degrees(math.atan2(*squirt(cue, 0.1 * i))) for i in range(1, 6)]
+    assert found == pytest.approx(angles, abs=6e-3)
+    assert squirt(cue, -0.3) == (-squirt(cue, 0.3)[0], squirt(cue, 0.3)[1])
+
+
+def test_the_default_cue_is_that_of_its_sources():
+    cue = cue_numbers(POOL)
+    assert cue.end_ratio == pytest.approx(20.2, rel=3e-3)
+    assert (1 + cue.mass_ratio * cue.restitution**2) / (1 + cue.mass_ratio) == pytest.approx(0.888, abs=2e-3)
+
+
+@pytest.mark.parametrize("top", [0.4, -0.4])
+def test_a_hit_at_two_fifths_of_the_radius_rolls_at_once(top):
+    velocity, spin, _ = strike(POOL, 2.0, 0.0, top=top)
+    # (5/2)(offset/R): Alciatore (2006), TP A.12
+    assert spin[1] * R == pytest.approx(math.copysign(velocity[0], top), rel=1e-14)
+    assert spin[0] == spin[2] == 0.0
+
+
+@given(
+    st.floats(0.1, 9.0),
+    st.floats(-3.1, 3.1),
+    st.floats(-0.6, 0.6),
+    st.floats(-0.6, 0.6),
+    st.floats(0.0, 1.57),
+)
+def test_mirrored_strikes_have_mirrored_results(speed, heading, side, top, elevation):
+    v, w, miscue = strike(POOL, speed, heading, side, top, elevation)
+    mirrored = strike(POOL, speed, -heading, -side, top, elevation)
+    assert mirrored.velocity.tolist() == [v[0], -v[1]]
+    assert mirrored.spin.tolist() == [-w[0], w[1], -w[2]]
+    assert mirrored.miscue == miscue
+
+
+@given(st.floats(0.0, 1.0), st.floats(-3.1, 3.1), st.floats(0.0, 1.57))
+def test_a_strike_does_not_add_energy(offset, angle, elevation):
+    v, w, miscue = strike(POOL, 2.0, 0.3, offset * math.cos(angle), offset * math.sin(angle), elevation)
+    mass = POOL.balls.mass[0]
+    energy = 0.5 * mass * (v @ v + 0.4 * R * R * (w @ w))
+    assert energy <= 0.5 * POOL.cue.mass * 4.0
+    assert miscue == (math.hypot(offset * math.cos(angle), offset * math.sin(angle)) > 0.5)
+
+
+def test_the_result_is_continuous_at_the_miscue():
+    edge = 0.5 * np.array([0.6, 0.8])
+    just_below, just_above = (strike(POOL, 2.0, 0.3, k * edge[0], k * edge[1], 0.4) for k in (1 - 1e-12, 1 + 1e-12))
+    assert not just_below.miscue
+    assert just_above.miscue
+    np.testing.assert_allclose(just_below.velocity, just_above.velocity, atol=1e-10)
+    np.testing.assert_allclose(just_below.spin, just_above.spin, atol=1e-8)
+
+
+def test_a_miscue_deflects_the_ball_away_from_the_tip_and_gives_less_spin():
+    edge, beyond = strike(POOL, 2.0, 0.0, side=0.5), strike(POOL, 2.0, 0.0, side=0.7)
+    assert beyond.miscue
+    assert beyond.velocity[1] < edge.velocity[1] < 0  # to the right
+    # The impulse is on the edge of the cone of friction: its angle to the radius is asin(0.5) (Alciatore 2006, TP 2.1).
+    turned = math.asin(0.7) - math.asin(0.5)
+    squirted = math.atan2(*edge.velocity[::-1])
+    assert math.atan2(*beyond.velocity[::-1]) - squirted == pytest.approx(-turned, abs=1e-12)
+    assert abs(beyond.spin[2]) == pytest.approx(abs(edge.spin[2]) * math.cos(turned), rel=1e-12)
+
+
+def test_a_level_central_strike_has_the_speed_of_the_law_and_no_spin():
+    velocity, spin, miscue = strike(POOL, 2.0, 0.0)
+    assert velocity.tolist() == [2.0 * speed_gain(cue_numbers(POOL), 0.0), 0.0]
+    assert not spin.any()
+    assert not miscue
+
+
+@pytest.mark.parametrize("scene", [POOL, Scene.named("uk_pool"), Scene.named("pooltool_pool")])
+@pytest.mark.parametrize("seed", range(3))
+def test_derivative_of_the_strike(scene, seed):
+    rng = np.random.default_rng(seed)
+    at = rng.uniform((0.5, -3, -0.35, -0.35, 0.0), (4, 3, 0.35, 0.35, 1.4))
+    step = 1e-6
+    expected = [
+        (np.concatenate(strike(scene, *(at + h))[:2]) - np.concatenate(strike(scene, *(at - h))[:2])) / (2 * step)
+        for h in step * np.eye(5)
+    ]
+    np.testing.assert_allclose(strike_derivative(scene, *at), np.transpose(expected), atol=1e-6)
+
+
+def test_derivative_of_a_shot_by_the_parameters_of_the_strike():
+    scene, positions = Scene.named("real_pool"), [[-0.5, 0.1], [0.2, 0.15]]
+    at = np.array([1.5, 0.07, 0.2, -0.1, 0.1])
+    shot = simulate(scene, positions, strike(scene, *at), record=True)
+    cue_ball = shot.sensitivity().jacobian[:, :, 0, 2:]
+    step = 1e-7
+    expected = [
+        (
+            simulate(scene, positions, strike(scene, *(at + h))).positions
+            - simulate(scene, positions, strike(scene, *(at - h))).positions
+        )
+        / (2 * step)
+        for h in step * np.eye(5)
+    ]
+    found = cue_ball @ strike_derivative(scene, *at)
+    np.testing.assert_allclose(found, np.stack(expected, axis=-1), atol=2e-5 * np.abs(found).max())
+
+
+# Coriolis (1835), in the form of Alciatore (2005), TP A.19: the ball leaves the slide in the direction of the line from
+# its resting point to the point at which the axis of the cue meets the cloth.
+@pytest.mark.parametrize("elevation", [20.0, 45.0, 70.0])
+@pytest.mark.parametrize("side", [0.2, -0.3])
+@pytest.mark.parametrize("top", [0.0, -0.2])
+def test_masse_ends_in_the_direction_of_coriolis(elevation, side, top):
+    physics = Physics()
+    scene = Scene(Balls.uniform(1), dataclasses.replace(POOL.table, length=20.0, width=20.0, pockets=()), physics)
+    scene = dataclasses.replace(scene, cue=Cue(end_mass=1e-8))  # the construction has no squirt
+    theta = math.radians(elevation)
+    shot = simulate(scene, [[0.0, 0.0]], strike(scene, 2.0, 0.0, side, top, theta), record=True)
+    assert shot.events is not None
+    rolling = shot.events[shot.events["kind"] == "sliding_rolling"]["time"][0]
+    x, y = (shot.at(rolling + 0.1) - shot.at(rolling))[0]
+    # The axis passes the centre at the offset (side, top) R and meets the cloth, R below the centre.
+    d = np.array([math.cos(theta), 0.0, -math.sin(theta)])
+    point = R * (side * np.array([0.0, 1.0, 0.0]) + top * np.array([math.sin(theta), 0.0, math.cos(theta)]))
+    aim = point + d * (point[2] + R) / math.sin(theta)
+    assert math.atan2(y, x) == pytest.approx(math.atan2(aim[1], aim[0]), abs=1e-6)
+
+
+def test_simulate_takes_strikes():
+    positions = [[-0.5, 0.1], [0.2, 0.15]]
+    hit = strike(POOL, 1.5, 0.07, 0.2, -0.1, 0.1)
+    expected = simulate(POOL, positions, hit.velocity, spins=hit.spin)
+    assert simulate(POOL, positions, hit).positions.tolist() == expected.positions.tolist()
+    hits = strike(POOL, [1.5, 0.7], 0.07, 0.2, -0.1, 0.1)
+    batch = simulate_batch(POOL, [positions] * 2, hits)
+    assert batch.positions[0].tolist() == expected.positions.tolist()
+    with pytest.raises(ValueError, match=r"spins = .* with a Strike: expected None"):
+        simulate(POOL, positions, hit, spins=[0, 0, 1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"speed": math.nan}, "speed = .*nan.*: expected numbers from -1000 to 1000 m/s"),
+        ({"heading": 11.0}, "heading = .*11.*: expected numbers from -10 to 10 rad"),
+        ({"side": 1.1}, "side = .*1.1.*: expected numbers from -1 to 1 ball radii"),
+        ({"side": 0.8, "top": 0.8}, r"\(side, top\) = \[0.8, 0.8\]: expected an offset of at most 1 ball radius"),
+        ({"elevation": -0.1}, "elevation = .*-0.1.*: expected numbers from 0 to 1.5708 rad"),
+        ({"speed": [1, 2], "side": [0, 0, 0]}, "expected shapes that broadcast"),
+        ({"scene": Scene.named("ideal")}, "physics.motion = 'ideal': expected motion 'sliding'"),
+    ],
+)
+def test_wrong_strikes_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        strike(**{"scene": POOL, "speed": 1.0, "heading": 0.0, **arguments})
+
+
+def test_wrong_cues_are_refused():
+    with pytest.raises(ValueError, match=r"cue.miscue_offset = 1.5: expected a number from 0.001 to 1 ball radii"):
+        Cue(miscue_offset=1.5)
+    with pytest.raises(
+        ValueError, match=r"cue.tip_restitution = 0.3: expected at least 0.5\d+, so that the tip leaves"
+    ):
+        dataclasses.replace(POOL, cue=Cue(tip_restitution=0.3))
+
+
+def test_the_derivative_refuses_a_miscue():
+    with pytest.raises(ValueError, match=r"expected at most 0\.5 ball radii, no miscue"):
+        strike_derivative(POOL, 1.0, 0.0, 0.6)

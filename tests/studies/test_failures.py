@@ -1,0 +1,275 @@
+"""The failures of Warkari and Jamsandekar: the results of PIC and PIT, and the timesteps below which PIT is right."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.physics.state import FIXES
+from billiards_env.shots import simulation
+from reference import oracle
+from studies import failures
+from studies.failures import FAILURES, Failure
+
+cases = pytest.mark.parametrize("name", FAILURES)
+fixes = pytest.mark.parametrize("fix", FIXES)
+late_fixes = pytest.mark.parametrize("fix", ["push_apart", "none"])
+
+
+def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: float = 0.0) -> Any:
+    """Returns the recorded shot, by PIC without a fix and by PIT with one; it starts `ahead` s later on the paths."""
+    places = np.array(case.positions) + ahead * np.array(case.velocities)
+    pit = {} if fix is None else {"mode": "pit", "dt": case.dt if dt is None else dt, "fix": fix}
+    return simulation.simulate(case.scene, places, case.velocities, record=True, **pit)
+
+
+def touch_after_step(touch: float, dt: float, by: float) -> float:
+    """Returns the advance of the start, s, for which a timestep ends `by` s before the balls touch."""
+    return touch - by - math.floor((touch - by) / dt) * dt
+
+
+def hits(shot: Any) -> list[tuple[str, int, int]]:
+    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
+
+
+def degrees_between(a: Any, b: Any) -> Any:
+    """Returns the (n,) angles between the rows of (n, 2) arrays; 0 if both are zero."""
+    return np.degrees(np.abs(np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))))
+
+
+def is_right(case: Failure, exact: Any, shot: Any) -> bool:
+    """Returns whether a shot is right as defined by `Failure.right_below`."""
+    return hits(shot) == hits(exact) and bool((degrees_between(shot.velocities, exact.velocities) < 1.0).all())
+
+
+def velocities_after_impact(case: Failure, normal: Any) -> Any:
+    """Returns the (2, 2) velocities after an elastic impact along a normal; masses are equal, or ball 1 is fixed."""
+    u, n = np.array(case.velocities), np.array(normal) / math.hypot(*normal)
+    closing = (u[0] - u[1]) @ n
+    if math.isinf(case.scene.balls.mass[1]):
+        return u - np.array([2 * closing * n, [0.0, 0.0]])
+    return u + closing * np.array([-n, n])
+
+
+def line_of_centres(case: Failure, t: float) -> Any:
+    """Returns the vector from ball 0 to ball 1 at time t if no collision happens before."""
+    a, b = np.array(case.positions) + t * np.array(case.velocities)
+    return b - a
+
+
+# Names
+
+
+def test_failures_are_those_of_the_paper():
+    assert list(FAILURES) == ["missed_collision", "penetration", "multiple_collisions", "wrong_bounce"]
+    assert all(failures.named(name) is case for name, case in FAILURES.items())
+
+
+def test_an_unknown_name_is_rejected():
+    with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
+        failures.named("penetrations")
+
+
+@cases
+def test_failures_use_the_physics_of_the_paper(name):
+    case = FAILURES[name]
+    physics = case.scene.physics
+    assert (physics.motion, physics.e_ball, physics.e_cushion) == ("ideal", 1.0, 1.0)
+    assert [math.isinf(m) for m in case.scene.balls.mass] == [False, name == "wrong_bounce"]
+    assert case.right_below < case.dt
+    assert Scene.from_dict(case.scene.to_dict()) == case.scene
+
+
+# PIC
+
+
+@cases
+def test_pic_agrees_with_the_reference(name):
+    case = FAILURES[name]
+    shot, true = play(case), oracle.run(case.scene, case.positions, case.velocities)
+    assert hits(shot) == [(e.kind, e.ball, e.other) for e in true.events]
+    assert shot.events["time"] == pytest.approx([float(e.time) for e in true.events], abs=1e-14)
+    assert shot.positions == pytest.approx(np.array(true.positions, dtype=float), abs=1e-13)
+    assert shot.velocities == pytest.approx(np.array(true.velocities, dtype=float), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "velocities"),
+    [
+        ("missed_collision", [0.088], [[0.0, 3.0], [4.0, 0.0]]),
+        ("penetration", [0.1835], [[0.72, -0.96], [1.28, 0.96]]),
+        ("wrong_bounce", [0.1835], [[-0.56, -1.92], [0.0, 0.0]]),
+    ],
+)
+def test_pic_agrees_with_hand_calculation(name, times, velocities):
+    shot = play(FAILURES[name])
+    assert shot.events["time"] == pytest.approx(times, abs=1e-15)
+    assert shot.velocities == pytest.approx(np.array(velocities), abs=1e-14)
+    normal = line_of_centres(FAILURES[name], times[0])
+    assert math.hypot(*normal) == pytest.approx(0.06, abs=1e-15)
+    assert velocities_after_impact(FAILURES[name], normal) == pytest.approx(np.array(velocities), abs=1e-14)
+
+
+def test_pic_finds_all_three_collisions_within_one_timestep():
+    case = FAILURES["multiple_collisions"]
+    shot = play(case)
+    assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1), ("ball_ball", 0, 1)]
+    assert set(np.floor(shot.events["time"] / case.dt)) == {5.0}
+    assert shot.velocities[0, 0] < -1.5 < -0.5 < shot.velocities[1, 0] < 0
+
+
+# PIT at the failure's dt
+
+
+@fixes
+def test_pit_misses_the_collision(fix):
+    case = FAILURES["missed_collision"]
+    shot = play(case, fix)
+    assert hits(shot) == []
+    assert shot.first_hit == -1
+    assert shot.velocities.tolist() == [list(v) for v in case.velocities]
+    straight = np.array(case.positions) + case.scene.physics.max_time * np.array(case.velocities)
+    assert shot.positions == pytest.approx(straight, abs=1e-15)
+    # The balls overlap only between two timesteps.
+    instants = np.arange(0, 6) * case.dt
+    assert min(math.hypot(*line_of_centres(case, t)) for t in instants) > 0.06 * 1.5
+    assert math.hypot(*line_of_centres(case, 0.1)) < 1e-15
+
+
+@late_fixes
+@pytest.mark.parametrize(("name", "wrong"), [("penetration", [30.51, 30.51]), ("wrong_bounce", [61.02, 0.0])])
+def test_pit_uses_a_late_line_of_centres(name, wrong, fix):
+    case = FAILURES[name]
+    shot = play(case, fix)
+    assert hits(shot) == hits(play(case))
+    [hit] = shot.events
+    assert hit["time"] == pytest.approx(0.2)
+    late = line_of_centres(case, 0.2)
+    assert late == pytest.approx([0.015, 0.036])
+    assert shot.velocities == pytest.approx(velocities_after_impact(case, late), abs=1e-14)
+    # The angle between the true line, along (4, 3), and the late one, along (5, 12); a bounce doubles it.
+    turned = math.degrees(math.atan2(12, 5) - math.atan2(3, 4)) * (2 if name == "wrong_bounce" else 1)
+    assert degrees_between(shot.velocities, play(case).velocities)[0] == pytest.approx(turned, abs=1e-12)
+    assert degrees_between(shot.velocities, play(case).velocities) == pytest.approx(wrong, abs=0.005)
+
+
+@pytest.mark.parametrize("name", ["penetration", "wrong_bounce"])
+def test_pit_with_move_back_has_the_right_velocities_but_late_positions(name):
+    case = FAILURES[name]
+    shot, exact = play(case, "move_back"), play(case)
+    assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
+    lag = exact.velocities * (0.2 - exact.events["time"][0])
+    assert shot.positions == pytest.approx(exact.positions - lag, abs=1e-13)
+
+
+@fixes
+def test_pit_misses_the_second_collision(fix):
+    case = FAILURES["multiple_collisions"]
+    shot, exact = play(case, fix), play(case)
+    assert hits(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
+    assert shot.events["time"][0] == pytest.approx(0.24)
+    if fix != "move_back":
+        assert shot.velocities == pytest.approx(np.array([[0.2, -0.6], [-1.8, 0.6]]), abs=1e-13)
+    # In PIT ball 1 comes back instead of ball 0.
+    assert exact.velocities[0, 0] < -1.5 < 0 < shot.velocities[0, 0] < 0.25
+    assert shot.velocities[1, 0] < -1.75 < -0.3 < exact.velocities[1, 0]
+    assert (degrees_between(shot.velocities, exact.velocities) > 50).all()
+
+
+@cases
+@fixes
+def test_pit_conserves_energy_and_the_momentum_of_two_moving_balls(name, fix):
+    case = FAILURES[name]
+    shot = play(case, fix)
+    masses = np.array([m if math.isfinite(m) else 0.0 for m in case.scene.balls.mass])
+    before, after = (masses @ (v**2).sum(axis=1) for v in (np.array(case.velocities), shot.velocities))
+    assert after == pytest.approx(before, rel=1e-14)
+    if name in ("missed_collision", "penetration"):
+        assert masses @ shot.velocities == pytest.approx(masses @ np.array(case.velocities), abs=1e-15)
+
+
+@cases
+@fixes
+def test_failures_do_not_depend_on_rounding(name, fix):
+    case = FAILURES[name]
+    for ahead in (-1e-4, 1e-4):
+        for dt in (case.dt * (1 - 1e-4), case.dt * (1 + 1e-4)):
+            assert hits(play(case, fix, dt, ahead)) == hits(play(case, fix))
+
+
+# Timesteps for which PIT is right
+
+
+@cases
+@fixes
+def test_below_its_limit_pit_is_right(name, fix):
+    case = FAILURES[name]
+    exact = play(case)
+    rng = np.random.default_rng(0)
+    for share in (1 - 1e-9, 0.999, *rng.uniform(0.05, 1, 60)):
+        dt = share * case.right_below
+        for ahead in (0.0, *rng.uniform(0, dt, 3), *(touch_after_step(t, dt, 1e-9) for t in exact.events["time"])):
+            assert is_right(case, exact, play(case, fix, dt, ahead)), (dt, ahead)
+
+
+@cases
+def test_the_limit_is_not_lower_than_necessary(name):
+    # Some timesteps up to 1.5 times the limit are wrong.
+    case = FAILURES[name]
+    exact = play(case)
+    steps = case.right_below * np.linspace(1.0, 1.5, 400)
+    assert not all(is_right(case, exact, play(case, "none", dt)) for dt in steps)
+
+
+@fixes
+def test_the_limit_of_the_missed_collision_is_the_time_of_approach_while_overlapping(fix):
+    # At 5 m/s head-on the balls overlap and approach over a distance of 6 cm.
+    case = FAILURES["missed_collision"]
+    closing = math.dist(*case.velocities)
+    limit = sum(case.scene.balls.radius) / closing
+    assert closing == 5.0
+    assert case.right_below == limit
+    [touch] = play(case).events["time"]
+    for factor, found in ((0.999, True), (1.001, False)):
+        dt = factor * limit
+        shot = play(case, fix, dt, touch_after_step(touch, dt, by=1e-6))
+        assert len(shot.events) == found
+
+
+@late_fixes
+@pytest.mark.parametrize(("name", "turns"), [("penetration", 1.0), ("wrong_bounce", 2.0)])
+def test_the_limit_of_late_lines_of_centres_is_a_contact_found_one_full_timestep_late(name, turns, fix):
+    # x mm late, the line of centres turns from atan(36 / 48) to atan(36 / (48 - x)), and a bounce by twice that.
+    case = FAILURES[name]
+    exact = play(case)
+    allowed = math.atan(36 / 48) + math.radians(1.0) / turns
+    limit = (0.048 - 0.036 / math.tan(allowed)) / 2.0
+    assert 0.9 * limit < case.right_below < limit
+    [touch] = exact.events["time"]
+    for factor, good in ((0.9999, True), (1.0001, False)):
+        dt = factor * limit
+        ahead = touch_after_step(touch, dt, by=1e-10)
+        shot = play(case, fix, dt, ahead)
+        late = shot.events["time"][0] - (touch - ahead)
+        assert late == pytest.approx(dt, abs=1e-9)
+        assert hits(shot) == hits(exact)
+        assert shot.velocities == pytest.approx(
+            velocities_after_impact(case, line_of_centres(case, touch + late)), abs=1e-12
+        )
+        assert is_right(case, exact, shot) == good
+
+
+@cases
+@fixes
+def test_pit_converges_to_pic_as_dt_goes_to_zero(name, fix):
+    case = FAILURES[name]
+    exact = play(case)
+    coarse, fine = (
+        np.abs(play(case, fix, dt).positions - exact.positions).max() for dt in (case.dt, case.right_below / 100)
+    )
+    assert coarse > 0.01
+    assert fine < coarse / 50

@@ -1,0 +1,58 @@
+"""The pictures of the documentation."""
+
+import numpy as np
+import pytest
+
+image = pytest.importorskip("PIL.Image")
+pytest.importorskip("matplotlib")
+pytest.importorskip("pygame")
+
+from billiards_env.scene import Scene  # noqa: E402
+from billiards_env.shots.simulation import simulate  # noqa: E402
+from studies import figures  # noqa: E402
+from studies.failures import FAILURES  # noqa: E402
+
+
+def test_pictures_are_small_and_reproducible(tmp_path):
+    for name in ("one", "two"):
+        figures.main(["--folder", str(tmp_path / name)])
+    drawn = sorted(path.name for path in (tmp_path / "one").iterdir())
+    names = ["failures.png", "masse.png", "play.png", "shot.gif", "shot.png", "strike_map.png", "tables.png"]
+    assert drawn == names
+    for name in drawn:
+        content = (tmp_path / "one" / name).read_bytes()
+        assert content == (tmp_path / "two" / name).read_bytes()
+        assert len(content) < (1_500_000 if name == "shot.gif" else 200_000)
+    with image.open(tmp_path / "one" / "shot.gif") as film:
+        assert film.n_frames > 100
+
+
+def test_the_picture_of_a_shot_has_the_combination_of_its_title():
+    events = figures.shot_of(Scene.named("pool", 4), **figures.SHOT).events
+    assert events is not None
+    hits, drops = (events[events["kind"] == kind] for kind in ("ball_ball", "pocket"))
+    assert hits[["ball", "other"]].tolist() == [(0, 2), (2, 3)]
+    assert drops["ball"].tolist() == [3, 2]
+
+
+def test_the_window_shows_an_aimed_shot_after_one_stroke():
+    shown = figures.window()
+    model = shown.model
+    shown.close()
+    assert model.phase == "aiming"
+    assert len(model.strokes) == 1
+    assert model.preview is not None
+    assert model.preview.ball == min(model.game.state.object_balls)  # the ball on of nine ball
+
+
+def test_the_views_of_the_failures_contain_all_balls_and_contacts():
+    assert list(figures.VIEWS) == list(FAILURES)
+    assert sorted(number for numbers, *_ in figures.VIEWS.values() for number in numbers) == list(range(1, 9))
+    for name, (_, centre, half, (first, last)) in figures.VIEWS.items():
+        case = FAILURES[name]
+        start = case.scene, case.positions, case.velocities
+        for shot in (simulate(*start, mode="pit", dt=case.dt, record=True), simulate(*start, record=True)):
+            assert shot.events is not None
+            assert all(first * case.dt < t < last * case.dt for t in shot.events["time"])
+            places = np.array([shot.at(k * case.dt) for k in range(first, last + 1)])
+            assert (np.abs(places - centre) < np.array([1.8 * half, half]) - 0.03).all()
