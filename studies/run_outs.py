@@ -109,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
     print("\n\n".join(blocks(found).values()))
-    print(f"\nwritten to {args.output}")
+    print(f"\nin {args.output}")
 
 
 if __name__ == "__main__":
