@@ -16,7 +16,7 @@ from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
 from billiards_env.envs.wrappers import ActionFrame, ExecutionNoise, VectorActionFrame, VectorExecutionNoise
-from billiards_env.games import Setup, Stroke, opening, play, records
+from billiards_env.games import GameState, Setup, Stroke, opening, play, records
 from billiards_env.games.batch import judge_batch
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Pocket, Table
@@ -182,6 +182,7 @@ def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
     assert short(value) == text
 
 
+ONE: Any = np.complex128(1)
 COMPLEX = np.array([0.5 + 1j, 0.0])
 UNREAL = [COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]]
 
@@ -191,7 +192,7 @@ def test_arrays_of_other_than_real_numbers_are_refused(value):
     """NumPy once discarded imaginary parts with a warning."""
     with rejected(f"x = {short(value)}: expected finite numbers in an array"):
         numbers("x", value)
-    assert numbers("x", [Fraction(1, 2), 10**30]).tolist() == [0.5, 1e30]
+    assert numbers("x", cast("Any", [Fraction(1, 2), 10**30])).tolist() == [0.5, 1e30]
     assert numbers("x", np.array([[1, 2], [3, 4]], np.int8, order="F")).flags.c_contiguous
 
 
@@ -234,7 +235,7 @@ def begun(name: str, vector: bool = False, **arguments: Any) -> Any:
     return env
 
 
-def new_game() -> Any:
+def new_game() -> tuple[Setup, GameState]:
     setup = Setup("nine_ball", Scene.named("pool", 9))
     return setup, opening(setup, np.random.default_rng(0))
 
@@ -283,9 +284,12 @@ def new_game() -> Any:
         (lambda: simulate(POOL, PLACES, COMPLEX), "velocities = array([0.5+1.j, 0. +0.j]): expected finite numbers in"),
         (lambda: simulate(POOL, np.add(PLACES, 0j), [1, 0]), "positions = array("),
         (lambda: simulate(POOL, PLACES, [1, 0], spins=np.zeros(3, complex)), "spins = array("),
-        (lambda: simulate(POOL, PLACES, [1, 0], max_time=np.complex128(1)), "max_time = (1+0j): expected a number"),
-        (lambda: simulate(POOL, PLACES, [1, 0], record=True).at(np.complex128(0)), "t = 0j: expected a finite number"),
-        (lambda: simulate(POOL, PLACES, [1, 0], record=True).trajectory.path(0, COMPLEX), "times = array("),
+        (lambda: simulate(POOL, PLACES, [1, 0], max_time=ONE), "max_time = (1+0j): expected a number"),
+        (lambda: simulate(POOL, PLACES, [1, 0], record=True).at(ONE), "t = (1+0j): expected a finite number"),
+        (
+            lambda: cast("Any", simulate(POOL, PLACES, [1, 0], record=True)).trajectory.path(0, COMPLEX),
+            "times = array(",
+        ),
         (lambda: simulate_batch(POOL, [PLACES], [COMPLEX]), "velocities = [array("),
         (lambda: strike(POOL, COMPLEX, 0.0), "speed = array("),
         (lambda: strike(POOL, np.float64(2e3), 0.0), "speed = 2000.0: expected numbers from "),
@@ -293,16 +297,19 @@ def new_game() -> Any:
         (lambda: perturb([0, 0], COMPLEX), "errors = array("),
         (lambda: judge_batch(*new_game(), [COMPLEX]), "velocities = [array("),
         (
-            lambda: play(*new_game(), Stroke((np.complex128(1), 0.0), (-0.8, 0.0))),
+            lambda: play(*new_game(), Stroke((ONE, 0.0), (-0.8, 0.0))),
             "stroke.velocity[0] = (1+0j): expected a number",
         ),
         (
-            lambda: play(*new_game(), Stroke((1.0, 0.0), (np.float64(0.5),))),
+            lambda: play(*new_game(), Stroke((1.0, 0.0), cast("Any", (np.float64(0.5),)))),
             "stroke.place = (0.5,): expected ",
         ),
         (lambda: simulate(POOL, PLACES, [1, 0], dt=np.float64(0.5)), "dt = 0.5 with mode='pic'"),
         (lambda: simulate(POOL, PLACES, [1, 0], mode=np.str_("pci")), "mode = 'pci': expected one of"),
-        (lambda: Setup("nine_ball", Scene.named("pool", 9), target=np.int64(3)), "target = 3 with rules 'nine_ball'"),
+        (
+            lambda: Setup("nine_ball", Scene.named("pool", 9), target=cast("Any", np.int64(3))),
+            "target = 3 with rules 'nine_ball'",
+        ),
         (
             lambda: ActionFrame(gym.make("Billiards-v0", max_speed=np.float64(2)), "sum_to_three"),
             "max_speed = 2.0 with frame 'sum_to_three'",

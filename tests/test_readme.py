@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib.util
 import inspect
 import json
@@ -18,7 +19,9 @@ from agents.ppo import make_model, make_vec_env
 from benchmarks import speed
 from billiards_env import __main__ as overview
 from billiards_env.envs import BilliardsEnv
-from billiards_env.scene import SCENES, Physics, Scene
+from billiards_env.envs.tasks import OPENING_LAYOUTS, TASKS
+from billiards_env.scene import SCENES, Cue, Physics, Scene
+from billiards_env.scene import scene as scenes
 from billiards_env.scene.layouts import LAYOUTS
 from studies import readme
 
@@ -27,6 +30,8 @@ DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in readme.PAGES}
 PAGES["CONTRIBUTING.md"] = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+NOT_RUN = {"docs/cluster.md": ["RLlib's own runner"]}
+"""The titles of the blocks of Python that no test runs, by page. This one needs Ray."""
 FENCE = re.compile(r"^```(\w+)([^\n]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 EXAMPLES = [
     pytest.param(code, id=f"{page}-{k}")
@@ -66,6 +71,64 @@ def test_tutorials_run(page):
         assert language == "python", f"{page}: the build runs blocks of Python only"
         assert 'exec="true"' in options
         exec(compile(re.sub(r"\.learn\([\d_]+", ".learn(1", code), page, "exec"), names)  # one update at a time
+
+
+def test_every_block_of_python_is_run_or_listed():
+    left = {}
+    for page, text in PAGES.items():
+        for language, options, _ in FENCE.findall(text):
+            if language == "python" and options and 'exec="true"' not in options:
+                left.setdefault(page, []).append(re.sub(r'^ title="(.*)"$', r"\1", options))
+    assert left == NOT_RUN
+
+
+STEPS = re.findall(r"^\d\. (.*?)(?=^\d\. |^\n|\Z)", PAGES["CONTRIBUTING.md"], re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_the_names_in_a_recipe_are_in_the_files_of_its_step(step):
+    quoted = re.findall(r"`([^`]+)`", step)
+    paths = [ROOT / name for name in quoted if "/" in name]
+    assert [path for path in paths if not path.exists()] == []
+    text = "".join(path.read_text(encoding="utf-8") for path in paths if path.is_file())
+    assert [name for name in quoted if "/" not in name and not re.search(rf"\b{name}\b", text)] == []
+
+
+def test_the_recipes_are_found():
+    assert len(STEPS) == 12
+    assert set(OPENING_LAYOUTS) == set(TASKS)
+
+
+def test_the_folders_and_modules_of_the_layout_exist():
+    (tree,) = re.findall(r"^```text\n(.*?)^```", PAGES["CONTRIBUTING.md"], re.MULTILINE | re.DOTALL)
+    for line in tree.splitlines():
+        path = ROOT / ("billiards_env" if line.startswith(" ") else "") / line.split()[0]
+        assert path.exists(), line
+
+
+def test_every_constant_with_a_point_has_a_comment_or_a_docstring():
+    for path in sorted((ROOT / "billiards_env").rglob("*.py")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        body = ast.parse("\n".join(lines)).body
+        for statement, after in zip(body, [*body[1:], None], strict=True):
+            value = statement.value if isinstance(statement, ast.Assign) else None
+            numbers = value.elts if isinstance(value, ast.Tuple) else [value]
+            if not all(isinstance(number, ast.Constant) and isinstance(number.value, float) for number in numbers):
+                continue
+            first = statement.lineno - 1
+            while "=" in lines[first - 1]:  # a comment stands above a group
+                first -= 1
+            explained = "#" in "".join(lines[first - 1 : statement.end_lineno])
+            assert explained or (after and ast.get_docstring(ast.Module([after], []))), f"{path}:{statement.lineno}"
+
+
+def test_every_default_of_a_scene_has_a_source():
+    """0, 1 and None switch a law off."""
+    rows = tuple(re.findall(r"^(\w+\.\w+) +\S.* \S", scenes.__doc__ or "", re.MULTILINE))
+    for prefix, kind in (("physics", Physics), ("cue", Cue)):
+        for field in dataclasses.fields(kind):
+            if isinstance(field.default, float) and field.default not in (0.0, 1.0):
+                assert f"{prefix}.{field.name}".startswith(rows), field.name
 
 
 def test_the_readme_is_short():

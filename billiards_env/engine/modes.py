@@ -24,20 +24,45 @@ from billiards_env.physics.state import (
     FIXES,
     HALF_LENGTH,
     HALF_WIDTH,
+    HAN2005,
+    IDEAL,
+    MATHAVAN2010,
     MOTION,
     MU_CUSHION,
     N_PARAMS,
+    RESTITUTION,
     ROLL,
+    ROLLING_ONLY,
     SLIDE,
+    SLIDING_AND_ROLLING,
     SPIN_DECAY,
+    STRONGE,
+    Floats,
     SceneArrays,
 )
 from billiards_env.physics.walls import outline_arrays
-from billiards_env.scene import CUSHIONS, MOTIONS, Scene, ball_friction
+from billiards_env.scene import Physics, Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. `engine_of` returns other functions of PIC for at most two and for many
 balls. All have the same arguments."""
+
+MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
+"""The entry MOTION of `SceneArrays.params` for each motion of a scene."""
+
+CUSHIONS: dict[str, tuple[int, Callable[[Physics], dict[str, Floats]]]] = {
+    "restitution": (RESTITUTION, lambda physics: {}),
+    "han2005": (HAN2005, lambda physics: {}),
+    "stronge": (STRONGE, lambda physics: {"stronge": np.array([physics.cushion_frequency_ratio])}),
+    "mathavan2010": (MATHAVAN2010, lambda physics: {"mathavan": np.array([physics.mu_slide])}),
+}
+"""The entry CUSHION of `SceneArrays.params`, and the other fields of `SceneArrays`, for each cushion of a scene."""
+
+BALL_BALL: dict[str, Callable[[Physics], Floats | None]] = {
+    "frictionless": lambda physics: None,
+    "frictional": lambda physics: np.array(ball_friction(physics)),
+}
+"""`SceneArrays.ball_friction` for each contact between balls of a scene."""
 
 MANY_BALLS = 160
 """From this number of balls on PIC uses `engine.cell_grid`.
@@ -98,9 +123,11 @@ _latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and
 @functools.lru_cache(maxsize=256)
 def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArrays:
     p = scene.physics
+    for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_BALL)):
+        choose(f"physics.{name}", getattr(p, name), tuple(laws))  # a name of `scene` without a law
     params = np.zeros(N_PARAMS)
-    params[MOTION] = MOTIONS.index(p.motion)
-    params[CUSHION] = CUSHIONS.index(p.cushion)
+    params[MOTION] = MOTIONS[p.motion]
+    params[CUSHION], cushion = CUSHIONS[p.cushion][0], CUSHIONS[p.cushion][1](p)
     params[SLIDE], params[ROLL] = p.mu_slide * p.g, p.mu_roll * p.g
     params[SPIN_DECAY] = p.spin_decay
     params[E_BALL], params[E_CUSHION], params[MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
@@ -114,14 +141,15 @@ def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArray
     outline = None
     if scene.table.outline:
         outline = outline_arrays(scene.table.outline, params[HALF_LENGTH], params[HALF_WIDTH], pockets.tolist())
+    sizes = len(set(scene.balls.radius))
+    spheres = np.array(scene.balls.radius) if scene.balls.shape == "sphere" and sizes > 1 else None
     return SceneArrays(
         params,
         np.array(scene.balls.radius),
         1.0 / np.array(scene.balls.mass),
         pockets,
         outline,
-        np.array(ball_friction(p)) if p.ball_ball == "frictional" else None,
-        np.array([p.cushion_frequency_ratio]) if p.cushion == "stronge" else None,
-        np.array([p.mu_slide]) if p.cushion == "mathavan2010" else None,
-        np.array(scene.balls.radius) if scene.balls.shape == "sphere" and len(set(scene.balls.radius)) > 1 else None,
+        BALL_BALL[p.ball_ball](p),
+        spheres=spheres,
+        **cushion,
     )

@@ -11,13 +11,16 @@ from billiards_env.physics.compliance import begin_stick, end_stick, release_pha
 from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution
 from billiards_env.physics.friction import friction_coefficient
 from billiards_env.physics.state import (
+    CUSHION,
     CUSHION_HEIGHT,
     E_FLOOR,
     E_LOSS,
     E_ONSET,
+    HAN2005,
     MU_CUSHION,
     MU_DROP,
     MU_RATE,
+    STRONGE,
     SceneArrays,
 )
 
@@ -65,9 +68,9 @@ def restitution_slope(speed: float, params: Floats) -> float:
 
 def cushion_derivative(state: Floats, radius: float, arrays: SceneArrays) -> Floats:
     """Returns the derivative of `cushion_impact` with respect to the `CushionMotion`, (5, 5)."""
-    if arrays.mathavan is not None:
-        return _by_differences(state, radius, arrays)
     params = arrays.params
+    if params[CUSHION] not in (HAN2005, STRONGE):
+        return _by_differences(state, radius, arrays)
     vn, vt, un, ut, rwz = np.eye(5)
     speed = float(state[0])
     e = cushion_restitution(speed, params)
@@ -79,7 +82,7 @@ def cushion_derivative(state: Floats, radius: float, arrays: SceneArrays) -> Flo
     size = math.hypot(*slip)
     pze, d_pze = (1.0 + e) * cos * speed, cos * ((1.0 + e) * vn + speed * d_e)
     mu = params[MU_CUSHION]
-    if arrays.stronge is None:
+    if params[CUSHION] == HAN2005:
         sticks, friction, by_slip, by_rest = size * (2.0 / 7.0) <= mu * pze, mu * pze, 0.0, mu * d_pze
         if sticks:
             friction, by_slip, by_rest = size * (2.0 / 7.0), 2.0 / 7.0, 0.0 * d_pze

@@ -20,7 +20,7 @@ import math
 
 from billiards_env.jit import inlined, kernel
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-9  # the local error of the integration over the normal velocity
 
 _MOST_STEPS = 100_000  # a limit for safety; an impact has about 50, one in a hundred has thousands
 

@@ -31,7 +31,7 @@ WIDTH = 12
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 
-# Indices into scene.MOTIONS and scene.CUSHIONS.
+# The laws of `engine.modes.MOTIONS` and `engine.modes.CUSHIONS`.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
 RESTITUTION, HAN2005, STRONGE, MATHAVAN2010 = 0, 1, 2, 3
 
@@ -40,7 +40,7 @@ FIXES = ("push_apart", "move_back", "none")
 PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
 
 # Entries of `SceneArrays.params`.
-MOTION, CUSHION = 0, 1  # indices into scene.MOTIONS and scene.CUSHIONS
+MOTION, CUSHION = 0, 1  # laws, see above
 SLIDE, ROLL = 2, 3  # decelerations mu g, m/s^2
 SPIN_DECAY = 4  # rad/s^2
 E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7

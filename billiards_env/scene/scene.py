@@ -70,6 +70,7 @@ CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
 above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
 
+# m and kg; the sources are in the table above.
 _POOL_MASS = 0.170097
 _CAROM_RADIUS, _CAROM_MASS = 0.03075, 0.21
 _SNOOKER_RADIUS, _SNOOKER_MASS = 0.0525 / 2, 0.14

@@ -48,7 +48,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import check_fields, choose, fields_of, real, sequence, short
 from billiards_env.scene.outline import TOUCH, Corner, check_outline, clearance, enters
 
-INCH = 0.0254
+INCH = 0.0254  # m, exactly
 POOL_LENGTH, POOL_WIDTH, POOL_RADIUS = 100 * INCH, 50 * INCH, 2.25 * INCH / 2
 _POOL_CUSHION = 0.635 * 2 * POOL_RADIUS
 _CORNER_MOUTH, _SIDE_MOUTH = 4.5625 * INCH, 5.0625 * INCH
@@ -301,8 +301,8 @@ def pool_table(
     )
 
 
-_SHOWOOD_TIPS = 0.02095, 0.00795
-_UK_BALL, _SNOOKER_BALL = 0.0508, 0.0525
+_SHOWOOD_TIPS = 0.02095, 0.00795  # m, the radii of the tips of "pool_7ft", at the corners and at the sides
+_UK_BALL, _SNOOKER_BALL = 0.0508, 0.0525  # m, diameters
 
 
 def _wpa(length: float, width: float) -> Table:
@@ -328,7 +328,7 @@ def _pool_7ft() -> Table:
 
 
 _SNOOKER_JAWS = Jaws(0.08014, 0.0, 0.0889, 0.0889, 0.06735), Jaws(0.08457, 0.0, 0.0669, 0.05319, 0.05159)
-_SNOOKER_DEPTH = 0.04763
+_SNOOKER_DEPTH = 0.04763  # m, of the cushions of "snooker_12ft"
 
 
 def _snooker_12ft() -> Table:

@@ -125,7 +125,14 @@ def test_a_failing_worker_is_not_a_measurement(tmp_path):
 def test_the_engine_is_exact_and_simulators_that_are_missing_are_left_out(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(comparison, "POOLTOOL_PYTHON", tmp_path / "python")
     monkeypatch.setattr(comparison.importlib.util, "find_spec", lambda name: None)
+    runner, recorded = comparison.billiards_env, []
+    monkeypatch.setattr(comparison, "billiards_env", lambda record: recorded.append(record) or runner(record))
     comparison.main(["--shots", "2", "--passes", "1", "--output", str(tmp_path / "comparison.json")])
+    assert dict(zip(comparison.LAWS, recorded, strict=True)) == {
+        "friction and spin": True,
+        "throw and jaws": True,
+        "elastic disks": False,  # as the README says
+    }
     assert "pooltool is left out" in capsys.readouterr().out
     written = json.loads((tmp_path / "comparison.json").read_text())
     assert [(row["laws"], row["simulator"]) for row in written["rows"]] == [

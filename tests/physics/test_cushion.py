@@ -6,12 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from billiards_env import scene as scenes
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution, han2005
 from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
+from billiards_env.shots.simulation import simulate
 
 R = 0.03
 
@@ -444,3 +446,29 @@ def test_a_restitution_that_falls_with_the_speed_fits_the_measured_rebounds():
 def test_constants_of_impacts_outside_their_range_are_refused(physics, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         Physics(**physics)
+
+
+def test_each_cushion_of_a_scene_has_its_own_law():
+    ends = {}
+    for name in scenes.CUSHIONS:
+        scene = Scene(Balls.uniform(1), physics=Physics(cushion=name, mu_cushion=2.0))
+        shot = simulate(scene, [[0.0, 0.0]], [0.3, 1.5])
+        assert shot.cushions[0] > 0
+        ends[name] = shot.positions.tobytes()
+    assert len(set(ends.values())) == len(scenes.CUSHIONS)
+
+
+@pytest.mark.parametrize(
+    ("names", "physics"),
+    [
+        ("MOTIONS", {"motion": "new", "cushion": "restitution"}),
+        ("CUSHIONS", {"cushion": "new"}),
+        ("BALL_BALL", {"ball_ball": "new"}),
+    ],
+)
+def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
+    """A new cushion once ran as han2005, and a new contact of balls without friction."""
+    monkeypatch.setattr(scenes, names, (*getattr(scenes, names), "new"))
+    scene = Scene(Balls.uniform(1), physics=Physics(**physics))
+    with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
+        simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
