@@ -6,9 +6,7 @@ Every node needs the same clone of the repository at the same path, and the same
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
-import json
 import logging
 import os
 import reprlib
@@ -19,7 +17,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from billiards_env.checks import missing
-from billiards_env.files import write_whole
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -93,13 +90,10 @@ class RayExecutor(Executor):
 
     Args:
         address: See `connect`.
-        kept: A folder of results. A call with a result in it is not repeated. The results must be JSON values. None to
-            keep no results.
     """
 
-    def __init__(self, address: str | None, kept: Path | None = None) -> None:
+    def __init__(self, address: str | None) -> None:
         connect(address)
-        self.kept = kept
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """Returns the future result of a call.
@@ -110,20 +104,12 @@ class RayExecutor(Executor):
         import ray  # pyright: ignore[reportMissingImports]
 
         name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
-        named, path = Future[T](), None
-        if self.kept is not None:
-            key = repr((fn.__module__, fn.__qualname__, args, kwargs)).encode()
-            path = self.kept / f"{hashlib.sha256(key).hexdigest()[:16]}.json"
-            if path.exists():
-                named.set_result(json.loads(path.read_text(encoding="utf-8")))
-                return named
+        named = Future[T]()
         task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
 
         def finish(future: Future[T]) -> None:
             try:
                 result = future.result()
-                if path is not None:
-                    write_whole(path, json.dumps(result).encode())
             except Exception as error:
                 failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
                 failure.__cause__ = error

@@ -367,6 +367,7 @@ def _message(name: str, error: Any) -> str:
     text = str(error["ctx"]["error"]) if error["type"] == "value_error" else error["msg"]
     if " = " in text:  # the message has the name already
         return f"{path}: {text}" if path and not text.startswith("key of") else text
-    text = re.sub(r"^\w+ should (be|have) (?=greater|less)", "expected a number ", text)
     text = re.sub(r"^\w+ should (be|have) ", "expected ", text)
+    for word, sign in (("greater", ">"), ("less", "<")):
+        text = text.replace(f"{word} than or equal to", f"a number {sign}=").replace(f"{word} than", f"a number {sign}")
     return f"{path or 'the configuration'} = {short(error['input'])}: {text}"

@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.config import ENV_ID, resolved_env
+from agents.config import ENV_ID, Config, changed
 from agents.evaluate import play
 from agents.ppo import evaluation_seeds
 from benchmarks import table
@@ -100,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     try:
         env = json.loads(args.env)
-        resolved_env(env)  # raises an error before the first episode
+        changed(Config(timesteps=0), {"env": env})  # raises an error before the first episode
         noise = (args.noise[0], args.noise[1])
         results = {name: measure(name, env, noise, args.episodes, args.seed) for name in args.players}
         if args.output is not None:

@@ -4,7 +4,7 @@ One recipe is trained in several worlds with several seeds each. One world is ex
 in steps of dt. Then every policy plays the same layouts in every world, without exploration noise
 (`studies.timestep_measure`).
 
-The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figures
+The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figure
 to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are
 there, nothing is trained: the command prints its tables and draws its figures. The runs are kept in
 `runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started again.
@@ -183,7 +183,8 @@ def main(arguments: list[str] | None = None) -> None:
         if result is None:
             result = measure(name, study, recipe, args.runs / name, args.jobs, args.address)
             write_json(path, result)
-        drawn = timestep_figures.draw(result, images)
+        figure = images / f"study_{name}_success.png"
+        timestep_figures.draw(result, figure)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
@@ -191,7 +192,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(130)
     shown = timestep_report.blocks(result)
     print("\n\n".join(shown[name] for name in ("findings", *timestep_report.tables(result))))
-    print(f"\nin {path}, {', '.join(map(str, drawn))}")
+    print(f"\nin {path} and {figure}")
 
 
 if __name__ == "__main__":

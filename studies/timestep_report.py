@@ -12,7 +12,6 @@ from typing import Any
 from agents.intervals import as_percent, difference, over_seeds
 from benchmarks import table
 from studies.causes import CAUSES
-from studies.timestep_measure import QUANTILES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -24,10 +23,8 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     Returns:
         By world: `own` and `exact`, the success in the world itself and in the exact one; `gap`, own less exact;
         `behind`, the success in the exact world less that of the policies trained there; `false`, the share of the
-        successes in the own world that fail in the exact one, and `causes`, these shares by cause; `speed`, `turn` and
-        `cut_angle`, the medians of the speed (m/s), the turn and the cut angle (degrees), None if a policy has none;
-        `aimed_at_ball`, the share of the shots whose line meets the nearest ball to pot; `training_seconds` of a run;
-        and `shots_per_second` of the world.
+        successes in the own world that fail in the exact one, and `causes`, these shares by cause; `training_seconds`
+        of a run; and `shots_per_second` of the world.
     """
     found = {}
     by_world = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
@@ -36,8 +33,6 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         own = rates(result, world, world)
         successes = [max(p["success"][world], 1) for p in policies]
         causes = [p["false_successes"] for p in policies]
-        medians = {name: [p[name]["quantiles"] for p in policies] for name in ("speed", "turn", "cut_angle")}
-        middle = QUANTILES.index(0.5)
         found[world] = {
             "own": over_seeds(own),
             "exact": over_seeds(exact[world]),
@@ -47,11 +42,6 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
             "causes": {
                 name: over_seeds([c[name] / n for c, n in zip(causes, successes, strict=True)]) for name in CAUSES
             },
-            **{
-                name: over_seeds([q[middle] for q in quantiles]) if None not in quantiles else None
-                for name, quantiles in medians.items()
-            },
-            "aimed_at_ball": over_seeds([p["aimed_at_ball"] for p in policies]),
             "training_seconds": over_seeds([p["curve"][-1][1] for p in policies]),
             "shots_per_second": result["worlds_measured"][world]["shots_per_second"],
         }
@@ -104,23 +94,6 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
                 if world != "exact"
             ],
         ),
-        "shots": (
-            (
-                "trained in",
-                "median speed, m/s",
-                "median turn, degrees",
-                "median cut angle, degrees",
-                "aimed at the ball",
-            ),
-            [
-                (
-                    _name(world),
-                    *(_number(t[name]) for name in ("speed", "turn", "cut_angle")),
-                    as_percent(t["aimed_at_ball"]),
-                )
-                for world, t in means.items()
-            ],
-        ),
         "transfer": (
             ("trained in", *(f"played in {_name(world)}" for world in means)),
             [(_name(a), *(f"{matrix[a][b]['mean']:.1%}" for b in means)) for a in means],
@@ -159,23 +132,12 @@ def findings(result: Mapping[str, Any]) -> list[str]:
 
 
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the findings, tables and links to figures as Markdown, by name.
-
-    `picture` is for the README, `pictures` for a page in `docs`.
-    """
-    texts = {
-        "success": "Success in the exact world and in the world of the training, against the timestep",
-        "transfer": "Success of the policies of each world in each world",
-        "policies": "Speeds, directions, cuts and false successes of the policies of each world",
-    }
-    files = {name: f"images/study_{result['study']}_{name}.png" for name in texts}
+    """Returns the findings and tables as Markdown, by name."""
     minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
     return {
         "findings": "\n".join(f"- {sentence}" for sentence in findings(result)),
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
         "time": f"`{result['study']}`: {minutes:.0f} minutes of one core in total.",
-        "picture": f"![{texts['success']}](docs/{files['success']})",
-        "pictures": "\n\n".join(f"![{texts[name]}]({files[name]})" for name in ("transfer", "policies")),
     }
 
 
@@ -188,12 +150,3 @@ def _points(value: Mapping[str, Any]) -> str:
         return f"{100 * value['mean']:+.1f}"
     low, high = (100 * end for end in value["interval"])
     return f"{100 * value['mean']:+.1f} ({low:+.1f} to {high:+.1f})"
-
-
-def _number(value: Mapping[str, Any] | None) -> str:
-    if value is None:
-        return "-"
-    if value["interval"] is None:
-        return f"{value['mean']:.2f}"
-    low, high = value["interval"]
-    return f"{value['mean']:.2f} ({low:.2f} to {high:.2f})"

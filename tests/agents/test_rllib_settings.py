@@ -50,7 +50,7 @@ def test_the_sweep_of_the_repository_changes_settings_of_its_recipe():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trials": 0}, "trials = 0: expected a number greater"),
+        ({"trials": 0}, "trials = 0: expected a number >= 1"),
         ({"ranges": {"ppo.gamma": [0.9]}}, "ranges.ppo.gamma[1] is missing"),
         ({"ranges": {"ppo.gamma": [0.9, 0.1]}}, "ranges.ppo.gamma = [0.9, 0.1]: expected two increasing numbers"),
         ({"choices": {"n_envs": 8}}, "choices.n_envs = 8: expected a valid list"),

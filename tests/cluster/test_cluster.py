@@ -216,15 +216,6 @@ def test_failed_tasks_are_repeated(cluster, tmp_path):
         assert pool.submit(ends_its_process, tmp_path / "b").result() == 1
 
 
-def test_results_are_kept(cluster, tmp_path):
-    (tmp_path / "calls").mkdir()
-    for _ in range(2):
-        with RayExecutor(cluster.address, tmp_path / "kept") as pool:
-            assert pool.submit(fails_at_first, tmp_path / "calls", 0).result() == 0
-            assert pool.submit(double, 4).result() == 8
-    assert len(list((tmp_path / "calls").iterdir())) == 1
-
-
 def test_a_task_that_always_fails_is_named(cluster, tmp_path):
     with RayExecutor(cluster.address) as pool:
         failed = pool.submit(fails_at_first, tmp_path, 100).exception()

@@ -57,7 +57,7 @@ def test_bad_arguments_are_refused_with_a_message(tmp_path):
     for arguments, message in (
         (["--players", "nobody"], "player = 'nobody'"),
         (["--env", "{"], r"env = '{': expected JSON, such as '{\"n_object_balls\": 3}' \(Expecting property name"),
-        (["--env", "3"], "env = 3: expected a mapping"),
+        (["--env", "3"], "env = 3: expected a valid dictionary"),
         (["--env", '{"scen": 1}'], r"key of env = 'scen': .*did you mean 'scene'"),
         (["--env", "{}", "--noise", "-1", "0"], "angle_std = -1.0"),
         (["--episodes", "0"], "episodes = 0: expected a whole number >= 1"),

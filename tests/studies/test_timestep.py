@@ -11,8 +11,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from agents.config import Config
 from agents.intervals import over_seeds
@@ -20,7 +18,6 @@ from agents.ppo import evaluation_seeds
 from agents.train import Point
 from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
-from billiards_env.scene import layouts
 from studies import timestep as module
 from studies import timestep_measure, timestep_report
 from studies.causes import CAUSES
@@ -82,8 +79,7 @@ def test_a_study_trains_measures_draws_and_prints(printed, tmp_path):
     assert all(p["success"].keys() == {"exact", "1/15"} for p in result["policies"])
     assert all([point[0] for point in p["curve"]] == [0, 64] and p["curve"][-1][1] > 0 for p in result["policies"])
     assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
-    for name in ("transfer", "success", "policies"):
-        assert (tmp_path / "images" / f"study_tiny_{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "images" / "study_tiny_success.png").read_bytes().startswith(b"\x89PNG")
     blocks = timestep_report.blocks(result)
     assert blocks["findings"] in printed
     assert all(blocks[name] in printed for name in timestep_report.tables(result))
@@ -112,7 +108,7 @@ def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
 @pytest.mark.usefixtures("printed")
 def test_a_study_outside_of_the_project_has_its_results_in_the_folder_of_its_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(module.timestep_measure, "measure", lambda *_: {})
-    monkeypatch.setattr(module.timestep_figures, "draw", lambda result, images: [images])
+    monkeypatch.setattr(module.timestep_figures, "draw", lambda result, path: None)
     monkeypatch.setattr(module.timestep_report, "blocks", lambda result: {"findings": ""})
     monkeypatch.setattr(module.timestep_report, "tables", lambda result: ())
     module.main([str(tmp_path / "tiny.yaml"), "--runs", str(tmp_path / "runs")])
@@ -141,9 +137,9 @@ def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"world": ["exact"]}, r"key of the configuration = 'world'.*did you mean 'worlds'"),
+        ({"world": ["exact"]}, r"key = 'world'.*did you mean 'worlds'"),
         ({"recipe": None}, r"recipe is missing"),
-        ({"worlds": ["exact", 0.05]}, r"worlds\[1\] = 0.05: expected text, not float"),
+        ({"worlds": ["exact", 0.05]}, r"worlds\[1\] = 0.05: expected a valid string"),
         ({"worlds": ["exact", "1/0"]}, r"worlds\[1\] = '1/0': expected 'exact' or a timestep .* such as '1/60'"),
         ({"worlds": ["1/15"]}, r"worlds = \['1/15'\]: expected 'exact' among them"),
         ({"worlds": ["exact", "1/9", "1/9"]}, r"worlds = .*: expected at least one, and no duplicates"),
@@ -168,7 +164,7 @@ def test_bad_settings_are_refused(command, tmp_path, changes, message):
         ({"env": {"task": "place"}}, "env.task = 'place' in the recipe .*: expected 'pot'"),
         ({"env": {"mode": "pit", "dt": 0.01}}, "env.mode = 'pit' in the recipe .*: expected 'pic'"),
         ({"noise": {}}, "noise in the recipe .*: expected none"),
-        ({"timestep": 1}, "key of the configuration = 'timestep'"),
+        ({"timestep": 1}, "key = 'timestep'"),
     ],
 )
 def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes, message):
@@ -236,25 +232,6 @@ def test_false_successes_through_the_post_are_missed_collisions(blocked):
             assert false["missed_collision"] > 0.7 * sum(false.values())
 
 
-def test_distributions_agree_with_the_shots(blocked):
-    result, _, shots = blocked
-    for policy, actions in zip(result["policies"], shots, strict=True):
-        speeds = 8.0 * np.hypot(*actions.T)
-        assert policy["speed"]["quantiles"][2] == pytest.approx(np.median(speeds))
-        assert policy["aimed_at_ball"] == 1.0
-        assert policy["cut_angle"]["quantiles"][-1] < 30.0 < 1.1 * policy["cut_angle"]["quantiles"][-1]
-        for name in ("speed", "cut", "cut_angle", "turn"):
-            assert len(policy[name]["counts"]) == len(result["bins"][name]) - 1
-        assert sum(policy["speed"]["counts"]) == sum(policy["cut"]["counts"]) == COUNT
-        assert sum(policy["turn"]["counts"]) == COUNT * (1 if policy["world"] == "exact" else 2)
-    angles = np.degrees([np.arctan2(s[:, 1], s[:, 0]) for s in shots])
-    off = np.abs((angles[2] - angles[:2] + 180.0) % 360.0 - 180.0)
-    assert result["policies"][2]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
-    # A policy of the exact world is compared only with the others.
-    off = np.abs((angles[0] - angles[1] + 180.0) % 360.0 - 180.0)
-    assert result["policies"][0]["turn"]["quantiles"][2] == pytest.approx(np.median(off))
-
-
 def test_the_summary_is_over_seeds(blocked):
     result, _, _ = blocked
     means, matrix = timestep_report.summary(result), timestep_report.transfer(result)
@@ -285,20 +262,6 @@ def test_findings_name_their_worlds(blocked):
     worth, *_ = timestep_report.findings(result)
     assert "Those trained at 1/30 s are worse by more than the interval" in worth
     assert "largest difference is at 1/30 s: -40.0 (-43.0 to -37.0) points" in worth
-
-
-@given(
-    seed=st.integers(0, 1000), a0=st.floats(-1, 1), a1=st.floats(-1, 1), name=st.sampled_from(["pool", "blocked_pool"])
-)
-def test_a_cut_is_the_action_of_the_frame_cut(seed, a0, a1, name):
-    scene = Scene.named(name, 3)
-    places = layouts.draw("random", scene, np.random.default_rng(seed))[None]
-    targets = np.array([False, True, name == "pool", True])
-    frame = ActionTransform("cut", scene, targets, 4.0)
-    velocity = frame.velocities([[a0, a1]], places, np.zeros((1, 4), bool))
-    found = timestep_measure.cuts(velocity, places, targets, scene.balls.contact_distances(0))
-    assert found[0] == pytest.approx(a0, abs=1e-9)
-    assert np.isinf(timestep_measure.cuts(-velocity, places, targets, scene.balls.contact_distances(0))[0])
 
 
 @pytest.mark.parametrize("name", ["pot", "mixture", "blocked"])
