@@ -6,8 +6,6 @@ Modules:
     english: Measures whether english pays.
     players: Measures players without training.
     run_outs: Measures run-outs of players without training, with and without execution noise.
-    training_speed: Measures the speed of training.
-    cluster_speed: Measures training with RLlib on two nodes.
 """
 
 from pathlib import Path

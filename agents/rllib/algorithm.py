@@ -20,7 +20,6 @@ from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 from ray.rllib.core.rl_module.torch import TorchRLModule
 from ray.rllib.env import INPUT_ENV_SINGLE_SPACES, INPUT_ENV_SPACES
 from ray.rllib.env.env_runner import EnvRunner
-from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.policy.sample_batch import MultiAgentBatch, SampleBatch
 from ray.rllib.utils.checkpoints import Checkpointable
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, LEARNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
@@ -314,13 +313,3 @@ def algorithm_config(config: Config, settings: Settings) -> PPOConfig:
             env_runner_health_probe_timeout_s=0.5,
         )
     )
-
-
-def own_runner(n_envs: int) -> SingleAgentEnvRunner:
-    """Returns RLlib's own runner with its own network, for a comparison."""
-    config = (
-        PPOConfig()
-        .environment(f"billiards_env:{ENV_ID}", env_config={"autoreset_mode": "NextStep", "threads": 1})
-        .env_runners(num_envs_per_env_runner=n_envs, gym_env_vectorize_mode="vector_entry_point")
-    )
-    return SingleAgentEnvRunner(config=config, worker_index=1)

@@ -43,7 +43,7 @@ def picture() -> Figure:
     return figure
 
 
-def _dress(axes: Axes, title: str, xlabel: str, ylabel: str, top: float, legend: str) -> None:
+def _dress(axes: Axes, title: str, xlabel: str, ylabel: str, top: float, legend: Any) -> None:
     """Sets the texts of a panel, the largest y, a light grid and the place of the legend."""
     axes.set_title(title, fontsize=10, loc="left")
     axes.set(xlabel=xlabel, ylabel=ylabel, xlim=(0, None), ylim=(0, top))

@@ -270,9 +270,9 @@ def test_bad_arguments_are_refused_with_a_message(trained, tmp_path):
         SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* with config.yaml"
     ):
         main([str(tmp_path)])
-    with pytest.raises(SystemExit, match="error: episodes = 0: expected a number >= 1"):
+    with pytest.raises(SystemExit, match="error: episodes = '0': expected a number >= 1"):
         main([str(trained), "--episodes", "0"])
-    with pytest.raises(SystemExit, match="error: seed = -1: expected a number >= 0"):
+    with pytest.raises(SystemExit, match="error: seed = '-1': expected a number >= 0"):
         main([str(trained), "--seed", "-1"])
     with pytest.raises(SystemExit, match="error: episodes = 'many': expected a whole number, not str"):
         main([str(trained), "--episodes", "many"])
