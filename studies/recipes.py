@@ -23,7 +23,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -86,8 +86,7 @@ class Recipes(Checked):
         return {Path(recipe).stem: dataclasses.replace(load(folder / recipe), **changes) for recipe in self.recipes}
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Places:
+class Places(NamedTuple):
     """The files and folders that the command reads and writes.
 
     Attributes:
@@ -103,17 +102,16 @@ class Places:
     figure: Path
 
 
-def default_places(config: Path) -> Places:
-    """Returns the places of a list, which are those of the published results if the list is in `configs`."""
-    name, folder = config.stem, RUNS / config.stem
-    places = Places(
-        runs=folder, summary=folder / f"{name}.json", policies=folder / "policies", figure=folder / f"{name}.png"
+def find_places(config: Path, folder: Path | None = None) -> Places:
+    """Returns the places of a list: a folder or, for a list in `configs`, those of the published results."""
+    name, runs = config.stem, folder or RUNS / config.stem
+    published = folder is None and config.resolve().parent == CONFIG.parent
+    return Places(
+        runs,
+        (RESULTS if published else runs) / f"{name}.json",
+        (RESULTS if published and config.resolve() == CONFIG else runs) / "policies",
+        (IMAGES if published else runs) / f"{name}.png",
     )
-    if config.resolve().parent == CONFIG.parent:
-        places = dataclasses.replace(places, summary=RESULTS / f"{name}.json", figure=IMAGES / f"{name}.png")
-    if config.resolve() == CONFIG:
-        places = dataclasses.replace(places, policies=RESULTS / "policies")
-    return places
 
 
 def measure(
@@ -296,13 +294,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML list (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    for field in dataclasses.fields(Places):
-        parser.add_argument(
-            f"--{field.name}", type=Path, help=f"default: published results for lists in configs, else in {RUNS}/LIST"
-        )
+    parser.add_argument(
+        "--folder", type=Path, help="folder of all files (default: see `studies.recipes`)"
+    )
     args = parser.parse_args(arguments)
-    chosen = {name: path for name in Places.__dataclass_fields__ if (path := getattr(args, name)) is not None}
-    places = dataclasses.replace(default_places(args.config), **chosen)
+    places = find_places(args.config, args.folder)
     try:
         asked = read(Recipes, args.config)
         results = measure(asked, args.config.parent, places, args.jobs, args.address)

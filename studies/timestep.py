@@ -167,23 +167,20 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument(
-        "--runs", type=Path, default=RUNS / "timestep", help="folder of the runs (default: %(default)s)"
+        "--folder", type=Path, help="folder of all files (default: see `studies.timestep`)"
     )
-    own = f"; with a study outside of {STUDIES}, that of its runs"
-    parser.add_argument("--results", type=Path, help=f"folder of the results (default: {RESULTS}{own})")
-    parser.add_argument("--images", type=Path, help=f"folder of the figures (default: {IMAGES}{own})")
     args = parser.parse_args(arguments)
     name = args.study.stem
-    usual = args.study.resolve().parent == STUDIES
-    path = (args.results or (RESULTS if usual else args.runs / name)) / f"timestep_{name}.json"
-    images = args.images or (IMAGES if usual else args.runs / name)
+    published = args.folder is None and args.study.resolve().parent == STUDIES
+    runs_folder = (args.folder or RUNS / "timestep") / name
+    path = (RESULTS if published else runs_folder) / f"timestep_{name}.json"
+    figure = (IMAGES if published else runs_folder) / f"study_{name}_success.png"
     try:
         study, recipe = load_study(args.study)
         result = find_result(path, study, recipe)
         if result is None:
-            result = measure(name, study, recipe, args.runs / name, args.jobs, args.address)
+            result = measure(name, study, recipe, runs_folder, args.jobs, args.address)
             write_json(path, result)
-        figure = images / f"study_{name}_success.png"
         timestep_figures.draw(result, figure)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")

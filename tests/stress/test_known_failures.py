@@ -27,18 +27,6 @@ def test_balls_ten_centimetres_apart_do_not_collide_at_time_0(motion):
     assert kinds(away, "ball_ball") == []
 
 
-@pytest.mark.parametrize("motion", ["rolling", "sliding", "ideal"])
-@pytest.mark.parametrize("gap", [0.0, 1e-9, 0.1])
-def test_balls_with_equal_velocities_do_not_collide(motion, gap):
-    """The relative velocity and acceleration are zero: the quartic for the contact time is constant."""
-    scene = rough(1.0, 1.0, motion=motion, length=100.0, max_time=1.0 if motion == "ideal" else None)
-    for side in ([1.0, 0.0], [0.0, 1.0]):
-        places = np.array([[0.0, 0.0], np.array(side) * (2 * R + gap)])
-        shot = run(scene, places, [[0.5, 0.0], [0.5, 0.0]])
-        assert kinds(shot, "ball_ball") == []
-        assert np.hypot(*(shot.positions[1] - shot.positions[0])) == pytest.approx(2 * R + gap, rel=1e-14)
-
-
 def test_a_fast_rolling_ball_hits_a_slow_one_once():
     scene = rough(1.0, 1.0, motion="rolling", length=100.0, e_ball=1.0)
     shot = run(scene, [[0.0, 0.0], [0.5, 0.0]], [[1.0, 0.0], [0.5, 0.0]])

@@ -18,19 +18,10 @@ from agents.intervals import as_percent, over_seeds
 from agents.ppo import evaluation_seeds, load_policy, make_vector
 from agents.train import open_run, train
 from studies import recipes
-from studies.recipes import PLAYERS, Places, Recipes, blocks, default_places, main, row, step
+from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
 
 LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
 TWO = {"policy": {"head": "hits", "components": 3, "hidden": [8]}}
-
-
-def places(folder):
-    return Places(
-        runs=folder / "runs",
-        summary=folder / "recipes.json",
-        policies=folder / "policies",
-        figure=folder / "images" / "curves.png",
-    )
 
 
 def write_recipes(folder, tiny):
@@ -44,9 +35,7 @@ def write_recipes(folder, tiny):
 
 def run_command(folder, *arguments: str) -> None:
     """Runs the command on the recipes in a folder, which also contains all its output."""
-    files = dataclasses.asdict(places(folder)).items()
-    paths = [text for option, path in files for text in (f"--{option}", str(path))]
-    main([str(folder / "recipes.yaml"), *paths, *arguments])
+    main([str(folder / "recipes.yaml"), "--folder", str(folder / "runs"), *arguments])
 
 
 @pytest.fixture
@@ -78,7 +67,7 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
     folders = [tmp_path / "runs" / name / f"seed{seed}" for name in ("one", "two") for seed in (3, 4)]
     assert all((folder / "policy.pt").exists() for folder in folders)
     assert len({(folder / "policy.pt").read_bytes() for folder in folders}) == 4
-    found = json.loads((tmp_path / "recipes.json").read_text())["results"]
+    found = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
     assert [result["recipe"] for result in found] == ["one", "two"]
     for result in found:
         assert [run["seed"] for run in result["runs"]] == [3, 4]
@@ -91,7 +80,7 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
         for name, player in result["players"].items():
             assert player["episodes"] == 20
             assert f"{player['success_rate']:.1%}" in row(result), name
-    assert (tmp_path / "images" / "curves.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "runs" / "recipes.png").read_bytes().startswith(b"\x89PNG")
 
     written = blocks({"results": found})
     assert written["table"] in printed
@@ -101,7 +90,7 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
     for name in ("one", "two"):
         for file in ("config.yaml", "policy.pt"):
             first = tmp_path / "runs" / name / "seed3" / file
-            assert (tmp_path / "policies" / name / file).read_bytes() == first.read_bytes()
+            assert (tmp_path / "runs" / "policies" / name / file).read_bytes() == first.read_bytes()
 
 
 def train_here(asked, jobs, address):
@@ -119,33 +108,35 @@ def without_times(result):
 
 @pytest.mark.usefixtures("printed")
 def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
-    found = (tmp_path / "recipes.json").read_text()
+    found = (tmp_path / "runs" / "recipes.json").read_text()
     policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
     missing = tmp_path / "runs" / "one" / "seed4" / "policy.pt"
     missing.unlink()
-    (tmp_path / "recipes.json").unlink()
+    (tmp_path / "runs" / "recipes.json").unlink()
     command("--jobs", "1")
     assert [path for path, time in policies.items() if path.stat().st_mtime_ns > time] == [missing]
-    again = json.loads((tmp_path / "recipes.json").read_text())["results"]
+    again = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
     assert without_times(again[1]) == without_times(json.loads(found)["results"][1])
 
 
 def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_path, monkeypatch, capsys):
-    shutil.rmtree(tmp_path / "runs")
-    figure = (tmp_path / "images" / "curves.png").read_bytes()
+    for name in ("one", "two"):
+        shutil.rmtree(tmp_path / "runs" / name)
+    figure = (tmp_path / "runs" / "recipes.png").read_bytes()
     with monkeypatch.context() as patch:
         patch.setattr(recipes, "train_all", None)
         command()
         assert capsys.readouterr().out == printed
-        assert (tmp_path / "images" / "curves.png").read_bytes() == figure
-    found = json.loads((tmp_path / "recipes.json").read_text())["results"]
+        assert (tmp_path / "runs" / "recipes.png").read_bytes() == figure
+    found = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
     (tmp_path / "two.yaml").write_text(yaml.safe_dump(tiny(timesteps=384, **TWO)))
     asked = Recipes(seeds=(3, 4), recipes=("one.yaml", "two.yaml"))
     monkeypatch.setattr(recipes, "train_all", train_here)
-    again = recipes.measure(asked, tmp_path, places(tmp_path), 2)
+    again = recipes.measure(asked, tmp_path, find_places(tmp_path / "recipes.yaml", tmp_path / "runs"), 2)
     assert again[0] == found[0]
     assert again[1]["config"]["timesteps"] == 384
-    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["two"]
+    assert (tmp_path / "runs" / "two").exists()
+    assert not (tmp_path / "runs" / "one").exists()
 
 
 def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
@@ -156,7 +147,7 @@ def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     monkeypatch.setattr(runs, "_start", failing)
     with pytest.raises(SystemExit, match=r"(?s)error: the training in .*one.seed3 failed:.*out of luck"):
         command()
-    assert not (tmp_path / "recipes.json").exists()
+    assert not (tmp_path / "runs" / "recipes.json").exists()
 
 
 def test_a_run_of_another_configuration_is_refused(command, tiny, tmp_path):
@@ -214,7 +205,7 @@ def test_a_list_may_set_the_number_of_steps(command, tiny, tmp_path, monkeypatch
     monkeypatch.setattr(recipes, "train_all", train_here)
     (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3], "recipes": ["one.yaml"], "timesteps": "1e2"}))
     command()
-    (result,) = json.loads((tmp_path / "recipes.json").read_text())["results"]
+    (result,) = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
     assert result["config"]["timesteps"] == 100
     assert result["runs"][0]["curve"][-1][0] == 128
     asked = Recipes(seeds=(3,), recipes=("one.yaml",))
@@ -244,18 +235,18 @@ def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
 
 
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
-    own = default_places(tmp_path / "mine.yaml")
-    assert {path.is_relative_to(recipes.RUNS / "mine") for path in dataclasses.astuple(own)} == {True}
+    own = find_places(tmp_path / "mine.yaml")
+    assert {path.is_relative_to(recipes.RUNS / "mine") for path in own} == {True}
     for name in ("recipes", "prior_knowledge", "prior_knowledge_long"):
-        found = default_places(recipes.CONFIG.parent / f"{name}.yaml")
+        found = find_places(recipes.CONFIG.parent / f"{name}.yaml")
         assert found.runs == recipes.RUNS / name
         assert found.summary == recipes.RESULTS / f"{name}.json"
         assert found.figure == recipes.IMAGES / f"{name}.png"
         policies = recipes.RESULTS if name == "recipes" else recipes.RUNS / name
         assert found.policies == policies / "policies"
     # A list of the same name elsewhere is not one of the project.
-    other = default_places(tmp_path / "recipes.yaml")
-    assert {path.is_relative_to(recipes.RUNS / "recipes") for path in dataclasses.astuple(other)} == {True}
+    other = find_places(tmp_path / "recipes.yaml")
+    assert {path.is_relative_to(recipes.RUNS / "recipes") for path in other} == {True}
 
 
 def test_at_least_one_job_is_needed(command):
@@ -276,7 +267,7 @@ def test_the_lists_of_the_project_name_existing_recipes(path):
 
 @pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)
 def test_the_results_of_the_project_are_those_of_its_lists(path):
-    asked, found = read(Recipes, path), json.loads(default_places(path).summary.read_text())["results"]
+    asked, found = read(Recipes, path), json.loads(find_places(path).summary.read_text())["results"]
     configs = asked.load(path.parent)
     assert [result["recipe"] for result in found] == list(configs)
     for result in found:
@@ -286,7 +277,7 @@ def test_the_results_of_the_project_are_those_of_its_lists(path):
 
 
 def test_the_policies_of_the_project_play_as_well_as_their_results():
-    places = default_places(recipes.CONFIG)
+    places = find_places(recipes.CONFIG)
     for result in json.loads(places.summary.read_text())["results"]:
         run = result["runs"][0]
         config, policy = load_policy(places.policies / result["recipe"])

@@ -39,8 +39,7 @@ def run_command(folder, *arguments: str, recipe_changes=None, **changes) -> None
     (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
     settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
     (folder / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
-    places = [text for name in ("runs", "results", "images") for text in (f"--{name}", str(folder / name))]
-    module.main([str(folder / "tiny.yaml"), *places, *arguments])
+    module.main([str(folder / "tiny.yaml"), "--folder", str(folder / "runs"), *arguments])
 
 
 @pytest.fixture
@@ -74,28 +73,29 @@ def test_a_study_trains_measures_draws_and_prints(printed, tmp_path):
     ]
     env = yaml.safe_load((runs / "1-15" / "seed3" / "config.yaml").read_text())["env"]
     assert (env["mode"], env["dt"], env["fix"]) == ("pit", 1 / 15, None)
-    result = json.loads((tmp_path / "results" / "timestep_tiny.json").read_text())
+    result = json.loads((tmp_path / "runs" / "tiny" / "timestep_tiny.json").read_text())
     assert [(p["world"], p["seed"]) for p in result["policies"]] == [("exact", 3), ("1/15", 3)]
     assert all(p["success"].keys() == {"exact", "1/15"} for p in result["policies"])
     assert all([point[0] for point in p["curve"]] == [0, 64] and p["curve"][-1][1] > 0 for p in result["policies"])
     assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
-    assert (tmp_path / "images" / "study_tiny_success.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "runs" / "tiny" / "study_tiny_success.png").read_bytes().startswith(b"\x89PNG")
     blocks = timestep_report.blocks(result)
     assert blocks["findings"] in printed
     assert all(blocks[name] in printed for name in timestep_report.tables(result))
 
 
 def test_a_study_with_results_is_printed_and_drawn_without_training(command, printed, tmp_path, monkeypatch, capsys):
-    figures = {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()}
-    shutil.rmtree(tmp_path / "runs")
-    shutil.rmtree(tmp_path / "images")
+    files = tmp_path / "runs" / "tiny"
+    figure = (files / "study_tiny_success.png").read_bytes()
+    for name in ("exact", "1-15"):
+        shutil.rmtree(files / name)
     with monkeypatch.context() as patch:
         patch.setattr(module, "train_all", None)
         command()
     assert capsys.readouterr().out == printed
-    assert {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()} == figures
+    assert (files / "study_tiny_success.png").read_bytes() == figure
     command(layouts=20)
-    assert json.loads((tmp_path / "results" / "timestep_tiny.json").read_text())["layouts"] == 20
+    assert json.loads((tmp_path / "runs" / "tiny" / "timestep_tiny.json").read_text())["layouts"] == 20
 
 
 def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
@@ -103,16 +103,6 @@ def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({"recipe": "recipe.yaml", "worlds": ["exact"], "timesteps": 9}))
     study, recipe = module.load_study(tmp_path / "tiny.yaml")
     assert {config.timesteps for _, config in module.runs(study, recipe, tmp_path)} == {9}
-
-
-@pytest.mark.usefixtures("printed")
-def test_a_study_outside_of_the_project_has_its_results_in_the_folder_of_its_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(module.timestep_measure, "measure", lambda *_: {})
-    monkeypatch.setattr(module.timestep_figures, "draw", lambda result, path: None)
-    monkeypatch.setattr(module.timestep_report, "blocks", lambda result: {"findings": ""})
-    monkeypatch.setattr(module.timestep_report, "tables", lambda result: ())
-    module.main([str(tmp_path / "tiny.yaml"), "--runs", str(tmp_path / "runs")])
-    assert (tmp_path / "runs" / "tiny" / "timestep_tiny.json").exists()
 
 
 def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
@@ -125,7 +115,7 @@ def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
             command()
     assert stopped.value.code == 130
     assert "the same command continues" in capsys.readouterr().err
-    found = tmp_path / "results" / "timestep_tiny.json"
+    found = tmp_path / "runs" / "tiny" / "timestep_tiny.json"
     assert not found.exists()
     policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
     assert len(policies) == 2
@@ -154,7 +144,7 @@ def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
 def test_bad_settings_are_refused(command, tmp_path, changes, message):
     with pytest.raises(SystemExit, match=f"(?s)error: .*{message}"):
         command(**changes)
-    assert not (tmp_path / "results").exists()
+    assert not list(tmp_path.rglob("timestep_*.json"))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +160,7 @@ def test_bad_settings_are_refused(command, tmp_path, changes, message):
 def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes, message):
     with pytest.raises(SystemExit, match=f"error: {message}"):
         command(recipe_changes=changes)
-    assert not (tmp_path / "results").exists()
+    assert not list(tmp_path.rglob("timestep_*.json"))
 
 
 @pytest.mark.usefixtures("printed")
