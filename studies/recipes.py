@@ -294,9 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML list (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    parser.add_argument(
-        "--folder", type=Path, help="folder of all files (default: see `studies.recipes`)"
-    )
+    parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.recipes`)")
     args = parser.parse_args(arguments)
     places = find_places(args.config, args.folder)
     try:

@@ -166,9 +166,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    parser.add_argument(
-        "--folder", type=Path, help="folder of all files (default: see `studies.timestep`)"
-    )
+    parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.timestep`)")
     args = parser.parse_args(arguments)
     name = args.study.stem
     published = args.folder is None and args.study.resolve().parent == STUDIES

@@ -115,7 +115,7 @@ def advantages(rewards: Array, values: Array, ends: Array, gamma: float, gae_lam
         values: (n_steps + 1, n_envs), the values of the states before the steps and of the last state.
         ends: (n_steps, n_envs), whether an episode ended. The value of the state after it is 0.
         gamma: The discount factor.
-        gae_lambda: See `agents.config.PPO`.
+        gae_lambda: See `agents.config.Hyperparameters`.
 
     Example:
         >>> ones = np.ones((2, 1), np.float32)

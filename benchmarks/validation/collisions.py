@@ -1,4 +1,4 @@
-"""Impacts of two balls: throw, gearing, frozen balls, and the paths of the balls after a cut.
+"""Impacts of two balls: throw, frozen balls, and the paths of the balls after a cut.
 
 The cue ball moves along +x. The line of centres is at the cut angle from it, counter-clockwise. Speeds are in m/s and
 angles in degrees. Spins are given as R omega / v: `side` is positive counter-clockwise as seen from above, which is
@@ -36,10 +36,6 @@ THROW_POINTS = (
     (30.0, 0.9, "medium", 1.0),
 )
 """Measured throw, Alciatore, "Throw", parts I to XII: cut angle, throw, speed and roll of the cue ball."""
-
-GEARING = ((14.4775, 20.0), (30.0, 40.0), (48.5904, 60.0))
-"""Cut angle of a 3/4-, 1/2- and 1/4-ball hit, and the sidespin without throw, % of the largest (R omega / v = 1.25):
-Alciatore, TP A.26."""
 
 FROZEN = ((0, 0), (8, 13), (20, 34), (34, 50), (46, 61), (57, 70), (67, 78), (77, 87), (90, 90))
 """A cue ball frozen to an object ball: direction of the stroke and measured direction of the cue ball, both from the
@@ -143,18 +139,6 @@ def throw_formula(speed: float, cut: ArrayLike, side: ArrayLike = 0.0, roll: Arr
     return np.degrees(np.arctan(np.where(slip > 0, tangent, 0.0)))
 
 
-def gearing(cut: float, speed: float) -> float:
-    """Returns the sidespin at which the object ball is not thrown, % of the largest, found by bisection."""
-    low, high = 0.0, 1.25
-    for _ in range(40):
-        middle = (low + high) / 2
-        if throw(FRICTIONAL, speed, [cut], middle)[0] > 0:
-            low = middle
-        else:
-            high = middle
-    return 100 * low / 1.25
-
-
 def frozen(speed: float) -> Floats:
     """Returns the directions of a cue ball that is frozen to an object ball, from the line of centres.
 
@@ -217,17 +201,7 @@ def domenech(friction: float | None, e_ball: float) -> tuple[Physics, dict[str, 
 
 # Results
 
-CUTS = tuple(range(5, 90, 5))
 DOMENECH_MODELS = ((None, 0.95), (DOMENECH_FRICTION, 0.95), (DOMENECH_FRICTION, 0.97))
-
-
-def throw_table() -> dict[str, list[float]]:
-    """Returns the throw at `CUTS` for stun and roll at each speed, elastic balls."""
-    return {
-        f"{name}, {kind}": throw(ELASTIC, speed, CUTS, roll=roll).tolist()
-        for name, roll in (("stun", 0.0), ("roll", 1.0))
-        for kind, speed in SPEEDS.items()
-    }
 
 
 def formula_difference() -> float:
@@ -245,10 +219,8 @@ def measure() -> dict[str, Any]:
     """Runs all impacts."""
     angles = np.array([c for c in range(15, 49)], float)
     return {
-        "throw": throw_table(),
         "formula_difference": formula_difference(),
         "throw_points": [float(throw(FRICTIONAL, SPEEDS[s], [c], roll=r)[0]) for c, _, s, r in THROW_POINTS],
-        "gearing": [gearing(cut, SPEEDS["medium"]) for cut, _ in GEARING],
         "frozen": frozen(SPEEDS["slow"]).tolist(),
         "frozen_pair": {name: frozen_pair(SPEEDS[name]) for name in FROZEN_PAIR},
         "snooker": snooker_shots(),
@@ -275,12 +247,6 @@ def _signed(value: float, digits: int = 1) -> str:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    columns = [result["throw"][name] for name in result["throw"]]
-    rows = [
-        [f"{cut}", *(f"{column[k]:.2f}" for column in columns)]
-        for k, cut in enumerate(CUTS)
-        if cut % 10 == 0 or cut in (5, 45)
-    ]
     points = [
         [
             f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}",
@@ -297,10 +263,6 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     frozen_rows = [
         [f"{stroke}°", f"{value}", _degrees(found), _signed(found - value)]
         for (stroke, value), found in zip(FROZEN[1:-1], result["frozen"], strict=True)
-    ]
-    gears = [
-        [name, f"{cut:.1f}", f"{percent:.0f}", f"{found:.2f}"]
-        for name, (cut, percent), found in zip(("3/4", "1/2", "1/4"), GEARING, result["gearing"], strict=True)
     ]
     snooker = []
     names = ("cue ball, m/s", "object ball, m/s", "cue ball, °", "object ball, °")
@@ -326,11 +288,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         for (mu, e), rms in zip(DOMENECH_MODELS, result["domenech"], strict=True)
     ]
     return {
-        "throw": table(["cut, °", *result["throw"]], rows),
         "throw formula": f"The largest difference from the formula of TP A.14, over 28,080 impacts with cuts of 0 to 89"
         f" degrees and any side and roll, is {result['formula_difference']:.0e} degrees.",
         "throw points": table(["throw, °", "measured", "model", "difference"], points),
-        "gearing": table(["ball-hit fraction", "cut, °", "published, %", "model, %"], gears),
         "frozen": table(["stroke", "measured, °", "model, °", "difference, °"], frozen_rows),
         "snooker": table(
             [
