@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.simulation import simulate
+from billiards_env.shots.simulation import simulate
 
 R = Balls.uniform(1).radius[0]
 ROOM = 0.635 - R  # m, from the centre of the table to a ball at a long cushion
