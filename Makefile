@@ -33,7 +33,7 @@ test: lint  ## lint, type check, then run the fast tests and the doctests
 pythons:  ## test the physics, the engine and the environments on each installed Python from 3.10 to 3.13
 	@for v in $(PYTHONS); do \
 	    if ! python$$v -c '' 2>/dev/null; then ran="$$ran\n$$v is not installed"; continue; fi; \
-	    $(MAKE) --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
+	    make --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE):$$ran\n"; [ -z "$$failed" ]
 

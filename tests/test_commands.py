@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import dataclasses
-import functools
 import importlib
 import importlib.util
 import json
@@ -26,7 +23,7 @@ import pytest
 from studies import readme
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("agents", "benchmarks", "billiards_env", "cluster", "reference", "studies")
+PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "studies")
 COMMANDS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
     for package in PACKAGES
@@ -42,22 +39,19 @@ TESTED = {
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",
     "benchmarks.error_limit": "benchmarks/test_benchmarks.py",
-    "studies.figures": "benchmarks/test_benchmarks.py",
-    "benchmarks.game_figures": "benchmarks/test_game_figures.py",
+    "studies.figures": "studies/test_figures.py",
     "benchmarks.growth": "benchmarks/test_benchmarks.py",
-    "benchmarks.paper_figures": "benchmarks/test_paper_figures.py",
     "benchmarks.pooltool_worker": "benchmarks/test_comparison.py",
-    "benchmarks.pressed": "reference/test_pressed.py",
     "studies.readme": "test_readme.py",
     "benchmarks.speed": "benchmarks/test_benchmarks.py",
     "benchmarks.vector": "benchmarks/test_vector.py",
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
-    "studies.choices": "studies/test_choices.py",
+    "studies.english": "studies/test_english.py",
     "studies.players": "studies/test_players.py",
     "studies.recipes": "studies/test_recipes.py",
+    "studies.run_outs": "studies/test_run_outs.py",
     "studies.timestep": "studies/test_timestep.py",
-    "studies.training_speed": "studies/test_training_speed.py",
 }
 """The commands that another test runs, by name, and the file of this test."""
 
@@ -68,48 +62,15 @@ def without_compiling(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "os", SimpleNamespace(environ=environment, pathsep=os.pathsep))
 
 
-def one_saving(patch: pytest.MonkeyPatch, module: Any) -> None:
-    without_compiling(patch, module)
-    patch.setattr(module, "SAVINGS", [s for s in module.SAVINGS if s.name == "out of reach, not solved"])
-
-
-def short_films(patch: pytest.MonkeyPatch, module: Any) -> None:
-    patch.setattr(module, "STEPS", 2)
-    patch.setattr(module, "simulate", functools.partial(module.simulate, max_time=0.1))
-
-
-def few_collisions(patch: pytest.MonkeyPatch, module: Any) -> None:
-    follow = module.measure.predictability
+def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "SHOTS", dict.fromkeys(module.SHOTS, (0, 2)))
-    patch.setattr(module.measure, "predictability", lambda *shot: follow(*shot[:3], 2))
     patch.setattr(module, "ProcessPoolExecutor", ThreadPoolExecutor)
 
 
-def committed_results(patch: pytest.MonkeyPatch, module: Any) -> None:
-    committed = json.loads(module.OUTPUT.read_text())
-    patch.setattr(module, "measure", lambda *_: committed)
-
-
-def without_nodes(patch: pytest.MonkeyPatch, module: Any) -> None:
-    committed, config = json.loads(module.OUTPUT.read_text()), module.load(module.RECIPE)
-    small = dataclasses.replace(config, n_envs=16, ppo=dataclasses.replace(config.ppo, n_steps=2, batch_size=16))
-    patch.setattr(module, "load", lambda path: small)
-    patch.setattr("cluster.two_nodes", contextlib.nullcontext)
-    patch.setattr(module, "own_runner", lambda repeats: committed["own_runner"])
-    patch.setattr(module, "two_runners", lambda changed, repeats: committed["nodes"]["pots"])
-    patch.setattr(module, "learning", lambda changed, folder: committed["learning"])
-
-
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None] | None]] = {
-    "benchmarks.ablation": ("--repeats 1 --scale 1e-6 --output {0}/ablation.json", one_saving),
-    "benchmarks.contact_rule": ("--shots 1 --output {0}/contact_rule.json", None),
-    "benchmarks.real_timestep": ("--shots 100 --output {0}/real_timestep.json", None),
-    "benchmarks.rendering": ("--repeats 1 --output {0}/rendering.json", short_films),
     "benchmarks.start_up": ("--repeats 1 --compilations 1 --output {0}/start_up.json", without_compiling),
-    "benchmarks.stress": ("--scale 1e-9 --workers 1", few_collisions),
+    "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
     "benchmarks.validation": ("--output {0}/validation.json --folder {0}", None),
-    "studies.cluster_speed": ("--repeats 1 --runs {0} --output {0}/cluster_speed.json", without_nodes),
-    "studies.english": ("--output {0}/english.json", committed_results),
 }
 """The other commands: their arguments, in which {0} is a folder, and a function that makes their work smaller."""
 

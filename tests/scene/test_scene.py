@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env.checks import short
 from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Physics, Scene, check_positions
 from billiards_env.scene.table import Pocket, Table, six_pockets
 
@@ -239,7 +240,7 @@ def test_physics_rejects_numbers_that_are_not_finite(name, value):
 
 @pytest.mark.parametrize("value", [True, "1", [1.0], np.bool_(True)])
 def test_physics_rejects_values_that_are_not_numbers(value):
-    with rejected(f"physics.e_ball = {value!r}: expected a number, not {type(value).__name__}", TypeError):
+    with rejected(f"physics.e_ball = {short(value)}: expected a number, not {type(value).__name__}", TypeError):
         Physics(e_ball=value)
 
 

@@ -12,7 +12,7 @@ from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Scene, check_positio
 from billiards_env.scene.outline import Corner, clearance, pieces, polygon
 from billiards_env.scene.table import TABLES, Jaws, Pocket, Table, pool_table
 
-DATA = Path(__file__).parent / "data"
+DATA = Path(__file__).parents[1] / "data"
 JAWS = [name for name in TABLES if Table.named(name).outline]
 SQUARE = ((-1.0, -0.5), (1.0, -0.5), (1.0, 0.5), (-1.0, 0.5))
 HEXAGON = ((-1.0, 0.0), (-0.5, -0.75), (0.5, -0.75), (1.0, 0.0), (0.5, 0.75), (-0.5, 0.75))

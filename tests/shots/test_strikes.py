@@ -17,7 +17,7 @@ from billiards_env.shots.strikes import strike_derivative
 
 POOL = Scene.named("pool")
 R = POOL.balls.radius[0]
-SHOTS = json.loads((Path(__file__).parent / "data" / "pooltool_real_shots.json").read_text())["shots"]
+SHOTS = json.loads((Path(__file__).parents[1] / "data" / "pooltool_real_shots.json").read_text())["shots"]
 SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}
 
 
