@@ -30,7 +30,7 @@ play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARG
 test: lint  ## lint, type check, then run the fast tests and the doctests
 	$(BIN)/pytest -n 2 -q
 
-pythons:  ## test the physics, the engine and the environments on each installed Python from 3.10 to 3.13
+pythons:  ## test the core (shots, batches, the environment, commands) on each installed Python from 3.10 to 3.13
 	@for v in $(PYTHONS); do \
 	    if ! python$$v -c '' 2>/dev/null; then ran="$$ran\n$$v is not installed"; continue; fi; \
 	    make --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
