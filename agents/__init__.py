@@ -25,4 +25,4 @@ def require(extra: str, packages: Sequence[str]) -> None:
                 sys.exit(f"error: {missing(package, extra)}")
 
 
-require("train", ("yaml", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))
+require("train", ("yaml", "pydantic", "rich", "stable_baselines3", "tensorboard", "torch", "tqdm", "filelock"))

@@ -109,7 +109,7 @@ def without_times(result):
 @pytest.mark.usefixtures("printed")
 def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
     found = (tmp_path / "runs" / "recipes.json").read_text()
-    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
+    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("seed*/policy.pt")}
     missing = tmp_path / "runs" / "one" / "seed4" / "policy.pt"
     missing.unlink()
     (tmp_path / "runs" / "recipes.json").unlink()
