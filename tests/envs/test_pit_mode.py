@@ -26,7 +26,8 @@ def name(kwargs):
     return ",".join(map(str, kwargs.values()))[:60]
 
 
-variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=name)
+SCENES = {kwargs["scene"]: kwargs for kwargs in VARIANTS if isinstance(kwargs.get("scene"), str)}
+scenes = pytest.mark.parametrize("kwargs", SCENES.values(), ids=name)
 few = pytest.mark.parametrize("kwargs", FEW, ids=name)
 fixes = pytest.mark.parametrize("fix", FIXES)
 
@@ -54,7 +55,7 @@ def episode(env, seed):
     return log, info
 
 
-@variants
+@scenes
 def test_environment_checkers_pass(kwargs):
     check(**kwargs)
 

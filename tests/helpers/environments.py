@@ -6,7 +6,9 @@ from billiards_env.envs.tasks import RUN_OUTS, TASKS
 from billiards_env.scene import SCENES, Scene
 from billiards_env.scene.layouts import LAYOUTS
 
-# All valid pairs of a scene and a task, but "position" and "clear" in two scenes only. The run-outs are separate.
+LONG = {"max_shots": 3, "observe_shots_left": True}
+# All valid pairs of a scene and a task, but "position" and "clear" in two scenes only, in turn with one shot and with
+# three. The run-outs are separate.
 FITTING = [
     (s, t)
     for s in SCENES
@@ -20,8 +22,7 @@ FITTING = [
 RACKS = [{"task": task, "n_object_balls": n, "layout": task, "max_shots": 3} for task, n in RUN_OUTS.items()]
 FREE_LAYOUTS = [name for name in LAYOUTS if name not in ("snookered", "snooker", *RUN_OUTS)]
 VARIANTS = [
-    *({"scene": scene, "task": task} for scene, task in FITTING),
-    *({"scene": scene, "task": task, "max_shots": 3, "observe_shots_left": True} for scene, task in FITTING),
+    *({"scene": s, "task": t, **(LONG if k % 2 else {})} for k, (s, t) in enumerate(FITTING)),
     *({"layout": layout} for layout in (*FREE_LAYOUTS, None)),
     *RACKS,
     {**RACKS[0], "layout": "random", "observe_shots_left": True},
