@@ -266,8 +266,11 @@ def sequence(name: str, values: Any) -> tuple[Any, ...]:
     return tuple(values)
 
 
-def fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
-    """Returns `data` as keyword arguments of the dataclass `kind`; raises if a key is unknown or missing."""
+def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[str, Any]:
+    """Returns `data` as keyword arguments of the dataclass `kind`.
+
+    Raises an error if a key is unknown or missing; with `complete` a key with a default may not be missing either.
+    """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name} = {short(data)}: expected a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
@@ -276,6 +279,11 @@ def fields_of(kind: type, name: str, data: Any) -> dict[str, Any]:
     for key, field in fields.items():
         if key not in data and field.default is dataclasses.MISSING:
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
+        if key not in data and complete:
+            raise ValueError(
+                f"{name}.{key} is missing: expected all values in a whole scene; changes of a named scene need the key "
+                '"base", such as {"base": "pool", "physics": {"mu_roll": 0.012}}'
+            )
     return dict(data)
 
 

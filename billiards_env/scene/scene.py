@@ -366,8 +366,10 @@ class Scene:
 
         Args:
             data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
-                `Table`, `Physics` and `Cue`. Fields with a default are optional. An infinite mass may be written "inf".
-                The table may be a name of `Table.named`.
+                `Table`, `Physics` and `Cue`. An infinite mass may be written "inf". The table may be a name of
+                `Table.named`. With the key "base" the mapping lists the changes of a named scene, and "n_object_balls"
+                is its number of object balls. Without a base, a field that is left out has its default; if the mapping
+                has all four fields of `Scene`, no field may be left out.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
@@ -379,20 +381,29 @@ class Scene:
         Example:
             >>> Scene.from_dict({"balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}).balls.mass
             (0.2, inf)
+            >>> Scene.from_dict({"base": "real_pool", "physics": {"mu_roll": 0.012}}).physics.ball_ball
+            'frictional'
         """
-        fields = dict(fields_of(Scene, "scene", data))
+        if isinstance(data, Mapping) and "base" in data:
+            data = _changed_base(data)
+        fields = fields_of(Scene, "scene", data)
+        whole_scene = len(fields) == len(dataclasses.fields(Scene))
+
+        def parts(kind: type, name: str) -> dict[str, Any]:
+            return fields_of(kind, f"scene.{name}", fields[name], complete=whole_scene)
+
         if "table" in fields:
             table = fields["table"]
-            named = isinstance(table, str)
-            fields["table"] = Table.named(table) if named else Table.from_dict(table, "scene.table")
-        balls = fields_of(Balls, "scene.balls", fields["balls"])
+            fields["table"] = (
+                Table.named(table) if isinstance(table, str) else Table.from_dict(parts(Table, "table"), "scene.table")
+            )
+        balls = parts(Balls, "balls")
         for name in ("radius", "mass"):
             balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
         fields["balls"] = Balls(**balls)
-        if "physics" in fields:
-            fields["physics"] = Physics(**fields_of(Physics, "scene.physics", fields["physics"]))
-        if "cue" in fields:
-            fields["cue"] = Cue(**fields_of(Cue, "scene.cue", fields["cue"]))
+        for name, kind in (("physics", Physics), ("cue", Cue)):
+            if name in fields:
+                fields[name] = kind(**parts(kind, name))
         return cls(**fields)
 
     def to_dict(self) -> dict[str, Any]:
@@ -408,6 +419,18 @@ class Scene:
         for name in ("radius", "mass"):
             data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
         return data
+
+
+def _changed_base(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the data of the named scene `changes["base"]`, with the other changes; see `Scene.from_dict`."""
+    data = Scene.named(changes["base"], changes.get("n_object_balls")).to_dict()
+    for key, value in changes.items():
+        if key in ("base", "n_object_balls"):
+            continue
+        choose("key of scene", key, tuple(data))
+        both = isinstance(value, Mapping) and isinstance(data[key], Mapping)
+        data[key] = {**data[key], **value} if both else value
+    return data
 
 
 def _room(table: Table, radius: float) -> tuple[float, float] | None:

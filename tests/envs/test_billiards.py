@@ -583,7 +583,7 @@ def test_bad_goals_raise_and_the_episode_continues(options, message):
         ({"task": "pott"}, ValueError, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
         ({"scene": "carom"}, ValueError, "task = 'pot' with a scene without pockets: expected"),
         (
-            {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}},
+            {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}},
             ValueError,
             "task = 'pot' with object balls of infinite mass only: expected one of finite mass",
         ),

@@ -16,7 +16,6 @@ from gymnasium.wrappers import vector as wrappers
 
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.envs.wrappers import VectorExecutionNoise
-from billiards_env.scene import Scene
 from tests.helpers.environments import FITTING, FREE_LAYOUTS, LONG, RACKS
 
 MODES = tuple(AutoresetMode)
@@ -38,7 +37,7 @@ VARIANTS = [
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
     {"mode": "pit", "dt": 1 / 60, "max_shots": 2, "n_object_balls": 2},
     {"mode": "pit", "dt": 0.01, "fix": "move_back", "scene": "carom", "task": "carom"},
-    {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
+    {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
 ]
 variants = pytest.mark.parametrize(
     ("kwargs", "mode"),

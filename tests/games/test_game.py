@@ -135,9 +135,7 @@ def test_a_game_on_a_table_with_jaws():
         (
             {
                 "rules": "straight",
-                "scene": Scene.from_dict(
-                    {**Scene.named("pool").to_dict(), "balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}
-                ),
+                "scene": Scene.from_dict({"base": "pool", "balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}}),
             },
             "infinite mass",
         ),

@@ -275,7 +275,7 @@ SHOT_FAULTS = [
     ("scene.balls.mass", [10**400, 0.1], r"balls.mass\[0\] = 1000.*: expected a number from"),
     (
         "scene.balls",
-        {"radius": [0.03] * 2000, "mass": [0.1] * 2000},
+        {"radius": [0.03] * 2000, "mass": [0.1] * 2000, "colours": "pool", "shape": "disk"},
         "number of balls = 2000: expected a whole number from 1 to 1000",
     ),
     ("scene.physics.motion", "glide", "physics.motion = 'glide'"),

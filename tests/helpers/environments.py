@@ -29,9 +29,9 @@ VARIANTS = [
     {"layout": "snooker", "scene": "snooker"},
     {"layout": "snookered", "scene": "blocked_pool"},
     {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
-    {"scene": {**Scene.named("pool").to_dict(), "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
+    {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
     {
-        "scene": {**Scene.named("ideal").to_dict(), "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}},
+        "scene": {"base": "ideal", "balls": {"radius": [0.02, 0.1], "mass": [0.1, "inf"]}},
         "task": "carom",
     },
     {"task": "place", "n_object_balls": 0, "max_shots": 3},

@@ -444,3 +444,39 @@ def test_a_scene_prints_its_table_balls_and_physics():
         "  physics: sliding motion, han2005 cushions, mu_slide 0.2, mu_roll 0.01, e_ball 0.95, e_cushion 0.85",
     ]
     assert repr(Scene.named("ideal")).endswith("ideal motion, restitution cushions, e_ball 1, e_cushion 1, max_time 10")
+
+
+def test_a_mapping_with_a_base_lists_the_changes_of_a_named_scene():
+    base = Scene.named("real_pool", 9)
+    changes = {"base": "real_pool", "n_object_balls": 9, "physics": {"mu_roll": 0.012}}
+    assert Scene.from_dict(changes) == dataclasses.replace(
+        base, physics=dataclasses.replace(base.physics, mu_roll=0.012)
+    )
+    assert Scene.from_dict({"base": "real_pool", "n_object_balls": 9}) == base
+    assert Scene.from_dict({"base": "pool", "table": "pool_7ft"}).table == Table.named("pool_7ft")
+    heavy = Scene.from_dict({"base": "pool", "balls": {"mass": [0.1, 0.2]}})
+    assert (heavy.balls.mass, heavy.balls.radius) == ((0.1, 0.2), Scene.named("pool").balls.radius)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"base": "pol"}, "scene = 'pol': expected one of"),
+        ({"base": "pool", "n_object_balls": 99}, "n_object_balls = 99: expected"),
+        ({"base": "pool", "physic": {}}, "key of scene = 'physic': expected one of"),
+        ({"base": "pool", "physics": {"mu_rol": 0.1}}, "key of scene.physics = 'mu_rol': expected one of"),
+        ({"n_object_balls": 3}, "key of scene = 'n_object_balls': expected one of"),
+    ],
+)
+def test_wrong_changes_of_a_named_scene_are_rejected(changes, message):
+    with rejected(message):
+        Scene.from_dict(changes)
+
+
+@pytest.mark.parametrize("part", ["balls", "table", "physics", "cue"])
+def test_a_whole_scene_may_not_leave_out_a_value(part):
+    data = Scene.named("real_pool").to_dict()
+    *_, last = data[part]
+    del data[part][last]
+    with rejected(f"scene.{part}.{last} is missing: expected all values in a whole scene"):
+        Scene.from_dict(data)
