@@ -1,20 +1,18 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
 Compiled functions call functions with `kernel`, `inlined` or `allocating`. Python calls functions with `entry_point` or
-`allocating_entry_point`. This module and `physics.compiler` use parts of numba that its documentation does not
-cover, such as `_nrt`, `forceinline` and the dispatcher, so `pyproject.toml` has an upper bound on its version.
+`allocating_entry_point`. This module and `jit.compiler` use undocumented parts of numba, such as `_nrt` and the
+dispatcher, so `pyproject.toml` has an upper bound on its version.
 """
 
 from __future__ import annotations
 
 import contextlib
-import gc
 import hashlib
 import os
 import re
 import sys
 import tempfile
-import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,36 +27,27 @@ from billiards_env.jit.compiler import Kernel, ShortCompiler
 F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(rb"^from (billiards_env[\w.]*) import", re.MULTILINE)
+_IMPORT = re.compile(r"^from billiards_env\.([\w.]+) import", re.MULTILINE)
 
 
 def kernel_sources() -> list[Path]:
     """Returns the files of the package that import `billiards_env.jit`, and all files that they import."""
     imports: dict[Path, set[Path]] = {}
-    for path in sorted(_PACKAGE.rglob("*.py")):
-        names = (name.decode().split(".")[1:] for name in _IMPORT.findall(path.read_bytes()))
-        imports[path] = {_file(_PACKAGE.joinpath(*name)) for name in names if name}
-    found = [path for path in imports if _file(_PACKAGE / "jit") in imports[path]]
+    for path in _PACKAGE.rglob("*.py"):
+        modules = [_PACKAGE.joinpath(*name.split(".")) for name in _IMPORT.findall(path.read_text(encoding="utf-8"))]
+        imports[path] = {m / "__init__.py" if m.is_dir() else m.with_suffix(".py") for m in modules}
+    found = [path for path in imports if _PACKAGE / "jit" / "__init__.py" in imports[path]]
     for path in found:
-        found += sorted(other for other in imports[path] if other in imports and other not in found)
+        found += [other for other in imports[path] if other in imports and other not in found]
     return sorted(found)
-
-
-def _file(module: Path) -> Path:
-    """Returns the file of a module or a package."""
-    return module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
 
 
 def source_hash() -> str:
     """Returns a hash of the source of all kernels and of the constants that they import.
 
-    Numba's cache checks only the file of the function that it stores, not those of the functions that it calls. A cache
-    folder with this name holds no outdated code.
+    Numba's cache checks only the file of the function that it stores, not those of the functions that it calls.
     """
-    digest = hashlib.sha256()
-    for path in kernel_sources():
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in kernel_sources())).hexdigest()[:16]
 
 
 def _writable(folder: Path) -> bool:
@@ -81,146 +70,38 @@ def cache_folder() -> Path | None:
     folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
     name = f"kernels-{source_hash()}"
     found = next((folder / name for folder in folders if _writable(folder / name)), None)
-    if found is None:
-        warnings.warn(
-            "billiards_env finds no writable folder for compiled code (set NUMBA_CACHE_DIR to one): "
-            "every process compiles again",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-    elif chosen and found.parent != Path(chosen):
-        warnings.warn(
-            f"NUMBA_CACHE_DIR = {chosen!r}: expected a folder that can be written; billiards_env writes its compiled "
-            f"code to {found}",
-            RuntimeWarning,
-            stacklevel=2,
-        )
+    if found is None or (chosen and found.parent != Path(chosen)):
+        so = f"billiards_env writes its compiled code to {found}" if found else "every process compiles billiards_env"
+        message = f"NUMBA_CACHE_DIR = {chosen!r}: expected a folder that can be written; {so}"
+        warnings.warn(message, RuntimeWarning, stacklevel=2)
     return found
 
 
 _FOLDER = cache_folder()
 _config: Any = _numba_config  # numba defines its attributes at run time
 
-# Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
-# `error_model="numpy"` a division by zero is infinite and does not raise an exception.
-# Numba would inherit `forceinline` from the caller that is compiled first.
-_OPTIONS = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "forceinline": False}
-
-
-def _make_kernel(function: F, **options: Any) -> F:
-    if _config.DISABLE_JIT:
-        return function
-    made: Any = Kernel(function, targetoptions={**_OPTIONS, **options})
-    return made
-
-
-def kernel(function: F) -> F:
-    """Compiles a function that other compiled functions call.
-
-    It cannot create arrays, because it does not use numba's run time (`_nrt`), which counts references to arrays. The
-    counting would take most of the time of an event.
-    """
-    return _make_kernel(function, _nrt=False)
-
-
-def inlined(function: F) -> F:
-    """Compiles a `kernel` that is inlined in the machine code of its callers.
-
-    This is for small functions, and for large functions with one caller, because each call has its own copy. A call
-    that is not inlined passes every array as seven words or more, which can take longer than a small function.
-
-    LLVM optimises a `kernel` alone, and again in each function that calls it directly or indirectly. It optimises an
-    inlined function only as a part of its callers.
-    """
-    return _make_kernel(function, _nrt=False, forceinline=True)
-
-
-def allocating(function: F) -> F:
-    """Compiles a function that other compiled functions call and that may create arrays."""
-    return _make_kernel(function)
-
-
-LONG = 1.0
-"""s. A compilation that takes longer prints a message."""
-_announced = False
-
-
-def _announce() -> None:
-    """Prints one line to stderr, at most once in a process."""
-    global _announced
-    if not _announced:
-        _announced = True
-        again = "kept for later runs" if _FOLDER else "again in every process"
-        clear = "\r\x1b[K" if sys.stderr.isatty() else ""  # the line may hold a progress bar
-        print(f"{clear}billiards_env: compiling, up to a minute, {again} ...", file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def _announced_if_long() -> Iterator[None]:
-    """Prints a message if the block takes longer than `LONG`."""
-    timer = threading.Timer(LONG, _announce)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
-
-
-@contextlib.contextmanager
-def _rare_collections() -> Iterator[None]:
-    """Raises the thresholds of the garbage collector. A compilation creates many objects that stay."""
-    before = gc.get_threshold()
-    if before[0] > 0:  # 0 switches the collector off
-        gc.set_threshold(100_000, 50, 100)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
-
-
-class _EntryCompiler(ShortCompiler):
-    """The compiler of functions that Python calls. It runs only for functions that are not in the cache."""
-
-    def compile_extra(self, func: Any) -> Any:
-        """Compiles a function and all functions that it calls. The caller holds numba's lock."""
-        with _announced_if_long(), _rare_collections():
-            return super().compile_extra(func)
-
 
 class _Cache(_FunctionCache):
-    """The files with the machine code of a function.
+    """The files with the machine code of a function. They save all later processes the first compile, 18 s."""
 
-    A damaged file is discarded, and code that cannot be written is not kept, both with a line on stderr.
-    """
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Returns the machine code for a signature, or None if there is none."""
+    @contextlib.contextmanager
+    def _guard_against_spurious_io_errors(self) -> Iterator[None]:
+        """Discards files that are damaged or that cannot be written, with a line on stderr."""
         try:
-            return super().load_overload(sig, target_context)
+            with super()._guard_against_spurious_io_errors():
+                yield
         except Exception as error:  # unpickling half a file may raise any exception
-            self._print("discards a damaged cache file", error)
+            code = f"the compiled code of {self._py_func.__qualname__} in {self.cache_path}"
+            print(f"billiards_env: discards {code} ({error!r})", file=sys.stderr)
             with contextlib.suppress(OSError):
                 self.flush()
-            return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Writes the machine code for a signature."""
-        try:
-            super().save_overload(sig, data)
-        except OSError as error:  # such as a full disk
-            self._print("cannot keep compiled code", error)
-
-    def _print(self, what: str, error: Exception) -> None:
-        function = f"{self._py_func.__module__}.{self._py_func.__qualname__}"
-        print(f"billiards_env: {what}: {function} in {self.cache_path} ({error!r})", file=sys.stderr)
 
 
 class EntryPoint(CPUDispatcher):
     """A function that Python calls. It has a `_Cache` if there is a folder for it."""
 
-    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
-        super().__init__(py_func, locals, targetoptions or {}, _EntryCompiler)
+    def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
+        super().__init__(py_func, locals, targetoptions, ShortCompiler)
         if _FOLDER is not None:
             # Numba reads the folder when it creates the cache. Other packages keep their own folder.
             before = _config.CACHE_DIR
@@ -231,22 +112,42 @@ class EntryPoint(CPUDispatcher):
                 _config.CACHE_DIR = before
 
 
-def _make_entry_point(function: F, **options: Any) -> F:
-    if _config.DISABLE_JIT:
-        return function
-    made: Any = EntryPoint(function, targetoptions={**_OPTIONS, **options})
-    return made
+def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:
+    # Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
+    # `error_model="numpy"` a division by zero is infinite and does not raise an exception.
+    # Numba would inherit `forceinline` from the caller that is compiled first.
+    fixed = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "forceinline": False}
+    compiled: Any = function if _config.DISABLE_JIT else dispatcher(function, None, {**fixed, **options})
+    return compiled
+
+
+def kernel(function: F) -> F:
+    """Compiles a function that other compiled functions call. It cannot create arrays.
+
+    It does not count references to arrays, because it does not use numba's run time (`_nrt`). With the counting, a shot
+    takes 2.5 to 8.5 times as long.
+    """
+    return _compiled(Kernel, function, _nrt=False)
+
+
+def inlined(function: F) -> F:
+    """Compiles a `kernel` that is inlined in its callers. Without inlining a shot takes 1.3 to 2.2 times as long.
+
+    This is for small functions, and for large functions with one caller, because each call has its own copy.
+    """
+    return _compiled(Kernel, function, _nrt=False, forceinline=True)
+
+
+def allocating(function: F) -> F:
+    """Compiles a function that other compiled functions call and that may create arrays."""
+    return _compiled(Kernel, function)
 
 
 def entry_point(function: F) -> F:
-    """Compiles a function that Python calls, and keeps its machine code on disk.
-
-    The function cannot create or return arrays, because it does not use numba's run time (`_nrt`). It writes its
-    results to arrays that it is given.
-    """
-    return _make_entry_point(function, _nrt=False)
+    """Compiles a function that Python calls, and keeps its machine code on disk. It cannot create or return arrays."""
+    return _compiled(EntryPoint, function, _nrt=False)
 
 
 def allocating_entry_point(function: F) -> F:
     """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
-    return _make_entry_point(function)
+    return _compiled(EntryPoint, function)
