@@ -35,7 +35,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	    if ! python$$v -c '' 2>/dev/null; then ran="$$ran\n$$v is not installed"; continue; fi; \
 	    make --no-print-directory .venv-$$v/.installed && .venv-$$v/bin/pytest -n 2 -q $(CORE) \
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
-	done; printf "$(CORE):$$ran\n"; [ -z "$$failed" ]
+	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict

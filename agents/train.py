@@ -194,15 +194,16 @@ def _train(config: Config, run_dir: Path) -> None:
         # A first shot compiles the engine, so that its notices appear before the progress bar.
         envs.reset()
         envs.step(np.zeros((config.n_envs, *(envs.action_space.shape or ()))))
-        with tqdm(
+        bar = tqdm(
             total=max(total, model.num_timesteps),
             disable=not total,
             initial=model.num_timesteps,
             unit_scale=True,
             bar_format=BAR,
             ncols=shutil.get_terminal_size().columns,  # 80 if the terminal has no width; tqdm then shows no bar
-        ) as bar:
-            callback = _Callback(LearningCurve(config, run_dir, model.num_timesteps), bar)
+        )
+        with bar, closing(LearningCurve(config, run_dir, model.num_timesteps)) as curve:
+            callback = _Callback(curve, bar)
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
             callback.measure()
@@ -313,6 +314,10 @@ class LearningCurve:
             csv.writer(text, lineterminator="\n").writerows([Point._fields, *self.points])
             write_whole(self.run_dir / "training.csv", text.getvalue().encode())
         self._clock = time.perf_counter()
+
+    def close(self) -> None:
+        """Closes the environments of the measurements."""
+        self._envs.close()
 
     def rates(self, successes: Collection[bool]) -> dict[str, str]:
         """Returns two rates of success for the progress bar: of the last episodes, and of the last point."""

@@ -12,6 +12,7 @@ import os
 import shutil
 from collections import deque
 from collections.abc import Callable, Collection
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -63,11 +64,12 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[
     elif config.start_from is not None:
         start_from(policy, config.start_from)
         algorithm.set_policy(policy)
-    curve, successes = LearningCurve(config, run_dir, algorithm.steps), deque[bool](maxlen=1000)
+    successes = deque[bool](maxlen=1000)
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
     every = config.checkpoint_every
     width = shutil.get_terminal_size().columns
-    with tqdm(total=config.timesteps, initial=algorithm.steps, unit_scale=True, bar_format=BAR, ncols=width) as bar:
+    bar = tqdm(total=config.timesteps, initial=algorithm.steps, unit_scale=True, bar_format=BAR, ncols=width)
+    with bar, closing(LearningCurve(config, run_dir, algorithm.steps)) as curve:
         while True:
             steps = algorithm.steps
             done = steps >= config.timesteps
