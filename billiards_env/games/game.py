@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -209,41 +209,6 @@ def opening_state(setup: Setup) -> RuleState:
     )
 
 
-def _shuffled(balls: Iterable[int], rng: np.random.Generator) -> list[int]:
-    """Shuffles by Fisher and Yates, with `Generator.random`, which is the same in all versions of numpy."""
-    rest, drawn = list(balls), []
-    while rest:
-        drawn.append(rest.pop(int(rng.random() * len(rest))))
-    return drawn
-
-
-def rack_order(rules: str, n_object_balls: int, rng: np.random.Generator) -> list[int]:
-    """Draws the order of the balls in the rack.
-
-    Nine ball has the 1 at the apex and the 9 in the middle (WPA 2.2). Eight ball has the 8 in the middle of the third
-    row and one ball of each group at the rear corners (WPA 3.2). The order of the other balls is random. Other games
-    order the balls by number.
-
-    Args:
-        rules: One of `RULES`.
-        n_object_balls: Number of object balls.
-        rng: The generator to draw from.
-
-    Returns:
-        The numbers of the balls, row by row from the apex, as in the layout "rack".
-    """
-    if rules == "nine_ball":
-        a, b, c, *rest = _shuffled(range(2, 9), rng)
-        return [1, a, b, c, 9, *rest]
-    if rules == "eight_ball":
-        solid, *solids = _shuffled(range(1, 8), rng)
-        stripe, *stripes = _shuffled(range(9, 16), rng)
-        left, right = _shuffled((solid, stripe), rng)
-        rest = _shuffled((*solids, *stripes), rng)
-        return [*rest[:4], 8, *rest[4:9], left, *rest[9:], right]
-    return list(range(1, n_object_balls + 1))
-
-
 def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -> GameState:
     """Returns the state before the first shot.
 
@@ -270,15 +235,8 @@ def opening(setup: Setup, rng: np.random.Generator, layout: str | None = None) -
         raise ValueError(
             f"layout = {short(layout)} with rules {setup.rules!r}: expected one of {', '.join(map(repr, names))}"
         )
-    drawn = layouts.draw(layout, setup.scene, rng)
-    state = opening_state(setup)
-    if layout == "random":
-        return GameState(drawn, state._replace(break_shot=False, in_hand="no"))
-    positions = drawn.copy()
-    if layout in ("rack", "tight_rack"):
-        for row, ball in enumerate(rack_order(setup.rules, setup.scene.n_balls - 1, rng), start=1):
-            positions[ball] = drawn[row]
-    return GameState(positions, state)
+    positions, state = layouts.draw(layout, setup.scene, rng, setup.rules), opening_state(setup)
+    return GameState(positions, state._replace(break_shot=False, in_hand="no") if layout == "random" else state)
 
 
 def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] | None = None) -> GameState:

@@ -77,16 +77,20 @@ _STARTING_SPOT = 0.1825 / 1.42
 _BLACK_SPOT, _PINK_GAP = 0.324 / 3.569, 5e-4
 
 LAYOUTS = ("random", "rack", "tight_rack", "nine_ball", "eight_ball", "carom_opening", "line", "snookered", "snooker")
-_NINE_BALL, _EIGHT_BALL = LAYOUTS.index("nine_ball"), LAYOUTS.index("eight_ball")
+
+RACKS = {"nine_ball": 9, "eight_ball": 15}
+"""The games with rules for the order of the balls in a rack, and their numbers of object balls."""
+_NINE_BALL, _EIGHT_BALL = range(len(RACKS))
 
 
-def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
+def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> Floats:
     """Draws a layout.
 
     Args:
         name: One of `LAYOUTS`.
         scene: The scene.
         rng: The generator to draw from.
+        game: As in `plan`.
 
     Returns:
         (n, 2) positions, m.
@@ -102,7 +106,7 @@ def draw(name: str, scene: Scene, rng: np.random.Generator) -> Floats:
         >>> bool((blocker == (cue + target) / 2).all())
         True
     """
-    return draw_one(plan(name, scene), rng)
+    return draw_one(plan(name, scene, game), rng)
 
 
 class Plan(NamedTuple):
@@ -110,6 +114,7 @@ class Plan(NamedTuple):
 
     Attributes:
         layout: Index in `LAYOUTS`.
+        rack: Index of the game in `RACKS` whose order the balls of a rack have, -1 for the order of their numbers.
         spots: (n, 2) float64, m: the spots of the balls that have one, before the displacement.
         displacement: m; the largest displacement of these balls along x and along y.
         order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
@@ -124,6 +129,7 @@ class Plan(NamedTuple):
     """
 
     layout: int
+    rack: int
     spots: Floats
     displacement: float
     order: NDArray[np.int64]
@@ -136,12 +142,13 @@ class Plan(NamedTuple):
     d: tuple[float, float]
 
 
-def plan(name: str, scene: Scene) -> Plan:
+def plan(name: str, scene: Scene, game: str = "") -> Plan:
     """Returns the plan of a layout.
 
     Args:
         name: One of `LAYOUTS`.
         scene: The scene.
+        game: The layouts "rack" and "tight_rack" have the order of this game if it is one of `RACKS`.
 
     Returns:
         The plan. Its arrays are shared and must not be changed.
@@ -151,17 +158,18 @@ def plan(name: str, scene: Scene) -> Plan:
     """
     choose("layout", name, LAYOUTS)
     check_scene(scene)
-    return _make_plan(name, scene)
+    ordered = name if name in RACKS else game if name in ("rack", "tight_rack") and game in RACKS else ""
+    return _make_plan(name, scene, ordered)
 
 
 @functools.lru_cache(maxsize=256)
-def _make_plan(name: str, scene: Scene) -> Plan:
+def _make_plan(name: str, scene: Scene, game: str) -> Plan:
     n = scene.n_balls
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
         return _plan(name, scene, largest_first, np.zeros((n, 2)))
     if name in ("rack", "tight_rack", "nine_ball", "eight_ball"):
-        return _rack_plan(name, scene)
+        return _rack_plan(name, scene, game)
     if name == "snookered":
         return _snookered_plan(name, scene)
     if name == "snooker":
@@ -323,9 +331,9 @@ def fill_tables(plan, begin, end, mask, table_streams, positions):
             if displacement > 0.0:
                 drawn[i, 0] += (2 * streams.next_double(stream) - 1) * displacement
                 drawn[i, 1] += (2 * streams.next_double(stream) - 1) * displacement
-        if plan.layout == _NINE_BALL:
+        if plan.rack == _NINE_BALL:
             shuffle(2, 8, (1, 9), stream, drawn)
-        elif plan.layout == _EIGHT_BALL:
+        elif plan.rack == _EIGHT_BALL:
             shuffle_eight_ball(stream, drawn)
         for k in range(plan.n_spots, len(order)):
             if not draw_ball(plan, order[k], k, stream, drawn):
@@ -377,6 +385,7 @@ def _plan(
     drawn: Sequence[int],
     spots: Floats,
     *,
+    rack: int = -1,
     displacement: float = 0.0,
     x_most: float = math.inf,
     d_radius: float = math.inf,
@@ -406,7 +415,8 @@ def _plan(
     if not scene.table.is_rectangular:
         lines, tips = pieces(scene.table.outline)
         outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
-    return Plan(LAYOUTS.index(name), spots, displacement, order, n_spots, midway, limits, radius, pockets, outline, d)
+    layout = LAYOUTS.index(name)
+    return Plan(layout, rack, spots, displacement, order, n_spots, midway, limits, radius, pockets, outline, d)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:
@@ -418,13 +428,12 @@ def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, ba
         check_positions(scene, spots + corner, f"layout {name!r}", in_play)
 
 
-def _rack_plan(name: str, scene: Scene) -> Plan:
+def _rack_plan(name: str, scene: Scene, game: str) -> Plan:
     """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
     radius = scene.balls.radius
     count = scene.n_balls - 1
-    for game, balls in (("nine_ball", 9), ("eight_ball", 15)):
-        if name == game:
-            _expect_object_balls(scene, name, balls, balls)
+    if game:
+        _expect_object_balls(scene, name, RACKS[game], RACKS[game])
     if name != "tight_rack":
         low, high = RACK_GAP
         gap = (low + high) / 2
@@ -437,12 +446,13 @@ def _rack_plan(name: str, scene: Scene) -> Plan:
             raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
     spots = np.zeros((scene.n_balls, 2))
     spots[1:] = _rack(count, scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
-    if name == "nine_ball":
+    if game == "nine_ball":
         spots[[5, 9]] = spots[[9, 5]]
-    elif name == "eight_ball":
+    elif game == "eight_ball":
         spots[[5, 8]] = spots[[8, 5]]
         spots[[1, 11]] = spots[[11, 1]]
-    return _plan(name, scene, (0,), spots, displacement=displacement, x_most=scene.table.head_x)
+    rack = list(RACKS).index(game) if game else -1
+    return _plan(name, scene, (0,), spots, rack=rack, displacement=displacement, x_most=scene.table.head_x)
 
 
 def _rack(count: int, foot: float, pitch: float) -> Floats:
