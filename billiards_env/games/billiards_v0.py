@@ -73,8 +73,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `"three_cushion"` | 2 to 4 | 2 | `target` points |
 
     The rules follow the World Pool-Billiard Association, the World Professional Billiards and Snooker Association and
-    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `games.pool`, `games.snooker`
-    and `games.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    the Union Mondiale de Billard, with the simplifications listed in the docstrings of `rules.pool`, `rules.snooker`
+    and `rules.carom`. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
     continues is selected again.
 
     ## Action Space
@@ -103,7 +103,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
-    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `games.state.CALLS`. Without another choice the
+    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.state.CALLS`. Without another choice the
     shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
 
     ## Observation Space

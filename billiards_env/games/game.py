@@ -20,15 +20,8 @@ from billiards_env.games.facts import Facts, facts_of
 from billiards_env.games.placement import Point, cue_ball_point, rack_again
 from billiards_env.games.rules import RULES, Rules
 from billiards_env.games.snooker import is_miss, is_snookered
-from billiards_env.games.state import (
-    IN_HAND,
-    NO_CALL,
-    Call,
-    RuleState,
-    Verdict,
-    handed_back,
-    next_state,
-)
+from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict, handed_back, next_state
+from billiards_env.rules import IN_HAND
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot

@@ -1,23 +1,33 @@
 """The games by name: `RULES[name].judge(state, facts, call)` judges a shot.
 
-`facts.facts_of` computes the facts from the recorded events of a shot. A game's `judge` is a plain function that
-returns a `Verdict`, and `state.next_state(state, facts, verdict)` returns the state for the next shot. The modules
-`pool`, `snooker` and `carom` hold the rules, with their sources and simplifications.
+`facts.facts_of` computes the facts from the recorded events of a shot, `judge` returns a `Verdict`, and
+`state.next_state(state, facts, verdict)` returns the state for the next shot. The rules stand in `billiards_env.rules`,
+which judges arrays of shots.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.carom import carom, red_to_open, three_cushion
 from billiards_env.games.facts import CUE, Facts
 from billiards_env.games.placement import spot_at_foot, spot_colours
-from billiards_env.games.pool import any_ball, eight_ball, group_or_eight, lowest_ball, nine_ball, straight
-from billiards_env.games.snooker import balls_on, snooker
-from billiards_env.games.state import Call, RuleState, Verdict
+from billiards_env.games.state import (
+    NO_CALL,
+    Call,
+    RuleState,
+    Verdict,
+    balls_of,
+    call_array,
+    fact_array,
+    state_array,
+    verdict_of,
+)
+from billiards_env.rules import judge_shots, legal_balls
 from billiards_env.scene import Scene
 
 
@@ -25,8 +35,7 @@ class Rules(NamedTuple):
     """The rules of a game.
 
     Attributes:
-        judge: Function `(state, facts, call)` that returns the verdict.
-        legal: Function `(state, player)` that returns the balls that the player may touch first.
+        name: The name of the game.
         scene: The name of the usual scene.
         layouts: The opening layouts; the first is the default. "random" has no break.
         n_object_balls: The smallest and the largest number of object balls; the largest is the default.
@@ -40,8 +49,7 @@ class Rules(NamedTuple):
         pockets: Whether the table has pockets.
     """
 
-    judge: Callable[[RuleState, Facts, Call], Verdict]
-    legal: Callable[[RuleState, int], frozenset[int]]
+    name: str
     scene: str
     layouts: tuple[str, ...]
     n_object_balls: tuple[int, int]
@@ -54,31 +62,44 @@ class Rules(NamedTuple):
     spot: Callable[[Scene, NDArray[Any], Iterable[int], Iterable[int]], None] = spot_at_foot
     pockets: bool = True
 
+    def judge(self, state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
+        """Returns the verdict on a shot."""
+        verdicts = judge_shots(self.name, state_array([state]), fact_array([facts]), call_array([call], [facts]))
+        return verdict_of(verdicts[0], highest_first=self.spot is spot_colours)
 
-_RACKS, _CAROM_LAYOUTS = ("rack", "tight_rack", "random"), ("carom_opening", "random")
+    def legal(self, state: RuleState, player: int) -> frozenset[int]:
+        """Returns the balls that a player may touch first."""
+        return frozenset(balls_of(int(legal_balls(self.name, state_array([state]), np.array([player]))[0])))
 
 
-def _carom_rules(judge: Callable[[RuleState, Facts, Call], Verdict]) -> Rules:
-    return Rules(judge, red_to_open, "carom", _CAROM_LAYOUTS, (2, 2), cue_balls=(0, 2), target=10, pockets=False)
-
+_RACKS = ("rack", "tight_rack", "random")
+_carom = functools.partial(
+    Rules,
+    scene="carom",
+    layouts=("carom_opening", "random"),
+    n_object_balls=(2, 2),
+    cue_balls=(0, 2),
+    target=10,
+    pockets=False,
+)
 
 RULES: dict[str, Rules] = {
-    "straight": Rules(straight, any_ball, "pool", _RACKS, (1, 15), target=0, can_call=True, counts_fouls=True),
-    "eight_ball": Rules(eight_ball, group_or_eight, "pool", _RACKS, (15, 15), (2, 2), can_call=True),
-    "nine_ball": Rules(
-        nine_ball, lowest_ball, "pool", _RACKS, (9, 9), choices=("push_out", "hand_back"), counts_fouls=True
-    ),
-    "snooker": Rules(
-        snooker,
-        balls_on,
-        "snooker",
-        ("snooker", "random"),
-        (6, 21),
-        (2, 2),
-        target=0,
-        choices=("hand_back", "replace"),
-        spot=spot_colours,
-    ),
-    "carom": _carom_rules(carom),
-    "three_cushion": _carom_rules(three_cushion),
+    rules.name: rules
+    for rules in (
+        Rules("straight", "pool", _RACKS, (1, 15), target=0, can_call=True, counts_fouls=True),
+        Rules("eight_ball", "pool", _RACKS, (15, 15), (2, 2), can_call=True),
+        Rules("nine_ball", "pool", _RACKS, (9, 9), choices=("push_out", "hand_back"), counts_fouls=True),
+        Rules(
+            "snooker",
+            "snooker",
+            ("snooker", "random"),
+            (6, 21),
+            (2, 2),
+            target=0,
+            choices=("hand_back", "replace"),
+            spot=spot_colours,
+        ),
+        _carom("carom"),
+        _carom("three_cushion"),
+    )
 }

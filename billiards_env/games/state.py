@@ -1,31 +1,20 @@
-"""The state of the rules between two shots, the call of a player, and the verdict on a shot."""
+"""The state of the rules between two shots, the call of a player, and the verdict on a shot.
+
+The functions at the end convert them to and from the arrays of `billiards_env.rules`.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from billiards_env.games.facts import CUE, Facts
-
-IN_HAND = ("no", "behind", "anywhere")
-"""Whether the cue ball is in hand (WPA 1.5): not in hand, behind the head string (in snooker in the D), or anywhere on
-the table."""
-
-FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul")
-"""The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on (snooker),
-"breaking_foul" a bad opening break of straight pool."""
-
-CALLS = ("shot", "safety", "push_out", "hand_back", "replace")
-"""The kinds of calls.
-
-* "shot": an ordinary shot.
-* "safety": the turn passes after the shot, even if it pots a ball (WPA 3.6, 4.5).
-* "push_out": the cue ball need not touch a ball or a cushion (WPA 2.4).
-* "hand_back": no shot; the previous player plays the next one (WPA 2.4, WPBSA 3.11).
-* "replace": no shot; the balls return to their positions before the foul, and the previous player plays again (WPBSA
-  3.14).
-
-`RuleState.choices` lists those of the last three that a player has.
-"""
+from billiards_env.rules import CALL, CALLS, FACTS, FOULS, IN_HAND, RACKS, STATE
+from billiards_env.rules.facts import FactNumbers
+from billiards_env.rules.state import MOST_PLAYERS, CallNumbers, StateNumbers, VerdictNumbers
 
 
 class Call(NamedTuple):
@@ -168,3 +157,87 @@ def next_state(state: RuleState, facts: Facts, verdict: Verdict) -> RuleState:
 def handed_back(state: RuleState) -> RuleState:
     """Returns the state after the player has handed the next shot back to the previous player."""
     return state._replace(player=(state.player - 1) % len(state.scores), choices=(), free_ball=False)
+
+
+def ball_set(balls: Iterable[int]) -> int:
+    """Returns balls as a bit mask."""
+    return sum(1 << ball for ball in set(balls))
+
+
+def balls_of(mask: int) -> tuple[int, ...]:
+    """Returns the balls of a bit mask, in order."""
+    return tuple(ball for ball in range(mask.bit_length()) if mask >> ball & 1)
+
+
+def state_array(states: Iterable[RuleState]) -> NDArray[Any]:
+    """Returns states as an array of `rules.STATE`."""
+    rows = [
+        StateNumbers(
+            player=state.player,
+            n_players=len(state.scores),
+            scores=(*state.scores, *(0,) * (MOST_PLAYERS - len(state.scores))),  # pyright: ignore[reportArgumentType]
+            object_balls=ball_set(state.object_balls),
+            break_shot=state.break_shot,
+            solids=state.solids,
+            target=state.target,
+            called=state.called,
+            reds=state.reds,
+            fouls=state.consecutive_fouls,
+            colour=state.colour,
+            free_ball=state.free_ball,
+        )
+        for state in states
+    ]
+    return np.array(rows, STATE)
+
+
+def fact_array(facts: Iterable[Facts]) -> NDArray[Any]:
+    """Returns facts as an array of `rules.FACTS`."""
+    rows = [
+        FactNumbers(
+            first=ball_set(found.first),
+            touched=len(found.touched),
+            cushions_before_last=found.touched[-1][1] if found.touched else 0,
+            potted=ball_set(found.potted) & ~ball_set({CUE}),
+            first_potted=ball_set([ball for ball in found.potted if ball != CUE][:1]),
+            scratch=CUE in found.potted,
+            cushion_after=found.cushion_after,
+            driven=ball_set(found.driven),
+            cue_driven=found.cue_driven,
+        )
+        for found in facts
+    ]
+    return np.array(rows, FACTS)
+
+
+def call_array(calls: Iterable[Call], facts: Iterable[Facts]) -> NDArray[Any]:
+    """Returns the calls of shots with known facts as an array of `rules.CALL`."""
+    rows = [
+        CallNumbers(
+            ball=call.ball,
+            kind=CALLS.index(call.kind),
+            made=(call.ball, call.pocket) in zip(found.potted, found.pockets, strict=True),
+        )
+        for call, found in zip(calls, facts, strict=True)
+    ]
+    return np.array(rows, CALL)
+
+
+def verdict_of(row: Any, highest_first: bool = False) -> Verdict:
+    """Returns the verdict of a row of `rules.VERDICT`, with the order in which balls are spotted."""
+    found = VerdictNumbers(*row.item())
+    spotted = balls_of(found.spotted)
+    return Verdict(
+        foul=FOULS[found.foul],
+        points=found.points,
+        continues=found.continues,
+        in_hand=IN_HAND[found.in_hand],
+        spotted=spotted[::-1] if highest_first else spotted,
+        solids=found.solids,
+        over=found.over,
+        winner=found.winner,
+        penalty=found.penalty,
+        rack=RACKS[found.rack],
+        choices=tuple(CALLS[i] for i in balls_of(found.choices)),
+        colour=found.colour,
+    )

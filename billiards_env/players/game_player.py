@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import suggestion
-from billiards_env.games import GameState, Setup, Stroke, Verdict, play
+from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_point, placement_area
 from billiards_env.players.pots import Shots
@@ -111,8 +111,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
 
     def rate(actions: Floats) -> Floats:
         lengths = np.maximum(np.hypot(actions[:, 0], actions[:, 1]), 1.0)
-        verdicts, which = judge_batch(setup, game, max_speed * actions / lengths[:, None])
-        return np.array([_rating(state.player, verdict) for verdict in verdicts])[which]
+        return _ratings(state.player, judge_batch(setup, game, max_speed * actions / lengths[:, None]))
 
     found = Situation(
         setup.scene,
@@ -175,8 +174,11 @@ def _ease(pots: Shots) -> tuple[bool, float]:
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 
 
-def _rating(player: int, verdict: Verdict) -> float:
-    """Returns the value of a shot for its player, from the win, the points, another turn and a foul."""
-    won = 0.0 if verdict.winner < 0 else 100.0 if verdict.winner == player else -100.0
-    points = 2.0 * (verdict.points - verdict.penalty)
-    return won + points + verdict.continues - 5.0 * bool(verdict.foul)
+def _ratings(player: int, verdicts: NDArray[Any]) -> Floats:
+    """Returns the values (m,) of shots for their player, from the win, the points, another turn and a foul.
+
+    `verdicts` is (m,) `rules.VERDICT`.
+    """
+    won = np.where(verdicts["winner"] < 0, 0.0, np.where(verdicts["winner"] == player, 100.0, -100.0))
+    points = 2.0 * (verdicts["points"] - verdicts["penalty"])
+    return won + points + verdicts["continues"] - 5.0 * (verdicts["foul"] > 0)

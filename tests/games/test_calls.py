@@ -7,10 +7,11 @@ from billiards_env import Scene
 from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.facts import Facts
 from billiards_env.games.placement import rack_again
-from billiards_env.games.pool import eight_ball, nine_ball, straight
 from billiards_env.games.state import next_state
 from billiards_env.scene.layouts import plan
 from tests.helpers.games import facts, state
+
+straight, eight_ball, nine_ball = (RULES[name].judge for name in ("straight", "eight_ball", "nine_ball"))
 
 POT_3 = facts(("hit", 0, 3), ("pocket", 3, 5))
 MISS = facts(("hit", 0, 3), ("cushion", 3))

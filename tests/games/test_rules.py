@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games.carom import carom, three_cushion
 from billiards_env.games.facts import Facts, facts_of
-from billiards_env.games.pool import eight_ball, group_or_eight, lowest_ball, nine_ball, straight
 from billiards_env.games.rules import RULES
-from billiards_env.games.state import FOULS, IN_HAND, NO_CALL, RuleState, Verdict, next_state
+from billiards_env.games.state import NO_CALL, RuleState, Verdict, next_state
+from billiards_env.rules import FOULS, IN_HAND
 from tests.helpers.games import events, facts, state
+
+straight, eight_ball, nine_ball = (RULES[name].judge for name in ("straight", "eight_ball", "nine_ball"))
+carom, three_cushion = RULES["carom"].judge, RULES["three_cushion"].judge
+lowest_ball, group_or_eight = RULES["nine_ball"].legal, RULES["eight_ball"].legal
 
 # facts_of
 

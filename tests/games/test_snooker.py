@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.facts import facts_of
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
-from billiards_env.games.snooker import ball_value, balls_on, is_miss, is_snookered, points_left, snooker
+from billiards_env.games.snooker import is_miss, is_snookered, points_left
 from billiards_env.games.state import next_state
 from billiards_env.scene.layouts import plan
 from tests.helpers.games import events, facts, state
@@ -20,6 +20,7 @@ SCENE = Scene.named("snooker")
 SETUP = Setup("snooker", SCENE)
 SPOTS = plan("snooker", SCENE).spots
 R = SCENE.balls.radius[0]
+snooker, balls_on = RULES["snooker"].judge, RULES["snooker"].legal
 
 
 def frame(**fields):
@@ -30,11 +31,7 @@ def pot(ball, first=None):
     return facts(("hit", 0, first or ball), ("pocket", ball, 0))
 
 
-# Balls on and their values.
-
-
-def test_values():  # 3.1
-    assert [ball_value(frame(), ball) for ball in (1, 15, *COLOURS)] == [1, 1, 2, 3, 4, 5, 6, 7]
+# Balls on.
 
 
 @pytest.mark.parametrize(
@@ -90,9 +87,9 @@ def test_the_colour_after_the_last_red_is_spotted_and_the_yellow_follows():  # 3
 
 def test_the_colours_are_potted_in_order_and_stay_down():  # 3.3 f
     now = frame(on_table=COLOURS)
-    for ball in COLOURS[:-1]:
+    for value, ball in enumerate(COLOURS[:-1], start=2):
         verdict = snooker(now, pot(ball))
-        assert verdict == Verdict(points=ball_value(now, ball), continues=True)
+        assert verdict == Verdict(points=value, continues=True)
         now = next_state(now, pot(ball), verdict)
     assert now.object_balls == {BLACK}
 

@@ -1,0 +1,51 @@
+"""The rules of carom games.
+
+"UMB" is the World Rules of Carom Billiard of the Union Mondiale de Billard (1989). A game has no equalising inning.
+When the turn changes, the two cue balls are swapped, so with two players each player has one cue ball.
+"""
+
+from __future__ import annotations
+
+from billiards_env.jit import inlined
+from billiards_env.rules.state import verdict
+
+RED = 1 << 1
+
+
+@inlined
+def red_to_open(state, player):
+    """Returns the balls that a player may touch first in carom: on the opening shot the red ball (1), then any."""
+    return RED if state.break_shot else state.object_balls
+
+
+@inlined
+def is_carom(facts, n_object_balls, cushions):
+    """Returns whether the cue ball touches every object ball, the last one after some cushion contacts (UMB, art. 24).
+
+    Several contacts with the same cushion count.
+    """
+    return facts.touched == n_object_balls and facts.cushions_before_last >= cushions
+
+
+@inlined
+def carom(state, legal, facts, call):
+    """Judges a shot of carom (UMB, art. 24 and 61).
+
+    The shooter scores a point and continues if the cue ball touches both other balls. The opening shot must first touch
+    the red ball, number 1. The game is over when a player reaches the target score.
+    """
+    return _carom(state, legal, facts, 0)
+
+
+@inlined
+def three_cushion(state, legal, facts, call):
+    """Judges a shot of three-cushion carom: three cushion contacts come before the second ball (UMB, art. 83)."""
+    return _carom(state, legal, facts, 3)
+
+
+@inlined
+def _carom(state, legal, facts, cushions):
+    if not is_carom(facts, 2, cushions) or facts.first & legal == 0:
+        return verdict()
+    won = 0 < state.target <= state.scores[state.player] + 1
+    return verdict(points=1, continues=True, over=won, winner=state.player if won else -1)

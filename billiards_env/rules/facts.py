@@ -1,0 +1,111 @@
+"""The facts of a shot that the rules use, from what the engine counts in m shots."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.jit import entry_point, inlined
+from billiards_env.physics.state import CUE_BALL
+from billiards_env.rules.state import row_type
+
+
+class FactNumbers(NamedTuple):
+    """The facts of a shot, see `games.facts.Facts`. A set of balls is a bit mask.
+
+    Attributes:
+        first: The balls that the cue ball touched first; several if it touched them at the same instant.
+        touched: Number of balls that the cue ball touched.
+        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last one of these.
+        potted: The potted object balls.
+        first_potted: The one that was potted first; 0 if there is none or the order is not known.
+        scratch: Whether the cue ball was potted.
+        cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
+        driven: The object balls that hit a cushion or were potted (WPA 8.4).
+        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
+    """
+
+    first: int
+    touched: int
+    cushions_before_last: int
+    potted: int
+    first_potted: int
+    scratch: bool
+    cushion_after: bool
+    driven: int
+    cue_driven: bool
+
+
+FACTS = row_type(FactNumbers)
+
+
+class Counts(NamedTuple):
+    """What the engine counts in m shots of n balls, of which it strikes the first, see `engine.Shots`.
+
+    Attributes:
+        potted_before: (m, n) bool, the balls off the table before the shot.
+        potted: (m, n) bool, the balls off the table after it.
+        cushions: (m, n) int32, number of cushion contacts of each ball.
+        cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
+            ball, -1 if it did not touch it.
+        first_hit: (m,) int64, index of the first ball that the cue ball touched, -1 if none.
+        bits: (n,) int64, each ball as a set of balls.
+    """
+
+    potted_before: Any
+    potted: Any
+    cushions: Any
+    cushions_before_hit: Any
+    first_hit: Any
+    bits: Any
+
+
+@inlined
+def facts_of_shot(k, counts):
+    """Returns the facts of shot k; `counts` has the fields of `Counts`.
+
+    The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
+    """
+    first, scratch = counts.first_hit[k], counts.potted[k, CUE_BALL]
+    touched, before_last, potted, driven = 0, 0, 0, 0
+    for i in range(1, len(counts.bits)):
+        if counts.cushions_before_hit[k, i] >= 0:
+            touched += 1
+            before_last = max(before_last, counts.cushions_before_hit[k, i])
+        if counts.potted[k, i] and not counts.potted_before[k, i]:
+            potted |= counts.bits[i]
+            driven |= counts.bits[i]
+        elif counts.cushions[k, i] > 0:
+            driven |= counts.bits[i]
+    hits = counts.cushions[k, CUE_BALL]
+    met = first >= 0 and (scratch or driven != 0 or hits > counts.cushions_before_hit[k, first])
+    first_balls = counts.bits[first] if first >= 0 else 0
+    return FactNumbers(first_balls, touched, before_last, potted, 0, scratch, met, driven, hits > 0 or scratch)
+
+
+@entry_point
+def write_facts(counts, facts):
+    """Writes the facts of m shots; `facts` is (m,) `FACTS` out."""
+    for k in range(len(facts)):
+        found, row = facts_of_shot(k, counts), facts[k]
+        row.first, row.touched, row.cushions_before_last = found.first, found.touched, found.cushions_before_last
+        row.potted, row.first_potted, row.scratch = found.potted, found.first_potted, found.scratch
+        row.cushion_after, row.driven, row.cue_driven = found.cushion_after, found.driven, found.cue_driven
+
+
+def facts_of_shots(counts: Counts) -> NDArray[Any]:
+    """Returns the facts of m shots.
+
+    The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
+
+    Args:
+        counts: What the engine counts in the shots.
+
+    Returns:
+        (m,) `FACTS`.
+    """
+    facts = np.empty(len(counts.first_hit), FACTS)
+    write_facts(counts, facts)
+    return facts
