@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import choose, shaped, short
 from billiards_env.envs.episodes import cue_ball_alone
-from billiards_env.envs.tasks import GOAL_RADIUS
+from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions
 
 
@@ -45,7 +45,7 @@ def check_options(
 
     Args:
         scene: The scene.
-        task: The task; those of `tasks.GOAL_RADIUS` have goals.
+        task: The task.
         options: The options.
         mask: None for one environment. For m environments (m,) bool: those to reset. The positions and goals of the
             others are not used and only have to be finite.
@@ -63,7 +63,7 @@ def check_options(
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     for key in options:
-        choose("key of options", key, ("positions", "goal") if task in GOAL_RADIUS else ("positions",))
+        choose("key of options", key, ("positions", "goal") if TASKS[task].goal_radius else ("positions",))
     many = () if mask is None else (len(mask),)
     positions = goals = None
     if "positions" in options:

@@ -18,7 +18,7 @@ from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
-from billiards_env.envs.tasks import OPENING_LAYOUTS, task_targets
+from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.scene import layouts
 
 _ONE = np.ones(1, np.bool_)
@@ -275,7 +275,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action = check_action(action, self.scene)
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
-        self.layout = OPENING_LAYOUTS[task] if layout is None else layout
+        self.layout = TASKS[task].layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)

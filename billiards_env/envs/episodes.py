@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import warnings
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +14,9 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
 from billiards_env.envs.actions import shorten, strike_balls
-from billiards_env.envs.tasks import BREAKS, GOAL_RADIUS, RUN_OUTS, TASKS, Outcome, begin_on, judge
+from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, Task, judge_pot, write_on
 from billiards_env.jit import entry_point, kernel
+from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Balls, Scene, layouts
@@ -61,22 +64,24 @@ class Rules(NamedTuple):
     """The settings that the kernels use.
 
     Attributes:
-        task: Index into `TASKS`.
         targets: (n,) bool, the balls of the task.
+        bits: (n,) int64, each ball as a set of balls.
+        goal_radius: See `Task`.
+        opening_on: The balls that are on in the first shot of a run-out, as a set of balls.
         max_shots: Number of shots after which an episode ends.
         scratch_penalty: Reward subtracted for a scratch.
         half_length: Scale of x in observations, m, see `Scene.half_extents`.
         half_width: Scale of y in observations, m.
-        is_break: Whether the first shot of an episode is a break.
     """
 
-    task: int
     targets: Any
+    bits: Any
+    goal_radius: float
+    opening_on: int
     max_shots: int
     scratch_penalty: float
     half_length: float
     half_width: float
-    is_break: bool
 
 
 class Starts(NamedTuple):
@@ -134,14 +139,14 @@ class Episodes:
         potted_before: (m, n) bool: balls off the table before the last shot.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
         plan: The layout at the start of an episode.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks of `tasks.GOAL_RADIUS`, none in the others.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
     """
 
     def __init__(self, count: int, settings: Settings) -> None:
-        scene, n = settings.scene, settings.scene.n_balls
+        scene, n, task = settings.scene, settings.scene.n_balls, TASKS[settings.task]
         self.settings = settings
         self.shots = empty_shots(count, n)
         for array in self.shots:
@@ -153,9 +158,9 @@ class Episodes:
         self.potted_before = np.zeros((count, n), np.bool_)
         self.miscues = np.zeros(count, np.bool_)
         self.plan = layouts.plan(settings.layout, scene)
-        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if settings.task in GOAL_RADIUS else None
+        self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
-        self.on = np.zeros((count, n if settings.task in RUN_OUTS else 0), np.bool_)
+        self.on = np.zeros((count, n if task.on else 0), np.bool_)
         # The arguments of the kernels, as plain tuples: numba unpacks them faster than NamedTuples. The arrays are
         # those of the attributes above, also after a deep copy.
         shots = self.shots
@@ -164,15 +169,16 @@ class Episodes:
         self._limit = scene.physics.max_time or math.inf
         self._max_speed = settings.max_speed
         self._rules = (
-            TASKS.index(settings.task),
             settings.targets,
+            np.left_shift(1, np.arange(n)),
+            task.goal_radius,
+            task.on[settings.layout not in BREAKS] if task.on else 0,
             settings.max_shots,
             settings.scratch_penalty,
             *scene.half_extents,
-            settings.layout in BREAKS,
         )
         self._starts = *shots[:4], self.start, self.potted_before
-        on = self.on if settings.task in RUN_OUTS else None
+        on = self.on if task.on else None
         self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over, on
         self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
         self._struck = shots.velocities, shots.spins, self.miscues
@@ -243,7 +249,8 @@ class Episodes:
             self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
             raise
         hits = *self._hits, self.potted_before
-        score_shots(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
+        score = scoring(TASKS[self.settings.task])
+        score(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
 
     def warn_cut_off(self, k: int, action: Floats) -> None:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
@@ -302,7 +309,7 @@ def begin_episodes(begin, end, mask, rules, progress, observations):
             tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
             tally[k, SHOTS_LEFT] = rules.max_shots
             progress.over[k] = False
-            begin_on(progress.on, rules.task, k, rules.is_break)
+            write_on(progress.on, k, rules.opening_on)
         observe(k, rules, progress, observations)
 
 
@@ -325,7 +332,15 @@ def start_shots(begin, end, skip, actions, max_speed, starts):
             starts.velocities[k, 0, X], starts.velocities[k, 0, Y] = shorten(actions[k, X], actions[k, Y], max_speed)
 
 
-@entry_point
+judge = judge_pot  # `scoring` puts the kernel of each task in its place
+
+
+@functools.cache
+def scoring(task: Task) -> Callable[..., None]:
+    """Returns `score_shots` with the kernel of a task. An environment compiles only the kernel of its task."""
+    return specialised(score_shots, judge=task.judge)
+
+
 def score_shots(begin, end, skip, rules, progress, hits, results):
     """Computes the rewards of the shots and the observations after them.
 
@@ -344,11 +359,13 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
     outcome = Outcome(
         progress.positions,
         progress.goals,
+        rules.goal_radius,
         potted_before,
         potted,
         cushions,
         cushions_before_hit,
         first_hit,
+        rules.bits,
         progress.on,
     )
     tally = progress.tally
@@ -357,7 +374,7 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
             potted[k, i] = not progress.in_play[k, i]
         rewards[k] = 0.0
         if not skip[k]:
-            points, decided, success = judge(rules.task, k, rules.targets, outcome)
+            points, decided, success = judge(k, rules.targets, outcome)
             tally[k, POINTS] = points
             tally[k, SCORE] += points
             tally[k, SHOTS_LEFT] -= 1

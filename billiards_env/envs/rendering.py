@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
-from billiards_env.envs.tasks import GOAL_RADIUS
+from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import run_shot
 
@@ -118,7 +118,7 @@ def drawn_shot(
 
 def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:
     """Returns the circles in which the cue ball has to come to rest, for (g, 2) goals."""
-    return [(x, y, GOAL_RADIUS[task]) for x, y in goals.tolist()]
+    return [(x, y, TASKS[task].goal_radius) for x, y in goals.tolist()]
 
 
 class Renderer:

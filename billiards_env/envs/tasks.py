@@ -1,4 +1,4 @@
-"""The tasks: one kernel for each task computes the points of a shot.
+"""The tasks: a table with an entry for each task, and the kernels that compute the points of a shot.
 
 Each kernel has the arguments
 
@@ -7,15 +7,14 @@ Each kernel has the arguments
     outcome: `Outcome` of the m shots. Views of the arrays of one shot would take longer than the kernel itself.
 
 and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The kernels of the
-run-outs, "nine_ball" and "eight_ball", also write the balls that are on in the next shot to `outcome.on`. The limit on
-shots and the penalty for a scratch are not part of a task.
-
-A new task needs a kernel, a name in `TASKS`, a line in `judge`, an opening layout in `OPENING_LAYOUTS`, and a check in
-`task_targets` of the scenes in which it can be played.
+run-outs also write the balls that are on in the next shot to `outcome.on`. The limit on shots and the penalty for a
+scratch are not part of a task. The rules of games are those of `billiards_env.rules`.
 """
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,134 +23,41 @@ from numpy.typing import NDArray
 from billiards_env.checks import choose
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.rules.carom import is_carom
+from billiards_env.rules.facts import facts_of_shot
+from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight_ball, group_left, nine_ball
+from billiards_env.rules.state import NO_FOUL, SHOT, CallNumbers, StateNumbers, count
 from billiards_env.scene import Scene
-
-TASKS = (
-    "pot",
-    "carom",
-    "three_cushion",
-    "sum_to_three",
-    "place",
-    "position",
-    "clear",
-    "nine_ball",
-    "eight_ball",
-)
-POT, CAROM, THREE_CUSHION, SUM_TO_THREE, PLACE, POSITION, CLEAR, NINE_BALL, EIGHT_BALL = range(len(TASKS))
-
-RUN_OUTS = {"nine_ball": 9, "eight_ball": 15}
-"""The run-outs, in which the cue ball may touch only some balls first, and their numbers of object balls."""
-
-OPENING_LAYOUTS = {
-    "pot": "rack",
-    "carom": "carom_opening",
-    "three_cushion": "carom_opening",
-    "sum_to_three": "line",
-    "place": "random",
-    "position": "random",
-    "clear": "rack",
-    "nine_ball": "nine_ball",
-    "eight_ball": "eight_ball",
-}
-"""The layout of each task with `layout=None`."""
-
-BREAKS = ("rack", "tight_rack", "nine_ball", "eight_ball")
-"""The layouts that begin with a break."""
-
-GOAL_RADIUS = {"place": 0.15, "position": 0.3}
-"""m. Largest distance from the goal at which the cue ball may come to rest, for each task with a goal."""
-_PLACE_RADIUS, _POSITION_RADIUS = GOAL_RADIUS.values()
 
 
 class Outcome(NamedTuple):
-    """The outcome of m shots.
+    """The outcome of m shots. It has the fields of `rules.Counts`.
 
     Attributes:
         positions: (m, n, 2) float64, m, positions of the balls after the shot.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks of `GOAL_RADIUS`, none in the others.
+        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
+        goal_radius: See `Task`.
         potted_before: (m, n) bool, the balls off the table before the shot.
         potted: (m, n) bool, the balls off the table after it.
         cushions: (m, n) int32, number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
             ball, -1 if it did not touch it.
         first_hit: (m,) int64, the first ball that the cue ball touched, -1 if none.
+        bits: (n,) int64, each ball as a set of balls.
         on: (m, n) bool in the run-outs, None in the others: the balls that the cue ball may touch first in the next
             shot.
     """
 
     positions: Any
     goals: Any
+    goal_radius: float
     potted_before: Any
     potted: Any
     cushions: Any
     cushions_before_hit: Any
     first_hit: Any
+    bits: Any
     on: Any
-
-
-def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
-    """Returns the balls that count in a task: the object balls. Tasks with pockets count only those of finite mass.
-
-    Args:
-        task: One of `TASKS`.
-        scene: The scene.
-
-    Returns:
-        (n,) bool.
-
-    Raises:
-        ValueError: If the task is unknown or cannot be played in the scene.
-    """
-    choose("task", task, TASKS)
-    targets = np.arange(scene.n_balls) > 0
-    if task != "place" and not targets.any():
-        raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
-    if task == "sum_to_three" and (scene.n_balls != 2 or scene.table.pockets):
-        raise ValueError(
-            f"task = 'sum_to_three' with {scene.n_balls - 1} object balls and {len(scene.table.pockets)} pockets: "
-            "expected one object ball and a table without pockets, such as scene 'sum_to_three'"
-        )
-    if task in RUN_OUTS and targets.sum() != RUN_OUTS[task]:
-        raise ValueError(f"task = {task!r} with {targets.sum()} object balls: expected {RUN_OUTS[task]}")
-    if task in ("pot", "position", "clear", *RUN_OUTS):
-        if not scene.table.pockets:
-            raise ValueError(
-                f"task = {task!r} with a scene without pockets: expected a table with pockets, or task 'carom'"
-            )
-        targets &= np.isfinite(scene.balls.mass)
-        if not targets.any():
-            raise ValueError(f"task = {task!r} with object balls of infinite mass only: expected one of finite mass")
-    return targets
-
-
-@inlined
-def judge(task, k, targets, outcome):
-    """Returns the result of shot k; `task` is an index into `TASKS`."""
-    if task == POT:
-        return judge_pot(k, targets, outcome)
-    if task == CAROM:
-        return judge_carom(k, targets, outcome)
-    if task == THREE_CUSHION:
-        return judge_three_cushion(k, targets, outcome)
-    if task == SUM_TO_THREE:
-        return judge_sum_to_three(k, targets, outcome)
-    if task == PLACE:
-        return judge_place(k, targets, outcome)
-    if task == POSITION:
-        return judge_position(k, targets, outcome)
-    if task == CLEAR:
-        return judge_clear(k, targets, outcome)
-    return judge_run_out(outcome.on, task, k, targets, outcome)
-
-
-@kernel
-def judge_run_out(on, task, k, targets, outcome):
-    """Returns the result of shot k of a run-out; `on` is `Outcome.on`. Numba compiles it only for run-outs."""
-    if on is None:
-        return 0, False, False
-    if task == NINE_BALL:
-        return judge_nine_ball(k, targets, outcome)
-    return judge_eight_ball(k, targets, outcome)
 
 
 @kernel
@@ -179,13 +85,7 @@ def judge_carom(k, targets, outcome):
     A shot that pots the cue ball scores 0 points. The episode is decided if any ball is potted, because a potted ball
     cannot be touched again. Otherwise the episode continues, with or without a point.
     """
-    success, over = not outcome.potted[k, CUE_BALL], False
-    for i in range(len(targets)):
-        if targets[i] and outcome.cushions_before_hit[k, i] < 0:
-            success = False
-        if outcome.potted[k, i]:
-            over = True
-    return (1 if success else 0), over, success
+    return judge_cushions(k, targets, 0, outcome)
 
 
 @kernel
@@ -194,12 +94,16 @@ def judge_three_cushion(k, targets, outcome):
 
     The other rules are those of `judge_carom`. Several contacts with the same cushion count.
     """
-    _, over, success = judge_carom(k, targets, outcome)
-    most = 0
+    return judge_cushions(k, targets, 3, outcome)
+
+
+@inlined
+def judge_cushions(k, targets, cushions, outcome):
+    """Returns the result of a carom that needs some cushion contacts."""
+    facts, over = facts_of_shot(k, outcome), False
     for i in range(len(targets)):
-        if targets[i]:
-            most = max(most, outcome.cushions_before_hit[k, i])
-    success = success and most >= 3
+        over = over or outcome.potted[k, i]
+    success = is_carom(facts, len(targets) - 1, cushions) and not facts.scratch
     return (1 if success else 0), over, success
 
 
@@ -227,7 +131,7 @@ def judge_place(k, targets, outcome):
         if targets[i] and not outcome.potted_before[k, i]:
             left = True
             touched = touched or outcome.cushions_before_hit[k, i] >= 0
-    success = is_near_goal(k, _PLACE_RADIUS, outcome) and (touched or not left)
+    success = is_near_goal(k, outcome) and (touched or not left)
     return (1 if success else 0), success or outcome.potted[k, CUE_BALL], success
 
 
@@ -238,16 +142,16 @@ def judge_position(k, targets, outcome):
     The episode is decided if the shot scores the point, the cue ball is potted, or no object ball is left.
     """
     points, cleared, _ = judge_pot(k, targets, outcome)
-    success = points > 0 and is_near_goal(k, _POSITION_RADIUS, outcome)
+    success = points > 0 and is_near_goal(k, outcome)
     return (1 if success else 0), success or cleared, success
 
 
 @kernel
-def is_near_goal(k, radius, outcome):
-    """Returns whether the cue ball of shot k is on the table, at most `radius` from the goal."""
+def is_near_goal(k, outcome):
+    """Returns whether the cue ball of shot k is on the table, at most the radius of the task from the goal."""
     dx = outcome.positions[k, CUE_BALL, X] - outcome.goals[k, 0, X]
     dy = outcome.positions[k, CUE_BALL, Y] - outcome.goals[k, 0, Y]
-    return dx * dx + dy * dy <= radius * radius and not outcome.potted[k, CUE_BALL]
+    return dx * dx + dy * dy <= outcome.goal_radius * outcome.goal_radius and not outcome.potted[k, CUE_BALL]
 
 
 @kernel
@@ -261,23 +165,6 @@ def judge_clear(k, targets, outcome):
 
 
 @kernel
-def is_legal(k, outcome):
-    """Returns whether shot k of a run-out has no foul (WPA 2016, rules 6.1 to 6.3).
-
-    The cue ball must first touch a ball that is on, a ball must then touch a cushion or be potted, and the cue ball
-    must not be potted.
-    """
-    first = outcome.first_hit[k]
-    if first < 0 or not outcome.on[k, first] or outcome.potted[k, CUE_BALL]:
-        return False
-    driven = outcome.cushions[k, CUE_BALL] > outcome.cushions_before_hit[k, first]
-    for i in range(1, outcome.on.shape[1]):
-        if outcome.cushions[k, i] > 0 or (outcome.potted[k, i] and not outcome.potted_before[k, i]):
-            driven = True
-    return driven
-
-
-@kernel
 def judge_nine_ball(k, targets, outcome):
     """Pots balls in shots that first touch the lowest ball on the table: 1 point for each.
 
@@ -285,19 +172,17 @@ def judge_nine_ball(k, targets, outcome):
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    points, left, lowest = 0, 0, 0
-    for i in range(1, 10):
-        if not outcome.potted[k, i]:
-            left += 1
-            lowest = i if lowest == 0 else lowest
-        elif not outcome.potted_before[k, i]:
-            points += 1
-    legal, success = is_legal(k, outcome), outcome.potted[k, 9]
-    for i in range(1, 10):
-        outcome.on[k, i] = i == lowest
-    if not legal:
+    state, facts = run_out_state(k, False, -1, outcome), facts_of_shot(k, outcome)
+    verdict = nine_ball(state, balls_on(k, outcome), facts, NO_CALL)
+    left = state.object_balls & ~facts.potted
+    write_on(outcome.on, k, left & -left)
+    if verdict.foul != NO_FOUL:
         return 0, True, False
-    return (points + left if success else points), success or points == 0, success
+    return (
+        count(state.object_balls if verdict.over else facts.potted),
+        not verdict.continues or verdict.over,
+        verdict.over,
+    )
 
 
 @kernel
@@ -309,34 +194,132 @@ def judge_eight_ball(k, targets, outcome):
     episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The task
     is achieved if the eight ball is potted without a foul when it is on, and not in the break.
     """
-    on, first = outcome.on, outcome.first_hit[k]
-    is_break = on[k, 8] and on[k, 1]  # later the eight ball is on only if no other ball is
-    legal, won = is_legal(k, outcome), outcome.potted[k, 8] and on[k, 8] and not is_break
-    solids, stripes, solids_on, stripes_on = 0, 0, False, False
-    for i in range(1, 16):
-        if i != 8:
-            solids_on, stripes_on = solids_on or (i < 8 and on[k, i]), stripes_on or (i > 8 and on[k, i])
-            if outcome.potted[k, i] and not outcome.potted_before[k, i]:
-                solids, stripes = solids + (1 if i < 8 else 0), stripes + (1 if i > 8 else 0)
-    points = (solids if solids_on else 0) + (stripes if stripes_on else 0)
-    if solids_on and stripes_on and not is_break and points > 0:  # the group is chosen
-        solids_on = solids > 0 and (first < 8 or stripes == 0)
-        stripes_on = not solids_on
-        points = solids if solids_on else stripes
-    left = False
-    for i in range(1, 16):
-        on[k, i] = i != 8 and not outcome.potted[k, i] and (solids_on if i < 8 else stripes_on)
-        left = left or on[k, i]
-    on[k, 8] = not left
-    if not legal:
+    on, facts = balls_on(k, outcome), facts_of_shot(k, outcome)
+    group = (SOLIDS if on & SOLIDS != 0 else 0) | (STRIPES if on & STRIPES != 0 else 0)
+    is_open, is_break = group == SOLIDS | STRIPES, group != 0 and on & EIGHT != 0
+    state = run_out_state(k, is_break, -1 if is_open else 0, outcome)
+    verdict = eight_ball(state, on, facts, NO_CALL)
+    if is_open and not is_break and facts.potted & group != 0:
+        group = chosen_group(facts, facts.potted & group)
+    write_on(outcome.on, k, group_left(state.object_balls & ~facts.potted, group))
+    if verdict.foul != NO_FOUL:
         return 0, True, False
-    return points + (1 if won else 0), points == 0 or outcome.potted[k, 8], won
+    won = verdict.winner == 0
+    points = count(facts.potted & group) + (1 if won else 0)
+    return points, points == 0 or facts.potted & EIGHT != 0, won
+
+
+NO_CALL = CallNumbers(-1, SHOT, False)
+
+
+@inlined
+def run_out_state(k, is_break, solids, outcome):
+    """Returns the state of the rules before shot k, as `rules.StateNumbers`: a game with one player and no calls."""
+    lying = 0
+    for i in range(1, len(outcome.bits)):
+        if not outcome.potted_before[k, i]:
+            lying |= outcome.bits[i]
+    return StateNumbers(0, 1, (0, 0, 0, 0), lying, is_break, solids, 0, False, 0, 0, False, False)
+
+
+@inlined
+def balls_on(k, outcome):
+    """Returns the set of the balls that are on in shot k."""
+    on = 0
+    for i in range(1, len(outcome.bits)):
+        if outcome.on[k, i]:
+            on |= outcome.bits[i]
+    return on
 
 
 @kernel
-def begin_on(on, task, k, is_break):
-    """Writes the balls that are on in the first shot of episode k of a run-out."""
+def write_on(on, k, balls):
+    """Writes a set of balls to `Outcome.on` of episode k, if the task is a run-out."""
     if on is None:
         return
     for i in range(1, on.shape[1]):
-        on[k, i] = i == 1 if task == NINE_BALL else is_break or i != 8
+        on[k, i] = balls >> i & 1
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """A task.
+
+    Attributes:
+        judge: The kernel, see the module's docstring.
+        layout: The opening layout, that of `layout=None`.
+        scene: The name of a scene in which the task can be played.
+        n_object_balls: The smallest and the largest number of object balls; None for no limit.
+        pockets: Whether the table must have pockets; None for any table.
+        goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
+            goal.
+        on: For a run-out, in which the cue ball may touch only some balls first: the sets of balls that are on in the
+            first shot, after a layout with a break and after another one. None for other tasks.
+    """
+
+    judge: Callable[..., Any]
+    layout: str
+    scene: str = "pool"
+    n_object_balls: tuple[int, int | None] = (1, None)
+    pockets: bool | None = None
+    goal_radius: float = 0.0
+    on: tuple[int, int] | None = None
+
+
+TASKS = {
+    "pot": Task(judge=judge_pot, layout="rack", pockets=True),
+    "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom"),
+    "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom"),
+    "sum_to_three": Task(
+        judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
+    ),
+    "place": Task(judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15),
+    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3),
+    "clear": Task(judge=judge_clear, layout="rack", pockets=True),
+    "nine_ball": Task(
+        judge=judge_nine_ball, layout="nine_ball", n_object_balls=(9, 9), pockets=True, on=(1 << 1, 1 << 1)
+    ),
+    "eight_ball": Task(
+        judge=judge_eight_ball,
+        layout="eight_ball",
+        n_object_balls=(15, 15),
+        pockets=True,
+        on=(SOLIDS | EIGHT | STRIPES, SOLIDS | STRIPES),
+    ),
+}
+
+BREAKS = ("rack", "tight_rack", "nine_ball", "eight_ball")
+"""The layouts that begin with a break."""
+
+
+def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
+    """Returns the balls that count in a task: the object balls. Tasks with pockets count only those of finite mass.
+
+    Args:
+        task: One of `TASKS`.
+        scene: The scene.
+
+    Returns:
+        (n,) bool.
+
+    Raises:
+        ValueError: If the task is unknown or cannot be played in the scene.
+    """
+    choose("task", task, tuple(TASKS))
+    entry, count = TASKS[task], scene.n_balls - 1
+    (least, most), pockets = entry.n_object_balls, len(scene.table.pockets)
+    if count == 0 < least:
+        raise ValueError(f"task = {task!r} with a scene of the cue ball alone: expected at least one object ball")
+    if not least <= count <= (count if most is None else most) or entry.pockets not in (None, pockets > 0):
+        balls = f"{least} object balls" if least == most else "object balls"
+        table = {None: "", True: " and a table with pockets", False: " and a table without pockets"}[entry.pockets]
+        raise ValueError(
+            f"task = {task!r} with {count} object balls and {pockets} pockets: expected {balls}{table}, such as scene "
+            f"{entry.scene!r}"
+        )
+    targets = np.arange(scene.n_balls) > 0
+    if entry.pockets:
+        targets &= np.isfinite(scene.balls.mass)
+        if not targets.any():
+            raise ValueError(f"task = {task!r} with object balls of infinite mass only: expected one of finite mass")
+    return targets

@@ -46,7 +46,7 @@ def judge_batch(
         >>> game = opening(setup, np.random.default_rng(1))
         >>> verdicts = judge_batch(setup, game, [[0.0, 1.0], [2.0, 0.0], [-1.0, 0.0]])
         >>> [FOULS[foul] for foul in verdicts["foul"]]
-        ['no_hit', 'wrong_ball', 'no_hit']
+        ['no_hit', 'illegal_break', 'no_hit']
     """
     state = game.state
     balls = (state.cue_balls[0], *sorted(state.object_balls))  # the engine strikes the first ball

@@ -14,7 +14,7 @@ from gymnasium.wrappers import OrderEnforcing
 
 from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, episodes
-from billiards_env.envs.tasks import GOAL_RADIUS, OPENING_LAYOUTS, RUN_OUTS, TASKS
+from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
 from billiards_env.scene import Scene, check_positions
 from tests.helpers.environments import VARIANTS
@@ -82,8 +82,8 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = BilliardsEnv(**kwargs)
     n = env.scene.n_balls
     last = env.observe_shots_left
-    places = 2 * (n + (env.task in GOAL_RADIUS))
-    flags = n - 1 if env.task in RUN_OUTS else 0
+    places = 2 * (n + (TASKS[env.task].goal_radius > 0))
+    flags = n - 1 if TASKS[env.task].on else 0
     assert env.observation_space.shape == (places + flags + last,)
     assert env.observation_space.dtype == np.float32
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
@@ -399,7 +399,7 @@ def test_place_scores_within_its_radius_of_the_goal(n_object_balls):
     env.reset(options={"positions": balls, "goal": [0.9, 0.4]})
     env.step([0.3, 0.0])
     ended = env.positions[0]
-    for off, points in ((GOAL_RADIUS["place"] - 1e-9, 1), (GOAL_RADIUS["place"] + 1e-9, 0)):
+    for off, points in ((TASKS["place"].goal_radius - 1e-9, 1), (TASKS["place"].goal_radius + 1e-9, 0)):
         goal = ended + np.array([0.0, off])
         observation, _ = env.reset(options={"positions": balls, "goal": goal})
         assert np.array_equal(observation[-2:], (goal / [1.27, 0.635]).astype(np.float32))
@@ -450,7 +450,6 @@ def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
     assert BilliardsEnv(layout=None, task="nine_ball", n_object_balls=9).layout == "nine_ball"
     assert BilliardsEnv(layout=None, task="eight_ball", n_object_balls=15).layout == "eight_ball"
     assert BilliardsEnv().layout == "random"
-    assert OPENING_LAYOUTS.keys() == set(TASKS)
 
 
 def test_episodes_start_with_the_layout():
@@ -574,14 +573,18 @@ def test_bad_goals_raise_and_the_episode_continues(options, message):
         ({"n_object_balls": 16}, ValueError, "n_object_balls = 16: expected a whole number from 0 to 15"),
         ({"n_object_balls": 0}, ValueError, "task = 'pot' with a scene of the cue ball alone: expected at least one"),
         ({"task": "carom", "n_object_balls": 0}, ValueError, "task = 'carom' with a scene of the cue ball alone"),
-        ({"task": "sum_to_three"}, ValueError, "'sum_to_three' with 1 object balls and 6 pockets: expected one object"),
+        ({"task": "sum_to_three"}, ValueError, "'sum_to_three' with 1 object balls and 6 pockets: expected 1 object"),
         (
             {"task": "sum_to_three", "scene": "carom"},
             ValueError,
-            "'sum_to_three' with 2 object balls and 0 pockets: expected one object ball",
+            "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object balls and a table without",
         ),
         ({"task": "pott"}, ValueError, "task = 'pott': expected one of 'pot', 'carom', .*did you mean 'pot'"),
-        ({"scene": "carom"}, ValueError, "task = 'pot' with a scene without pockets: expected"),
+        (
+            {"scene": "carom"},
+            ValueError,
+            "task = 'pot' with 1 object balls and 0 pockets: expected object balls and a table with",
+        ),
         (
             {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}},
             ValueError,

@@ -17,7 +17,7 @@ from billiards_env import Scene
 from billiards_env import envs as billiards_envs
 from billiards_env.envs import RecordVideo
 from billiards_env.envs.rendering import FPS, RENDER_MODES
-from billiards_env.envs.tasks import GOAL_RADIUS
+from billiards_env.envs.tasks import TASKS
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
@@ -177,8 +177,8 @@ def test_the_goal_is_drawn_at_its_position(autoreset_mode, monkeypatch):
     envs = make_vec("Billiards-v0", 2, autoreset_mode=autoreset_mode, task="place", render_mode="rgb_array")
     env.reset(seed=0)
     envs.reset(seed=0)
-    goals = [[(*place[0], GOAL_RADIUS["place"])] for place in envs.unwrapped.goals.tolist()]
-    assert [(*env.goals[0].tolist(), GOAL_RADIUS["place"])] == goals[0]
+    goals = [[(*place[0], TASKS["place"].goal_radius)] for place in envs.unwrapped.goals.tolist()]
+    assert [(*env.goals[0].tolist(), TASKS["place"].goal_radius)] == goals[0]
     empty = env.render()
     envs.render()
     env.step(SLOWLY)

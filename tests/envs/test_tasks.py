@@ -3,15 +3,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import (
-    EIGHT_BALL,
-    GOAL_RADIUS,
-    NINE_BALL,
-    RUN_OUTS,
     TASKS,
     Outcome,
-    begin_on,
-    judge,
     judge_carom,
     judge_clear,
     judge_eight_ball,
@@ -21,11 +16,14 @@ from billiards_env.envs.tasks import (
     judge_pot,
     judge_sum_to_three,
     judge_three_cushion,
+    write_on,
 )
+from tests.helpers.environments import RUN_OUTS
 
 NONE = np.zeros(3, bool)
 BOTH = np.array([False, True, True])
 GOAL = (0.3, -0.2)
+PLACE, POSITION = TASKS["place"].goal_radius, TASKS["position"].goal_radius
 SAMPLE: dict[str, Any] = {
     "before": NONE,
     "after": NONE,
@@ -44,7 +42,10 @@ def one(task, targets=BOTH, **changes: Any):
     goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
     first_hit = np.array([1, 1, shot["first_hit"]])
-    return task(2, targets, Outcome(positions, goals, before, after, cushions, before_hit, first_hit, None))
+    radius, bits = {judge_place: PLACE, judge_position: POSITION}.get(task, 0.0), np.array([1, 2, 4])
+    return task(
+        2, targets, Outcome(positions, goals, radius, before, after, cushions, before_hit, first_hit, bits, None)
+    )
 
 
 def balls(*numbers):
@@ -132,8 +133,8 @@ def test_sum_to_three(cushions, before_hit, points):
     )
 
 
-ON_THE_EDGE = (GOAL[0] + GOAL_RADIUS["place"] - 1e-12, GOAL[1])
-BEYOND = (GOAL[0], GOAL[1] - GOAL_RADIUS["place"] - 1e-12)
+ON_THE_EDGE = (GOAL[0] + PLACE - 1e-12, GOAL[1])
+BEYOND = (GOAL[0], GOAL[1] - PLACE - 1e-12)
 
 
 @pytest.mark.parametrize(
@@ -162,8 +163,8 @@ def test_place_needs_no_touch_without_object_balls():
     ("cue", "before", "after", "points", "over"),
     [
         (GOAL, (), (1,), 1, True),
-        ((GOAL[0] + GOAL_RADIUS["position"] - 1e-12, GOAL[1]), (), (1,), 1, True),
-        ((GOAL[0], GOAL[1] - GOAL_RADIUS["position"] - 1e-12), (), (1,), 0, False),
+        ((GOAL[0] + POSITION - 1e-12, GOAL[1]), (), (1,), 1, True),
+        ((GOAL[0], GOAL[1] - POSITION - 1e-12), (), (1,), 0, False),
         (BEYOND, (), (), 0, False),
         (GOAL, (), (), 0, False),
         (GOAL, (1,), (1,), 0, False),
@@ -190,34 +191,6 @@ def test_clear(before, after, points, over):
     assert one(judge_clear, before=balls(*before), after=balls(*after)) == (points, over, points == 1)
 
 
-@pytest.mark.parametrize("task", [task for task in TASKS if task not in RUN_OUTS])
-def test_judge_calls_the_kernel_of_the_task(task):
-    kernel = {
-        "pot": judge_pot,
-        "carom": judge_carom,
-        "three_cushion": judge_three_cushion,
-        "sum_to_three": judge_sum_to_three,
-        "place": judge_place,
-        "position": judge_position,
-        "clear": judge_clear,
-    }[task]
-    shots: list[dict[str, Any]] = [
-        {"after": balls(1)},
-        {"before_hit": (-1, 0, 0)},
-        {"before_hit": (-1, 3, 3)},
-        {"before_hit": (-1, 0, -1), "cushions": (1, 2, 0)},
-        {"before_hit": (-1, 0, -1), "cue": GOAL},
-        {"after": balls(1), "cue": GOAL},
-        {"after": balls(1, 2)},
-    ]
-    all_points: set[int] = set()
-    for shot in shots:
-        outcome = one(lambda *shot: judge(TASKS.index(task), *shot), **shot)
-        assert outcome == one(kernel, **shot)
-        all_points.add(outcome[0])
-    assert all_points >= {0, 1}
-
-
 # --- run-outs ---------------------------------------------------------------------------------------------------------
 
 
@@ -235,13 +208,10 @@ def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
     before_hit = np.full((1, n), -1)
     if first >= 0:
         before_hit[0, first] = 0
-    arrays = np.zeros((1, n, 2)), np.zeros((1, 0, 2)), was, off, cushions, before_hit, np.array([first]), now_on
+    places, bits = (np.zeros((1, n, 2)), np.zeros((1, 0, 2))), 1 << np.arange(n)
+    outcome = Outcome(*places, 0.0, was, off, cushions, before_hit, np.array([first]), bits, now_on)
     kernel = {"nine_ball": judge_nine_ball, "eight_ball": judge_eight_ball}[task]
-    outcome = Outcome(*arrays)
-    same = judge(TASKS.index(task), 0, targets[0], Outcome(*arrays[:-1], now_on.copy()))
-    result = kernel(0, targets[0], outcome)
-    assert result == same
-    return result, set(np.flatnonzero(now_on[0]).tolist())
+    return kernel(0, targets[0], outcome), set(np.flatnonzero(now_on[0]).tolist())
 
 
 @pytest.mark.parametrize(
@@ -303,10 +273,18 @@ def test_eight_ball(shot, result, on):
 
 
 def test_the_balls_that_are_on_at_the_start():
-    on = np.zeros((2, 16), np.bool_)
-    begin_on(on, EIGHT_BALL, 0, True)
-    begin_on(on, EIGHT_BALL, 1, False)
-    assert [set(np.flatnonzero(row).tolist()) for row in on] == [ALL, ALL - {8}]
-    on = np.zeros((1, 10), np.bool_)
-    begin_on(on, NINE_BALL, 0, True)
-    assert np.flatnonzero(on[0]).tolist() == [1]
+    for task, break_on, later in (("eight_ball", ALL, ALL - {8}), ("nine_ball", {1}, {1})):
+        sets = TASKS[task].on
+        assert sets
+        on = np.zeros((2, RUN_OUTS[task] + 1), np.bool_)
+        for k in range(2):
+            write_on(on, k, sets[k])
+        assert [set(np.flatnonzero(row).tolist()) for row in on] == [break_on, later]
+
+
+def test_the_table_of_tasks():
+    assert all(task.judge.__name__ == f"judge_{name}" for name, task in TASKS.items())
+    for task in TASKS.values():
+        count = max(task.n_object_balls[0], 1)
+        env = BilliardsEnv(task=task.judge.__name__[6:], scene=task.scene, n_object_balls=count, layout=None)
+        assert env.layout == task.layout

@@ -6,6 +6,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play, replay
+from billiards_env.games.rules import Rules
 from billiards_env.scene import check_positions
 from billiards_env.scene.layouts import MARGIN, draw
 
@@ -271,8 +272,7 @@ def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
 
 
 def test_balls_are_spotted_one_behind_the_other(monkeypatch):
-    everything_back = RULES["straight"]._replace(judge=lambda state, facts, call: Verdict(spotted=(1, 2, 3)))
-    monkeypatch.setitem(RULES, "straight", everything_back)
+    monkeypatch.setattr(Rules, "judge", lambda *_: Verdict(spotted=(1, 2, 3)))
     setup = make_setup("straight", scene=Scene.named("pool", 4))
     game = custom_opening(setup, [[-0.6, 0.1 * i] for i in range(5)], {"on_table": [0, 4]})
     played = play(setup, game, Stroke((0.0, 0.0)))

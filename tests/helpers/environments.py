@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from billiards_env.envs.tasks import RUN_OUTS, TASKS
+from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import SCENES, Scene
 from billiards_env.scene.layouts import LAYOUTS
+
+RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.on}
+"""The run-outs and their numbers of object balls."""
 
 LONG = {"max_shots": 3, "observe_shots_left": True}
 # All valid pairs of a scene and a task, but "position" and "clear" in two scenes only, in turn with one shot and with
