@@ -19,7 +19,6 @@ from agents.ppo import make_model, make_vec_env
 from benchmarks import speed
 from billiards_env import __main__ as overview
 from billiards_env.envs import BilliardsEnv
-from billiards_env.envs.tasks import OPENING_LAYOUTS, TASKS
 from billiards_env.scene import SCENES, Cue, Physics, Scene
 from billiards_env.scene import scene as scenes
 from billiards_env.scene.layouts import LAYOUTS
@@ -96,7 +95,6 @@ def test_the_names_in_a_recipe_are_in_the_files_of_its_step(step):
 
 def test_the_recipes_are_found():
     assert len(STEPS) == 12
-    assert set(OPENING_LAYOUTS) == set(TASKS)
 
 
 def test_the_folders_and_modules_of_the_layout_exist():

@@ -41,7 +41,8 @@ def _typing_context(context: Any) -> Any:
             return context.resolve_function_type(func, args, kws)
         # Numba ignores the values of constants after an array. It compiles some operators with the caller's `nrt`.
         types = [unliteral(t) for t in args] if args and isinstance(args[0], Array) else args
-        key = func, tuple(types), ConfigStack.top_or_none().nrt
+        caller = ConfigStack.top_or_none()
+        key = func, tuple(types), caller is None or caller.nrt
         if signatures.get(key) is None:
             signatures[key] = context.resolve_function_type(func, args, kws)
         return signatures[key]

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from billiards_env import Scene, engine, simulate_batch
 from billiards_env.physics import state as columns
 from billiards_env.physics.state import FIXES
-from billiards_env.scene import SCENES, Balls, Physics, layouts
+from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots import simulation
 from tests.helpers.shots import (
     FREE,
+    LAWS,
     ROLLING,
     SLIDING,
     R,
@@ -96,7 +97,7 @@ def test_phases_end_at_exact_times_between_timesteps():
 
 
 @fixes
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", LAWS)
 def test_balls_at_rest_need_no_timesteps(name, fix):
     # With dt = 1e-9 s, one second would take minutes.
     scene = Scene.named(name)
@@ -409,8 +410,7 @@ def test_a_gas_with_fixed_balls_conserves_energy_and_does_not_move_them(fix, see
 
 
 @fixes
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("threads", [1, 2, 3, None])
+@pytest.mark.parametrize(("name", "threads"), [*((name, None) for name in LAWS), ("pool", 1), ("pool", 2), ("pool", 3)])
 def test_a_batch_equals_single_shots_bit_for_bit(name, threads, fix):
     scene = Scene.named(name, 4)
     places, starts, spins = draw_starts(scene, 100)
@@ -425,7 +425,7 @@ def test_a_batch_equals_single_shots_bit_for_bit(name, threads, fix):
     assert (batch.first_hit > 0).any()
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", LAWS)
 def test_the_default_fix_is_push_apart(name):
     scene = Scene.named(name, 4)
     places, starts, _ = draw_starts(scene, 100)
@@ -436,7 +436,7 @@ def test_the_default_fix_is_push_apart(name):
     assert not np.array_equal(default.positions, other.positions)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", LAWS)
 def test_pit_converges_to_pic(name):
     scene = Scene.named(name, 2)
     rng = np.random.default_rng(0)
@@ -520,7 +520,7 @@ def test_breaks_come_to_rest(arrangement, fix):
 
 
 def test_balls_end_within_the_cushions():
-    for name in SCENES:
+    for name in LAWS:
         scene = Scene.named(name, 6)
         places, starts, _ = draw_starts(scene, 50)
         batch = simulate_batch(scene, places, starts, mode="pit", dt=1 / 60)

@@ -13,6 +13,7 @@ from billiards_env.envs.wrappers import VectorActionFrame
 from billiards_env.physics.state import FIXES
 from studies.failures import FAILURES
 from tests.helpers.environments import VARIANTS
+from tests.helpers.shots import LAWS
 
 TIMESTEP = 1 / 60
 FEW = (
@@ -26,8 +27,7 @@ def name(kwargs):
     return ",".join(map(str, kwargs.values()))[:60]
 
 
-SCENES = {kwargs["scene"]: kwargs for kwargs in VARIANTS if isinstance(kwargs.get("scene"), str)}
-scenes = pytest.mark.parametrize("kwargs", SCENES.values(), ids=name)
+scenes = pytest.mark.parametrize("kwargs", [kw for kw in VARIANTS if kw.get("scene") in LAWS], ids=name)
 few = pytest.mark.parametrize("kwargs", FEW, ids=name)
 fixes = pytest.mark.parametrize("fix", FIXES)
 

@@ -15,8 +15,9 @@ from billiards_env.scene import SCENES
 from tests.helpers.shots import check_batch, draw_starts
 
 
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("threads", [1, 2, 3, None])
+@pytest.mark.parametrize(
+    ("name", "threads"), [*((name, None) for name in SCENES), ("pool", 1), ("pool", 2), ("pool", 3)]
+)
 def test_a_batch_equals_single_shots_bit_for_bit(name, threads):
     scene = Scene.named(name, 4)
     places, starts, spins = draw_starts(scene, 150)
