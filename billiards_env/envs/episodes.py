@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
 from billiards_env.envs.actions import shorten, strike_balls
-from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, Task, judge_pot, write_on
+from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, judge_pot, write_on
 from billiards_env.jit import entry_point, kernel
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -249,8 +249,8 @@ class Episodes:
             self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
             raise
         hits = *self._hits, self.potted_before
-        score = scoring(TASKS[self.settings.task])
-        score(begin, end, skip, self._rules, self._progress, hits, (rewards, potted, observations))
+        results = rewards, potted, observations
+        scoring(self.settings.task)(begin, end, skip, self._rules, self._progress, hits, results)
 
     def warn_cut_off(self, k: int, action: Floats) -> None:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
@@ -336,9 +336,9 @@ judge = judge_pot  # `scoring` puts the kernel of each task in its place
 
 
 @functools.cache
-def scoring(task: Task) -> Callable[..., None]:
+def scoring(task: str) -> Callable[..., None]:
     """Returns `score_shots` with the kernel of a task. An environment compiles only the kernel of its task."""
-    return specialised(score_shots, judge=task.judge)
+    return specialised(score_shots, judge=TASKS[task].judge)
 
 
 def score_shots(begin, end, skip, rules, progress, hits, results):

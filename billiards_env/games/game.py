@@ -26,8 +26,6 @@ from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
-_DECIDING_BALLS = {"eight_ball": (8,), "nine_ball": (9,)}
-
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
 
@@ -283,8 +281,8 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     # Cue balls and the ball that decides the game never leave the table before the end.
     required = set(range(n))
     if setup.game_rules.pockets:
-        deciding = (n - 1,) if setup.rules == "snooker" else _DECIDING_BALLS.get(setup.rules, ())
-        required = {*setup.game_rules.cue_balls, *deciding}
+        deciding = setup.game_rules.deciding_ball
+        required = {*setup.game_rules.cue_balls, *(() if deciding is None else (deciding % n,))}
     if not required <= on_table or len(on_table) < 2:
         raise ValueError(
             f"state.on_table = {sorted(on_table)}: expected the balls {sorted(required)} and at least one object ball"

@@ -1,4 +1,4 @@
-"""The games by name, and functions that judge arrays of shots."""
+"""The table of the games, and functions that judge arrays of shots."""
 
 from __future__ import annotations
 
@@ -11,39 +11,108 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import choose
 from billiards_env.jit.specialised import specialised
+from billiards_env.physics.state import CUE_BALL
 from billiards_env.rules.carom import carom, red_to_open, three_cushion
 from billiards_env.rules.pool import eight_ball, group_or_eight, nine_ball, straight
 from billiards_env.rules.snooker import balls_on, snooker
-from billiards_env.rules.state import VERDICT, any_ball, lowest_ball
+from billiards_env.rules.state import MOST_PLAYERS, VERDICT, any_ball, lowest_ball
 
 Kernel = Callable[..., Any]
 
 
 class Game(NamedTuple):
-    """The rules of a game, as kernels.
+    """A game: its rules as kernels, and its settings.
 
     Attributes:
-        judge: `(state, legal, facts, call)`, numbers as in `rules.state` and `rules.facts`; returns `VerdictNumbers`.
-        legal: `(state, player)`, returns the balls that the player may touch first.
+        name: The name of the game.
+        kernel: `(state, legal, facts, call)`, numbers as in `rules.state` and `rules.facts`; returns the
+            `VerdictNumbers` of a shot.
+        legal_kernel: `(state, player)`, returns the balls that the player may touch first.
+        scene: The name of the usual scene.
+        layouts: The opening layouts; the first is the default. "random" has no break.
+        n_object_balls: The smallest and the largest number of object balls; the largest is the default.
+        n_players: The smallest and the largest number of players.
+        cue_balls: The balls used as cue ball.
+        target: The default score that wins, or 0 if no score does; None for a game that is not won by points.
+        can_call: Whether the game has called shots and safeties.
+        choices: The choices that a player may have besides a shot, of `CALLS`.
+        counts_fouls: Whether consecutive fouls are penalised.
+        deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
+        has_spots: Whether each colour returns to its own spot, as in snooker. Otherwise balls return to the foot spot.
+        pockets: Whether the table has pockets.
     """
 
-    judge: Kernel
-    legal: Kernel
+    name: str
+    kernel: Kernel
+    legal_kernel: Kernel
+    scene: str
+    layouts: tuple[str, ...]
+    n_object_balls: tuple[int, int]
+    n_players: tuple[int, int] = (2, MOST_PLAYERS)
+    cue_balls: tuple[int, ...] = (CUE_BALL,)
+    target: int | None = None
+    can_call: bool = False
+    choices: tuple[str, ...] = ()
+    counts_fouls: bool = False
+    deciding_ball: int | None = None
+    has_spots: bool = False
+    pockets: bool = True
 
+
+_POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"))
+_CAROM = functools.partial(
+    Game,
+    legal_kernel=red_to_open,
+    scene="carom",
+    layouts=("carom_opening", "random"),
+    n_object_balls=(2, 2),
+    cue_balls=(0, 2),
+    target=10,
+    pockets=False,
+)
 
 GAMES = {
-    "straight": Game(straight, any_ball),
-    "eight_ball": Game(eight_ball, group_or_eight),
-    "nine_ball": Game(nine_ball, lowest_ball),
-    "snooker": Game(snooker, balls_on),
-    "carom": Game(carom, red_to_open),
-    "three_cushion": Game(three_cushion, red_to_open),
+    game.name: game
+    for game in (
+        _POOL("straight", straight, any_ball, n_object_balls=(1, 15), target=0, can_call=True, counts_fouls=True),
+        _POOL(
+            "eight_ball",
+            eight_ball,
+            group_or_eight,
+            n_object_balls=(15, 15),
+            n_players=(2, 2),
+            can_call=True,
+            deciding_ball=8,
+        ),
+        _POOL(
+            "nine_ball",
+            nine_ball,
+            lowest_ball,
+            n_object_balls=(9, 9),
+            choices=("push_out", "hand_back"),
+            counts_fouls=True,
+            deciding_ball=9,
+        ),
+        Game(
+            "snooker",
+            snooker,
+            balls_on,
+            scene="snooker",
+            layouts=("snooker", "random"),
+            n_object_balls=(6, 21),
+            n_players=(2, 2),
+            target=0,
+            choices=("hand_back", "replace"),
+            deciding_ball=-1,
+            has_spots=True,
+        ),
+        _CAROM("carom", carom),
+        _CAROM("three_cushion", three_cushion),
+    )
 }
 
 
-def judge_shots(
-    game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any], verdicts: NDArray[Any] | None = None
-) -> NDArray[Any]:
+def judge_shots(game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any]) -> NDArray[Any]:
     """Judges m shots: candidates from one position, or shots of different games.
 
     Args:
@@ -51,20 +120,25 @@ def judge_shots(
         states: (m,) `STATE`, the state of the rules before each shot.
         facts: (m,) `FACTS`, the facts of each shot.
         calls: (m,) `CALL`, the call of each shot.
-        verdicts: (m,) `VERDICT` out; None for a new array.
 
     Returns:
         (m,) `VERDICT`.
 
     Raises:
         ValueError: If the game is unknown or the arrays have different lengths.
+
+    Example:
+        >>> from billiards_env.rules import CALL, FACTS, FOULS, STATE
+        >>> states, facts, calls = (np.zeros(3, kind) for kind in (STATE, FACTS, CALL))
+        >>> states["object_balls"], facts["first"] = 1 << 4 | 1 << 9, [0, 1 << 4, 1 << 9]
+        >>> [FOULS[foul] for foul in judge_shots("nine_ball", states, facts, calls)["foul"]]
+        ['no_hit', 'no_cushion', 'wrong_ball']
     """
     choose("game", game, tuple(GAMES))
-    if verdicts is None:
-        verdicts = np.empty(len(states), VERDICT)
-    if not len(states) == len(facts) == len(calls) == len(verdicts):
-        lengths = len(states), len(facts), len(calls), len(verdicts)
-        raise ValueError(f"states, facts, calls and verdicts of lengths {lengths}: expected one length")
+    lengths = len(states), len(facts), len(calls)
+    if len(set(lengths)) > 1:
+        raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
+    verdicts = np.empty(len(states), VERDICT)
     _judging(game)(states, facts, calls, verdicts)
     return verdicts
 
@@ -79,13 +153,17 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
 
     Returns:
         (m,) sets of balls.
+
+    Raises:
+        ValueError: If the game is unknown.
     """
+    choose("game", game, tuple(GAMES))
     balls = np.empty(len(states), np.int64)
     _finding(game)(states, players, balls)
     return balls
 
 
-judge, legal = GAMES["straight"]  # `specialised` puts the kernels of each game in their place
+judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
 
 
 def _write_verdicts(states, facts, calls, verdicts):
@@ -105,9 +183,9 @@ def _write_legal_balls(states, players, balls):
 
 @functools.cache
 def _judging(game: str) -> Kernel:
-    return specialised(_write_verdicts, **GAMES[game]._asdict())
+    return specialised(_write_verdicts, judge=GAMES[game].kernel, legal=GAMES[game].legal_kernel)
 
 
 @functools.cache
 def _finding(game: str) -> Kernel:
-    return specialised(_write_legal_balls, legal=GAMES[game].legal)
+    return specialised(_write_legal_balls, legal=GAMES[game].legal_kernel)

@@ -583,7 +583,7 @@ def test_bad_goals_raise_and_the_episode_continues(options, message):
         (
             {"scene": "carom"},
             ValueError,
-            "task = 'pot' with 1 object balls and 0 pockets: expected object balls and a table with",
+            "task = 'pot' with 2 object balls and 0 pockets: expected object balls and a table with",
         ),
         (
             {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.02], "mass": [0.1, "inf"]}}},

@@ -17,13 +17,11 @@ from billiards_env.games.state import (
 from billiards_env.rules import CALL, FACTS, FOULS, GAMES, STATE, Counts, facts_of_shots, judge_shots, legal_balls
 from tests.helpers.games import events
 
-DECIDING = {"eight_ball": 8, "nine_ball": 9, "snooker": 21}
-
 
 def random_state(name, rng):
     rules = RULES[name]
     n, players = 1 + rules.n_object_balls[1], int(rng.integers(rules.n_players[0], rules.n_players[1] + 1))
-    lying = {0, DECIDING.get(name, 1), *np.flatnonzero(rng.random(n) < rng.random()).tolist()}
+    lying = {0, (rules.deciding_ball or 1) % n, *np.flatnonzero(rng.random(n) < rng.random()).tolist()}
     return RuleState(
         player=int(rng.integers(players)),
         scores=tuple(rng.integers(0, 20, players).tolist()),
@@ -118,7 +116,7 @@ def test_a_shot_without_a_known_order_of_pots_chooses_the_group_that_was_touched
 
 def test_wrong_arrays_are_refused():
     states, facts, calls = np.zeros(2, STATE), np.zeros(2, FACTS), np.zeros(3, CALL)
-    with pytest.raises(ValueError, match=r"lengths \(2, 2, 3, 2\): expected one length"):
+    with pytest.raises(ValueError, match=r"lengths \(2, 2, 3\): expected one length"):
         judge_shots("carom", states, facts, calls)
     with pytest.raises(ValueError, match="game = 'croquet': expected one of"):
         judge_shots("croquet", states, facts, calls[:2])
