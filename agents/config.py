@@ -28,6 +28,7 @@ from pydantic.dataclasses import dataclass
 
 from billiards_env.checks import RANGES, choose, number, short
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.tasks import TASKS
 
 ENV_ID = "Billiards-v0"
 Head = Literal["gaussian", "mixture", "hits", "pots"]
@@ -90,7 +91,10 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
     for key in given:
         choose("key of env", key, tuple(parameters))
     given = {key: value if isinstance(value, bool) else number(value) for key, value in given.items()}
-    return {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+    found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
+    if found["max_shots"] is None and found["task"] in TASKS:
+        found["max_shots"] = TASKS[found["task"]].max_shots
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)

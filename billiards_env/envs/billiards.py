@@ -205,7 +205,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
     | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
     | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
-    | `max_shots`          | int           | `1`          | maximum number of shots in an episode                  |
+    | `max_shots`          | int or None   | `None`       | maximum number of shots; None for that of the task     |
     | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
     | `layout`             | str or None   | `"random"`   | starting positions; None for those of the task         |
     | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
@@ -258,7 +258,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         dt: float | None = None,
         fix: str | None = None,
         action: str = "velocity",
-        max_shots: int = 1,
+        max_shots: int | None = None,
         max_speed: float = 4.0,
         layout: str | None = "random",
         observe_shots_left: bool = False,
@@ -273,7 +273,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.dt = dt
         self.fix = fix
         self.action = check_action(action, self.scene)
-        self.max_shots = whole("max_shots", max_shots, "max_shots")
+        self.max_shots = whole("max_shots", TASKS[task].max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         self.layout = TASKS[task].layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.

@@ -251,6 +251,7 @@ class Task:
         scene: The name of a scene in which the task can be played.
         n_object_balls: The smallest and the largest number of object balls; None for no limit.
         pockets: Whether the table must have pockets; None for any table.
+        max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
         on: For a run-out, in which the cue ball may touch only some balls first: the sets of balls that are on in the
@@ -262,6 +263,7 @@ class Task:
     scene: str = "pool"
     n_object_balls: tuple[int, int | None] = (1, None)
     pockets: bool | None = None
+    max_shots: int = 1
     goal_radius: float = 0.0
     on: tuple[int, int] | None = None
 
@@ -277,13 +279,19 @@ TASKS = {
     "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3),
     "clear": Task(judge=judge_clear, layout="rack", pockets=True),
     "nine_ball": Task(
-        judge=judge_nine_ball, layout="nine_ball", n_object_balls=(9, 9), pockets=True, on=(1 << 1, 1 << 1)
+        judge=judge_nine_ball,
+        layout="nine_ball",
+        n_object_balls=(9, 9),
+        pockets=True,
+        max_shots=30,
+        on=(1 << 1, 1 << 1),
     ),
     "eight_ball": Task(
         judge=judge_eight_ball,
         layout="eight_ball",
         n_object_balls=(15, 15),
         pockets=True,
+        max_shots=30,
         on=(SOLIDS | EIGHT | STRIPES, SOLIDS | STRIPES),
     ),
 }
