@@ -47,21 +47,14 @@ NO_RACK, RACK_ALL, RACK_REST = range(len(RACKS))
 
 
 class StateNumbers(NamedTuple):
-    """The state of the rules before a shot, see `games.state.RuleState`.
+    """The state of the rules before a shot.
+
+    The fields are those of `games.state.RuleState`, except for
 
     Attributes:
-        player: The player to shoot.
-        n_players: Number of players.
-        scores: The score of each player, 0 after the last one.
+        scores: The score of each player, 0 after the last of `n_players`.
         object_balls: The balls on the table.
-        break_shot: Whether the shot is the opening break.
-        solids: In eight ball, the player who has the balls 1 to 7; -1 while the table is open.
-        target: The score that wins, or 0.
-        called: Whether a potted ball counts only if the ball and its pocket were called.
-        reds: In snooker, the number of red balls of a full table.
         fouls: Number of consecutive fouls of the player to shoot.
-        colour: In snooker, whether a colour of the player's choice is on.
-        free_ball: In snooker, whether the player has a free ball.
     """
 
     player: int
@@ -93,21 +86,15 @@ class CallNumbers(NamedTuple):
 
 
 class VerdictNumbers(NamedTuple):
-    """The judgement of a shot, see `games.state.Verdict`.
+    """The judgement of a shot.
+
+    The fields are those of `games.state.Verdict`, except for
 
     Attributes:
         foul: Index in `FOULS`.
-        points: Points for the shooter.
-        continues: Whether the shooter also plays the next shot.
-        in_hand: Index in `IN_HAND`, for the next shot.
-        spotted: The balls that return to the table.
-        solids: As in `StateNumbers`, for the next shot.
-        over: Whether the game is over.
-        winner: The player who has won, or -1.
-        penalty: Points for the next player.
+        in_hand: Index in `IN_HAND`.
         rack: Index in `RACKS`.
-        choices: The choices of the next player; bit i is `CALLS[i]`.
-        colour: As in `StateNumbers`, for the next shot.
+        choices: Bit i is `CALLS[i]`.
     """
 
     foul: int
