@@ -59,7 +59,7 @@ def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
     assert model.phase == "placing"
     model = after(model, Command("go"))
     assert model.phase == "aiming"
-    model = after(model, TurnAim(1.0), Command("go"))
+    model = after(model, TurnAim(2.0), Command("go"))
     assert model.phase == "rolling"
     shot = model.shown_shots[0]
     for _ in range(math.ceil(60 * shot.time)):
