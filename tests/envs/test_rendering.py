@@ -13,7 +13,6 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.env_checker import check_env
 
-from billiards_env import Scene
 from billiards_env import envs as billiards_envs
 from billiards_env.envs import RecordVideo
 from billiards_env.envs.rendering import FPS, RENDER_MODES
@@ -457,9 +456,8 @@ def test_the_error_without_pygame_contains_the_command_to_install_it(mode, monke
 
 
 def test_a_custom_scene_is_drawn():
-    data = Scene.named("pool", 2).to_dict()
-    data["balls"] = {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}
-    env = BilliardsEnv(scene=data, render_mode="rgb_array")
+    balls = {"radius": [0.03, 0.05, 0.03], "mass": [0.2, "inf", 0.2]}
+    env = BilliardsEnv(scene={"base": "pool", "balls": balls}, render_mode="rgb_array")
     env.reset(options={"positions": [[0.0, 0.0], [0.3, 0.0], [0.6, 0.1]]})
     frame = env.render().astype(int)
     assert (np.abs(frame - (107, 107, 107)).max(-1) < 8).sum() > 100  # the lit side of the fixed ball
