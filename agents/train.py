@@ -118,7 +118,7 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False, longer: bool = 
 
 
 def _lengthen(run_dir: Path) -> None:
-    """Makes an interrupted run of a finished one: the trained model becomes its newest checkpoint.
+    """Turns a finished run into an interrupted one, so that it can continue: the model becomes its newest checkpoint.
 
     Raises:
         ValueError: If the folder does not hold the model and the learning curve.

@@ -1,8 +1,9 @@
 """Measures run-outs of nine ball and eight ball by players without training: `python -m studies.run_outs`.
 
-A run-out is a rack that a player clears from the break without a foul or a shot that pots nothing. The players play it
-without execution noise and with noise, which they know. The results are in `studies/results/run_outs.json`. A player
-with results there is not measured again, so the same command continues after an interruption.
+A run-out is a rack that a player wins from the break without a foul and without a shot that scores nothing. In nine
+ball a legal pot of the nine ball wins the rack at once. The players play without execution noise and with noise, whose
+size they know. The results are in `studies/results/run_outs.json`. The
+command skips players that have results there with the same settings, so it continues after an interruption.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ def measure(output: Path) -> dict[str, Any]:
         output: The JSON file of the results.
 
     Returns:
-        The content of the file: `machine`, `seed`, and `results[task][noise][player]`, see `studies.players.measure`.
+        The content of the file: `machine`, `settings`, and `results[task][noise][player]`, see
+        `studies.players.measure`.
 
     Raises:
         OSError: If the file cannot be read or written.

@@ -1,7 +1,7 @@
 """Numba's compiler without the steps that this package does not need.
 
-The first shot without a cache compiles more than a hundred functions. The docstrings have the processor time that each
-part saves of the 18 s of the default environment's first step, on an AMD EPYC.
+The first shot without a cache compiles more than a hundred functions. The docstrings state how much processor time
+each part saves in the default environment's first step, on an AMD EPYC.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class ShortCompiler(Compiler):
 
 
 class Kernel(CPUDispatcher):
-    """A function that other compiled functions call. Saves 14 s, with the 3 s of `_KernelLibrary`.
+    """A function that other compiled functions call. Saves 14 s, which include the 3 s of `_KernelLibrary`.
 
     Its machine code and its wrapper for Python are compiled only at the first call from Python.
     """

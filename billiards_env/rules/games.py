@@ -113,7 +113,7 @@ GAMES = {
 
 
 def judge_shots(game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any]) -> NDArray[Any]:
-    """Judges m shots: candidates from one position, or shots of different games.
+    """Judges m shots of one game: candidates from one position, or shots from different states.
 
     Args:
         game: One of `GAMES`.

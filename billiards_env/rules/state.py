@@ -49,7 +49,7 @@ NO_RACK, RACK_ALL, RACK_REST = range(len(RACKS))
 class StateNumbers(NamedTuple):
     """The state of the rules before a shot.
 
-    The fields are those of `games.state.RuleState`, except for
+    The other fields have the meanings of those of `games.state.RuleState`.
 
     Attributes:
         scores: The score of each player, 0 after the last of `n_players`.
@@ -88,7 +88,7 @@ class CallNumbers(NamedTuple):
 class VerdictNumbers(NamedTuple):
     """The judgement of a shot.
 
-    The fields are those of `games.state.Verdict`, except for
+    The other fields have the meanings of those of `games.state.Verdict`.
 
     Attributes:
         foul: Index in `FOULS`.
