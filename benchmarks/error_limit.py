@@ -198,7 +198,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.error_limit", description="Compare the engine's error with the unavoidable error."
     )
-    parser.add_argument("--shots", type=int, default=300, help="shots of each kind (default: 300)")
+    parser.add_argument("--shots", type=int, default=1000, help="shots of each kind (default: 1000)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one per core)")
     parser.add_argument("--output", type=Path, default=RESULTS / "error_limit.json", help="JSON file")
     parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="picture file")
