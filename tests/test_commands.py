@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import json
 import os
 import re
@@ -34,7 +33,6 @@ COMMANDS = {
 TESTED = {
     "agents.evaluate": "agents/test_evaluate.py",
     "agents.rllib": "cluster/test_cluster.py",
-    "agents.rllib.sweep": "cluster/test_cluster.py",
     "agents.train": "agents/test_train.py",
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",
@@ -114,8 +112,6 @@ def check_options(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that a command, such as "benchmarks.speed --repeats 1", exists and accepts its arguments."""
     command, *arguments = shlex.split(line, comments=True)
     assert command in COMMANDS, line
-    if command == "agents.rllib.sweep" and importlib.util.find_spec("ray") is None:
-        return  # it imports Ray
     parse = argparse.ArgumentParser.parse_args
 
     def only_parse(self: argparse.ArgumentParser, *given: Any) -> None:

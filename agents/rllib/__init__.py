@@ -1,13 +1,12 @@
 """Training with RLlib on one machine or on a Ray cluster: `python -m agents.rllib configs/rllib/pot.yaml`.
 
 Modules:
-    settings: The settings of a training and of a sweep, read from YAML.
+    settings: The settings of a training, read from YAML.
     rollouts: Plays a policy in a vector of environments and records the steps as arrays.
     algorithm: The parts of RLlib: the policy as an RLModule, an EnvRunner of arrays, and PPO.
     train: The training, with progress, checkpoints and a run folder as in `agents.train`.
-    sweep: Trainings with other settings, with Ray Tune: `python -m agents.rllib.sweep configs/rllib/sweep.yaml`.
 
-Only the last three import Ray.
+Only the last two import Ray.
 """
 
 from agents import require

@@ -25,7 +25,6 @@ from agents.train import learning_curve, open_run
 
 ray = pytest.importorskip("ray")
 
-from agents.rllib import sweep  # noqa: E402
 from agents.rllib.algorithm import ArrayPPO, algorithm_config  # noqa: E402
 from agents.rllib.train import newest_checkpoint, train  # noqa: E402
 
@@ -239,14 +238,3 @@ def test_the_runs_of_a_study_are_tasks(cluster, tmp_path, monkeypatch):
     written = (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns
     train_all(runs, 1, cluster.address)
     assert (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns == written
-
-
-def test_a_sweep_writes_the_results_of_its_trials(cluster, tmp_path):
-    (tmp_path / "recipe.yaml").write_text(yaml.safe_dump({**TINY, "timesteps": 512, "policy": {"hidden": [8]}}))
-    asked = {"recipe": "recipe.yaml", "trials": 2, "first_stop": 512, "choices": {"ppo.n_epochs": [1, 2]}}
-    (tmp_path / "sweep.yaml").write_text(yaml.safe_dump(asked))
-    sweep.main([str(tmp_path / "sweep.yaml"), "--address", cluster.address, "--folder", str(tmp_path / "trials")])
-    head, *rows = (tmp_path / "trials" / "results.csv").read_text().splitlines()
-    assert head == "trial,ppo.n_epochs,steps,seconds,success"
-    assert sorted(row.split(",")[0] for row in rows) == ["0", "1"]
-    assert {row.split(",")[2] for row in rows} == {"512"}
