@@ -54,7 +54,6 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/pip install --quiet -c constraints.txt -e '.[bench]'
 	$(BIN)/python -m benchmarks.accuracy
 	$(BIN)/python -m benchmarks.comparison
-	$(BIN)/python -m benchmarks.growth
 	$(BIN)/python -m benchmarks.error_limit
 	$(BIN)/python -m benchmarks.validation
 	$(BIN)/python -m benchmarks.speed
@@ -66,7 +65,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
-	$(WORK)/python -m studies.english
+	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.readme
 

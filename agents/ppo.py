@@ -23,14 +23,12 @@ from torch import Tensor
 
 from agents.config import ENV_ID, Config, load
 from agents.policy import MixturePolicy, find_game
-from agents.pot_head import OFFSET_INPUTS, FeatureBuffer, PotFeatures, PotHead
+from agents.pot_head import FeatureBuffer, PotFeatures
 from agents.vec_env import SameStepVecEnv
 from billiards_env.envs.wrappers import ExecutionNoise, VectorExecutionNoise
 from billiards_env.files import write_whole
 
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
-
-_SPIN = "mlp_extractor.spin"  # a weight of the head "pots" that only policies of strikes have
 
 # Environment seeds are below this number in training, and not below it in evaluation.
 _FIRST_EVALUATION_SEED = 2**31
@@ -171,14 +169,8 @@ def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Co
     return config, policy
 
 
-def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) -> None:
+def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
     """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
-
-    Args:
-        policy: The policy, which changes.
-        path: The file.
-        extend: Whether a policy of strikes may load a policy of velocities. The weights for side, top and elevation
-            then keep their values, and the weights of the inputs for the offset of the tip become zero.
 
     Raises:
         OSError: If the file cannot be read.
@@ -188,14 +180,6 @@ def load_weights(policy: ActorCriticPolicy, path: Path, extend: bool = False) ->
         weights = torch.load(path, map_location="cpu", weights_only=True)
         if not isinstance(weights, dict) or not all(isinstance(tensor, Tensor) for tensor in weights.values()):
             raise ValueError
-    if extend:
-        head = policy.mlp_extractor
-        inputs = OFFSET_INPUTS if isinstance(head, PotHead) and head.cue is not None else 0
-        for name, own in policy.state_dict().items():
-            if name in weights:
-                weights[name] = _extended(weights[name], own, inputs)
-            elif name == _SPIN:
-                weights[name] = own
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]
@@ -228,18 +212,6 @@ def whole_archive(path: Path, content: str) -> Iterator[None]:
         except Exception:
             expected = "expected a whole file of weights, it is damaged or holds other objects"
             raise ValueError(f"{path} does not hold {content}: {expected}") from None
-
-
-def _extended(found: Tensor, own: Tensor, inputs: int) -> Tensor:
-    """Returns weights in the shape of `own`. Missing rows come from `own`, and missing columns for `inputs` are zero.
-
-    Weights of other shapes are returned unchanged.
-    """
-    if found.dim() == own.dim() > 0 and found.shape[1:] == own.shape[1:]:
-        return torch.cat((found, own[len(found) :]))
-    if found.dim() == own.dim() == 2 and (len(found), found.shape[1] + inputs) == own.shape:
-        return torch.nn.functional.pad(found, (0, inputs))
-    return found
 
 
 def _is_value(name: str) -> bool:

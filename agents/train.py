@@ -232,7 +232,7 @@ def _resume(model: PPO, config: Config, run_dir: Path) -> None:
 
 
 def start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
-    """Sets the weights of a policy to those of a finished run, whose actions may be velocities instead of strikes.
+    """Sets the weights of a policy to those of a finished run.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -242,7 +242,7 @@ def start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
     if not path.is_file():
         raise FileNotFoundError(f"start_from = {run_dir!r}: expected the folder of a finished run, with policy.pt")
     try:
-        load_weights(policy, path, extend=True)
+        load_weights(policy, path)
     except ValueError as error:
         why = " ".join(str(error).split())
         raise ValueError(f"start_from = {run_dir!r}: expected a run with the same networks ({why})") from error

@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from billiards_env.engine import STATUS
+from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import Balls, Physics, Scene, layouts
+from billiards_env.scene.table import POOL_RADIUS, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
 
 MAX_SPEED = 4.0  # m/s, largest speed of a random shot: the environment's default
@@ -31,6 +33,12 @@ BREAK_SPEED = 8.0  # m/s, speed of the cue ball in a break
 BREAK_SPREAD = math.radians(1)  # largest angle between a break and the centre of the first ball
 GAS_SPEED = 1.0  # m/s, root mean square along each axis
 N_SINGLES = 1000  # shots run one at a time
+
+DISKS = (2, 16, 128, 1024, 10_000)
+"""Numbers of disks of the gases that grow."""
+SHARE = 0.1
+"""Share of the table's area covered by the disks of such a gas."""
+GROWTH_SECONDS = 2.0  # simulated
 
 Floats = NDArray[np.float64]
 
@@ -95,6 +103,22 @@ def gas(name: str, n_balls: int, count: int) -> Case:
     return Case(name, scene, positions, rng.normal(0, GAS_SPEED, (count, n_balls, 2)))
 
 
+def growing_gas(n: int, count: int) -> Case:
+    """Returns shots of n elastic disks on a table that grows with n; each disk is in its own cell of a lattice."""
+    rng = np.random.default_rng(n)
+    width = math.sqrt(n * math.pi * POOL_RADIUS**2 / SHARE / 2)
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=GROWTH_SECONDS)
+    scene = Scene(Balls.uniform(n), Table(2 * width, width), physics)
+    rows = math.ceil(math.sqrt(n / 2))
+    columns = math.ceil(n / rows)
+    cell = np.array([2 * width / columns, width / rows])
+    sites = np.stack(np.divmod(np.arange(columns * rows), rows), axis=1) + 0.5
+    taken = np.array([sites[rng.permutation(len(sites))[:n]] for _ in range(count)])
+    reach = cell / 2 - 1.001 * POOL_RADIUS
+    positions = taken * cell - [width, width / 2] + reach * rng.uniform(-1, 1, taken.shape)
+    return Case(f"{n:,}", scene, positions, rng.normal(0.0, GAS_SPEED, taken.shape))
+
+
 def seconds(run: Callable[[], object]) -> float:
     """Returns the run time of `run()`, s."""
     begin = perf_counter()
@@ -121,7 +145,8 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         scale: Factor on the number of shots in a pass.
 
     Returns:
-        `batch`: a list with one entry per case; `microseconds_per_call`: times of the first case's shots one at a time.
+        `batch`: a list with one entry per case; `microseconds_per_call`: times of the first case's shots one at a time;
+        `growth`: a list with one entry for each of `DISKS`.
     """
     on = machine()
     every = cases(scale)
@@ -133,10 +158,15 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     # For each case and pass: seconds with one and with two threads.
     batch: list[list[tuple[float, float]]] = [[] for _ in every]
     calls: list[dict[str, float]] = []
+    gases = [growing_gas(n, max(1, 4096 // n)) for n in DISKS]
+    events_of = [float(simulate_batch(c.scene, c.positions, c.velocities, threads=1).n_events.mean()) for c in gases]
+    growth: list[list[float]] = [[] for _ in gases]
     for _ in range(repeats):
         for k, case in enumerate(every):
             batch[k].append((seconds(lambda case=case: run(case, 1)), seconds(lambda case=case: run(case, 2))))
         calls.append(time_calls(every[0]))
+        for gas, found in zip(gases, growth, strict=True):
+            found.append(seconds(lambda gas=gas: run(gas, 1)) / len(gas.positions))
 
     rows = []
     for case, passes, outcome in zip(every, batch, outcomes, strict=True):
@@ -164,6 +194,10 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
             name: {**summary([1e6 * t[name] for t in calls]), "fastest": min(1e6 * t[name] for t in calls)}
             for name in calls[0]
         },
+        "growth": [
+            {"disks": n, "events_per_shot": events, "us_per_shot": 1e6 * float(np.median(found))}
+            for n, events, found in zip(DISKS, events_of, growth, strict=True)
+        ],
     }
 
 
@@ -219,6 +253,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             above = "" if key == "env_reset" else f"{per_call[key][of] - per_call['simulate_batch'][of]:.1f}"
             row += [f"{per_call[key][of]:.1f}", above]
         calls.append(row)
+    growth = [
+        (f"{g['disks']:,}", f"{g['events_per_shot']:,.0f}", f"{g['us_per_shot'] / g['events_per_shot']:,.2f}")
+        for g in result["growth"]
+    ]
     one = {key: f"{per_call[key]['median']:.2g} us" for key in names}
     gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
     return {
@@ -230,6 +268,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "calls_of": f"The first case with one shot a call, {N_SINGLES:,} calls in a pass: microseconds a call, and the "
         "difference to the batch. Medians of the passes, and the fastest pass.",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
+        "growth_of": f"{GROWTH_SECONDS:g} s of an elastic gas, disks on {SHARE:.0%} of the table. From {MANY_BALLS} balls "
+        "on the engine uses a grid of cells and a heap.",
+        "growth": table(("disks", "events", "us/event"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "
         f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",

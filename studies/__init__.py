@@ -3,7 +3,6 @@
 Modules:
     recipes: Trains every recipe with several seeds: `make results`.
     timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
-    english: Measures whether english pays.
     players: Measures players without training.
     run_outs: Measures run-outs of players without training, with and without execution noise.
 """

@@ -19,7 +19,6 @@ from benchmarks import (
     accuracy_report,
     comparison,
     error_limit,
-    growth,
     speed,
     start_up,
     stress,
@@ -27,7 +26,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import english, recipes, run_outs, timestep_report
+from studies import recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -37,9 +36,8 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
-    "english": ("studies.english", english.blocks),
+    "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
-    "growth": ("benchmarks.growth", growth.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),

@@ -2,7 +2,8 @@
 
 A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games.
 `configs/prior_knowledge.yaml` lists recipes for one game with different prior knowledge, and
-`configs/prior_knowledge_long.yaml` lists the same recipes with ten times as many shots. The results of these lists are
+`configs/prior_knowledge_long.yaml` lists the same recipes with ten times as many shots. `configs/english.yaml` lists
+recipes with and without english. The results of these lists are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,

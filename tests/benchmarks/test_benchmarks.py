@@ -12,7 +12,6 @@ from benchmarks import (
     accuracy,
     accuracy_report,
     error_limit,
-    growth,
     speed,
     start_up,
     stress,
@@ -49,7 +48,7 @@ def test_breaks_hit_the_rack(rack):
 
 
 def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
-    measured = small_measurement()
+    measured = small_measurement(monkeypatch)
     monkeypatch.setattr(speed, "measure", lambda repeats: measured)
     speed.main(["--repeats", "1", "--output", str(tmp_path / "speed.json")])
     written = json.loads((tmp_path / "speed.json").read_text())
@@ -59,8 +58,10 @@ def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
     assert all(row["case"] in out for row in written["batch"])
 
 
-def small_measurement():
+def small_measurement(monkeypatch):
+    monkeypatch.setattr(speed, "DISKS", (2, 16))
     result = speed.measure(repeats=1, scale=0.001)
+    assert [row["disks"] for row in result["growth"]] == [2, 16]
     for row in result["batch"]:
         events, rate = row["events_per_shot"], row["shots_per_second"]["median"]
         assert row["microseconds_per_event"]["median"] == pytest.approx(1e6 / (events * rate))
@@ -159,36 +160,13 @@ def test_accuracy_is_printed_drawn_and_written(matplotlib, tmp_path, monkeypatch
     assert capsys.readouterr().out == out
 
 
-def test_growth_is_printed_and_written(tmp_path, capsys):
-    growth.main(["--passes", "1", "--most", "32", "--output", str(tmp_path / "g.json")])
-    rows = json.loads((tmp_path / "g.json").read_text())["rows"]
-    assert [row["disks"] for row in rows] == [2, 4, 8, 16, 32]
-    assert all(len(row["us_per_shot"]) == 3 for row in rows)
-    assert "An event takes" in capsys.readouterr().out
-
-
-def test_gases_of_all_sizes_have_the_same_density():
-    for n in (2, 256):
-        scene = growth.gas(n)
-        share = n * np.pi * growth.RADIUS**2 / (scene.table.length * scene.table.width)
-        assert share == pytest.approx(growth.SHARE)
-
-
-def test_disks_are_placed_inside_the_table_without_overlaps():
-    for n in (2, 3, 96, 1000):
-        scene = growth.gas(n)
-        positions, velocities = growth.shots(scene, 2)
-        check_positions(scene, positions)
-        assert positions.shape == velocities.shape == (2, n, 2)
-        assert not np.array_equal(positions[0], positions[1])
-
-
-def test_the_number_of_collisions_per_disk_does_not_depend_on_the_number_of_disks():
-    few, many = (
-        simulate_batch(scene, *growth.shots(scene, 4)).n_events.mean() / n
-        for n, scene in ((n, growth.gas(n)) for n in (256, 1024))
-    )
-    assert few == pytest.approx(many, rel=0.1)
+@pytest.mark.parametrize("n", [2, 3, 96, 1000])
+def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
+    case = speed.growing_gas(n, 2)
+    table = case.scene.table
+    assert n * np.pi * case.scene.balls.radius[0] ** 2 / (table.length * table.width) == pytest.approx(speed.SHARE)
+    check_positions(case.scene, case.positions)
+    assert not np.array_equal(*case.positions)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +174,6 @@ def test_the_number_of_collisions_per_disk_does_not_depend_on_the_number_of_disk
     [
         (accuracy, "--passes"),
         (error_limit, "--shots"),
-        (growth, "--passes"),
         (speed, "--repeats"),
         (start_up, "--repeats"),
         (stress, "--workers"),
