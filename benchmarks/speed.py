@@ -268,8 +268,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "calls_of": f"The first case with one shot a call, {N_SINGLES:,} calls in a pass: microseconds a call, and the "
         "difference to the batch. Medians of the passes, and the fastest pass.",
         "calls": table(("call", "us/call", "above", "fastest", "above"), calls),
-        "growth_of": f"{GROWTH_SECONDS:g} s of an elastic gas, disks on {SHARE:.0%} of the table. From {MANY_BALLS} balls "
-        "on the engine uses a grid of cells and a heap.",
+        "growth_of": f"{GROWTH_SECONDS:g} s of an elastic gas, disks on {SHARE:.0%} of the table. From {MANY_BALLS} "
+        "balls on the engine uses a grid of cells and a heap.",
         "growth": table(("disks", "events", "us/event"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "
