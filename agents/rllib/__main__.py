@@ -6,7 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from agents.cluster import connect
 from agents.config import changed, read
 from agents.rllib.settings import Settings, load_recipe
 from agents.train import open_run, print_result
@@ -37,9 +36,9 @@ def main(arguments: list[str] | None = None) -> None:
         settings = changed(settings, {k: v for k, v in given.items() if k in ("runners", "learners")})
         config = changed(config, {k: v for k, v in given.items() if k in ("seed", "timesteps")})
         settings.check(config)
-        connect(args.address, cpus=1 + settings.runners + settings.learners)
-        from agents.rllib.train import train  # imports Ray
+        from agents.rllib.train import connect, train  # imports Ray
 
+        connect(args.address, cpus=1 + settings.runners + settings.learners)
         open_run(config, run_dir, args.fresh)
         train(config, settings, run_dir)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:

@@ -93,7 +93,7 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
             assert (tmp_path / "runs" / "policies" / name / file).read_bytes() == first.read_bytes()
 
 
-def train_here(asked, jobs, address):
+def train_here(asked, jobs):
     """Trains runs in this process, which is faster for tiny runs than `train_all`."""
     for folder, config in asked.items():
         open_run(config, folder)
