@@ -32,7 +32,7 @@ from studies.failures import FAILURES
 CAUSES = (*FAILURES, "cushion", "pocket", "small_errors")
 
 WRONG_LINE = 1.0
-"""Degrees. A line of centres that is off by more is wrong, as for `failures.Failure.right_below`."""
+"""Degrees. A line of centres that is off by more is wrong."""
 
 DEEP = 0.1
 """The largest depth of a ball beyond a cushion that counts as small, as a share of its radius."""

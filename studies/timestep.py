@@ -1,8 +1,8 @@
 """Studies the effect of the timestep on the learned policies: `python -m studies.timestep configs/study/pot.yaml`.
 
 One recipe is trained in several worlds with several seeds each. One world is exact; in the others the same balls move
-in steps of dt. Then every policy plays the same layouts in every world, without exploration noise
-(`studies.timestep_measure`).
+in steps of dt. Then every policy plays the same layouts once in every world, without exploration noise. A false success
+succeeds in the world of the training and fails in the exact one; `studies.causes` finds its cause.
 
 The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figure
 to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are
@@ -17,25 +17,41 @@ import dataclasses
 import json
 import re
 import sys
-from collections.abc import Iterator
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator
 from pydantic.dataclasses import dataclass
+from tqdm import tqdm
 
 from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
+from agents.evaluate import deterministic
+from agents.ppo import evaluation_seeds, load_policy
 from agents.runs import train_all
+from agents.train import learning_curve, versions
 from benchmarks import IMAGES
 from billiards_env.engine.modes import check_mode
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
-from studies import RESULTS, RUNS, timestep_figures, timestep_measure, timestep_report
+from billiards_env.shots.simulation import simulate
+from studies import RESULTS, RUNS, timestep_report
+from studies.causes import CAUSES, cause
+
+Floats = NDArray[np.float64]
 
 STUDIES = RUNS.parent / "configs" / "study"
 """The folder of the project's studies."""
 
 EXACT = "exact"
 """The name of the world without a timestep."""
+
+LAYOUT_SEED = 0
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
@@ -111,13 +127,27 @@ def load_study(path: Path) -> tuple[Study, Config]:
     return study, recipe if study.timesteps is None else dataclasses.replace(recipe, timesteps=study.timesteps)
 
 
-def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[timestep_measure.Run, Config]]:
+class Run(NamedTuple):
+    """A finished training run.
+
+    Attributes:
+        world: The name of the world of the training.
+        seed: The seed.
+        folder: The folder of the run.
+    """
+
+    world: str
+    seed: int
+    folder: Path
+
+
+def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[Run, Config]]:
     """Yields each run of a study, with its folder under `folder`, and its configuration."""
     for world in study.worlds:
         env = {**recipe.env, **world_arguments(world, study.fix)}
         for seed in study.seeds:
             run_dir = folder / world.replace("/", "-") / f"seed{seed}"
-            yield timestep_measure.Run(world, seed, run_dir), dataclasses.replace(recipe, env=env, seed=seed)
+            yield Run(world, seed, run_dir), dataclasses.replace(recipe, env=env, seed=seed)
 
 
 def find_result(path: Path, study: Study, recipe: Config) -> dict[str, Any] | None:
@@ -141,7 +171,7 @@ def measure(name: str, study: Study, recipe: Config, folder: Path, jobs: int) ->
         jobs: The number of runs at a time.
 
     Returns:
-        The study, the recipe and the output of `studies.timestep_measure.measure`, as plain data.
+        The study, the recipe and the output of `compare`, as plain data.
     """
     planned = list(runs(study, recipe, folder))
     train_all({run.folder: config for run, config in planned}, jobs)
@@ -150,8 +180,85 @@ def measure(name: str, study: Study, recipe: Config, folder: Path, jobs: int) ->
         "study": name,
         **dataclasses.asdict(study),
         "recipe_config": recipe.to_dict(),
-        **timestep_measure.measure(recipe, worlds, [run for run, _ in planned], study.layouts),
+        **compare(recipe, worlds, [run for run, _ in planned], study.layouts),
     }
+
+
+def compare(
+    recipe: Config, worlds: Mapping[str, Mapping[str, Any]], runs: Sequence[Run], layouts: int
+) -> dict[str, Any]:
+    """Plays the policies in all worlds.
+
+    Args:
+        recipe: The configuration of the training, apart from the world and the seed.
+        worlds: The arguments of `gym.make` of each world, by name; "exact" is among them.
+        runs: The finished runs.
+        layouts: The number of layouts.
+
+    Returns:
+        Plain data: `versions`; `worlds_measured`, the arguments and speed of each world; and `policies`. A policy has
+        `world`, `seed`, `curve` (a list of `agents.train.Point`), `success` (the number of successes in each world),
+        and `false_successes` (their number by cause).
+
+    Raises:
+        OSError: If a file of a run cannot be read.
+        ValueError: If a file of a run has the wrong content.
+    """
+    seeds = evaluation_seeds(LAYOUT_SEED, layouts).tolist()
+    envs = {
+        world: BilliardsVectorEnv(layouts, "Disabled", 1, **{**recipe.env, **arguments})
+        for world, arguments in worlds.items()
+    }
+    observations, _ = envs["exact"].reset(seed=seeds)
+    positions, env = envs["exact"].positions, envs["exact"].single_env
+    shots = [_shots(run.folder, observations) for run in tqdm(runs, "policies")]
+    successes = {world: [] for world in worlds}
+    seconds = dict.fromkeys(worlds, 0.0)
+    for world in tqdm(worlds, "worlds"):
+        for actions in shots:
+            envs[world].reset(options={"positions": positions})
+            begin = time.perf_counter()
+            *_, infos = envs[world].step(actions)
+            seconds[world] += time.perf_counter() - begin
+            successes[world].append(infos["success"])
+    policies = []
+    for k, run in enumerate(tqdm(runs, "false successes")):
+        own, exact = successes[run.world][k], successes["exact"][k]
+        policies.append(
+            {
+                "world": run.world,
+                "seed": run.seed,
+                "curve": [list(point) for point in learning_curve(run.folder)],
+                "success": {world: int(successes[world][k].sum()) for world in worlds},
+                "false_successes": _causes(worlds[run.world], env, positions, shots[k], own & ~exact),
+            }
+        )
+    return {
+        "versions": versions(),
+        "worlds_measured": {
+            world: {**worlds[world], "shots_per_second": layouts * len(shots) / seconds[world]} for world in worlds
+        },
+        "policies": policies,
+    }
+
+
+def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
+    """Returns the actions of a run's policy, (m, 2)."""
+    _, policy = load_policy(run_dir)
+    return np.asarray(deterministic(policy)(observations), np.float64)
+
+
+def _causes(
+    world: Mapping[str, Any], env: BilliardsEnv, positions: Floats, actions: Floats, false: NDArray[np.bool_]
+) -> dict[str, int]:
+    """Returns the number of false successes by cause."""
+    counts: Counter[str] = Counter()
+    for i in np.flatnonzero(false).tolist():
+        start = env.scene, positions[i], cue_strike(actions[i], env.scene, env.max_speed)
+        exact, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
+        differs = np.flatnonzero(exact.potted != stepped.potted)
+        counts[cause(exact, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball
+    return {name: counts[name] for name in CAUSES}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -175,14 +282,14 @@ def main(arguments: list[str] | None = None) -> None:
         if result is None:
             result = measure(name, study, recipe, runs_folder, args.jobs)
             write_json(path, result)
-        timestep_figures.draw(result, figure)
+        timestep_report.draw(result, figure)
     except (OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues from the newest checkpoints", file=sys.stderr)
         sys.exit(130)
     shown = timestep_report.blocks(result)
-    print("\n\n".join(shown[name] for name in ("findings", *timestep_report.tables(result))))
+    print("\n\n".join(shown[name] for name in timestep_report.tables(result)))
     print(f"\nin {path} and {figure}")
 
 

@@ -1,4 +1,4 @@
-"""Summarizes a study of timesteps: means over the seeds, tables and findings.
+"""Summarizes a study of timesteps: means over the seeds, tables and the figure.
 
 The mean over the policies of a world has Student's 95 % interval over the few seeds of the training. The layouts are
 the same for all policies.
@@ -7,10 +7,15 @@ the same for all policies.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
 from agents.intervals import as_percent, difference, over_seeds
-from benchmarks import table
+from benchmarks import save, table
 from studies.causes import CAUSES
 
 
@@ -21,10 +26,10 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         result: The result of a study, see `studies.timestep`.
 
     Returns:
-        By world: `own` and `exact`, the success in the world itself and in the exact one; `gap`, own less exact;
-        `behind`, the success in the exact world less that of the policies trained there; `false`, the share of the
-        successes in the own world that fail in the exact one, and `causes`, these shares by cause; `training_seconds`
-        of a run; and `shots_per_second` of the world.
+        By world: `own` and `exact`, the success in the world itself and in the exact one; `behind`, the success in the
+        exact world less that of the policies trained there; `false`, the share of the successes in the own world that
+        fail in the exact one, and `causes`, these shares by cause; `training_seconds` of a run; and `shots_per_second`
+        of the world.
     """
     found = {}
     by_world = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
@@ -36,7 +41,6 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         found[world] = {
             "own": over_seeds(own),
             "exact": over_seeds(exact[world]),
-            "gap": over_seeds([a - b for a, b in zip(own, exact[world], strict=True)]),
             "behind": difference(exact[world], exact["exact"]),
             "false": over_seeds([sum(c.values()) / n for c, n in zip(causes, successes, strict=True)]),
             "causes": {
@@ -53,15 +57,9 @@ def rates(result: Mapping[str, Any], trained: str, tested: str) -> list[float]:
     return [p["success"][tested] / result["layouts"] for p in result["policies"] if p["world"] == trained]
 
 
-def transfer(result: Mapping[str, Any]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Returns the success over seeds, by the world of the training and then by the world of the test."""
-    worlds = result["worlds_measured"]
-    return {trained: {tested: over_seeds(rates(result, trained, tested)) for tested in worlds} for trained in worlds}
-
-
 def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]]:
     """Returns the heads and rows of the tables, by name; a row for each world of training."""
-    means, matrix = summary(result), transfer(result)
+    means = summary(result)
     return {
         "conclusion": (
             (
@@ -96,49 +94,53 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
         ),
         "transfer": (
             ("trained in", *(f"played in {_name(world)}" for world in means)),
-            [(_name(a), *(f"{matrix[a][b]['mean']:.1%}" for b in means)) for a in means],
+            [(_name(a), *(f"{np.mean(rates(result, a, b)):.1%}" for b in means)) for a in means],
         ),
     }
 
 
-def findings(result: Mapping[str, Any]) -> list[str]:
-    """Returns three sentences on the timesteps that suffice, the false successes and the cost.
-
-    The list is empty if there is no world with a timestep.
-    """
-    means, dts = summary(result), {world: m["dt"] for world, m in result["worlds_measured"].items()}
-    exact, stepped = means["exact"], {world: t for world, t in means.items() if world != "exact"}
-    if not stepped:
-        return []
-    worse = [w for w, t in stepped.items() if t["behind"]["interval"] is not None and t["behind"]["interval"][1] < 0]
-    last = min(stepped, key=lambda world: stepped[world]["behind"]["mean"])
-    falsest = max(stepped, key=lambda world: stepped[world]["false"]["mean"])
-    causes = stepped[falsest]["causes"]
-    cause = max(causes, key=lambda name: causes[name]["mean"])
-    finest = min(stepped, key=lambda world: dts[world])
-    minutes = {world: means[world]["training_seconds"]["mean"] / 60 for world in ("exact", finest)}
-    speeds = {world: means[world]["shots_per_second"] for world in ("exact", finest)}
-    return [
-        f"Policies trained with the exact engine succeed with it on {as_percent(exact['exact'])} of the layouts. "
-        f"Those trained at {', '.join(worse) + ' s' if worse else 'no timestep'} are worse by more than the interval. "
-        f"The largest difference is at {_name(last)}: {_points(stepped[last]['behind'])} points.",
-        f"Of the successes of the policies trained at {_name(falsest)}, with their own engine, "
-        f"{as_percent(stepped[falsest]['false'])} fail with the exact engine. The most frequent cause is "
-        f"{cause.replace('_', ' ')}: {as_percent(causes[cause])} of the successes. No other timestep has a larger "
-        "share.",
-        f"A run takes {minutes['exact']:.1f} min with the exact engine and {minutes[finest]:.1f} min at "
-        f"{_name(finest)}; one core runs {speeds['exact']:,.0f} and {speeds[finest]:,.0f} shots/s.",
-    ]
-
-
 def blocks(result: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the findings and tables as Markdown, by name."""
+    """Returns the tables as Markdown, by name."""
     minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
     return {
-        "findings": "\n".join(f"- {sentence}" for sentence in findings(result)),
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
         "time": f"`{result['study']}`: {minutes:.0f} minutes of one core in total.",
     }
+
+
+def draw(result: Mapping[str, Any], path: Path) -> None:
+    """Draws the success in the world of the training and in the exact world, against the timestep.
+
+    Args:
+        result: The result of a study, see `studies.timestep`.
+        path: The PNG file to write.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    means = summary(result)
+    # The exact world, whose timestep would be 0, is on the left.
+    worlds = sorted(means, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)
+    figure = Figure(figsize=(6.6, 3.8), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    for shift, key, colour, label in (
+        (-0.08, "exact", "#0072b2", "in the exact world"),
+        (0.08, "own", "#d55e00", "in the world of the training"),
+    ):
+        for k, world in enumerate(worlds):
+            played = "exact" if key == "exact" else world
+            found = rates(result, world, played)
+            axes.plot([k + shift] * len(found), 100 * np.array(found), ".", color=colour, alpha=0.5, markersize=5)
+        heights = 100 * np.array([means[world][key]["mean"] for world in worlds])
+        intervals = [means[world][key]["interval"] or [means[world][key]["mean"]] * 2 for world in worlds]
+        ends = np.abs(100 * np.clip(intervals, 0.0, 1.0).T - heights)
+        axes.errorbar(np.arange(len(worlds)) + shift, heights, ends, fmt="o-", color=colour, capsize=3, label=label)
+    axes.set_xticks(range(len(worlds)), worlds)
+    axes.set(xlabel="timestep of the training (s)", ylabel="success (%)", ylim=(0.0, None))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    save(figure, path)
 
 
 def _name(world: str) -> str:

@@ -45,7 +45,7 @@ def test_with_the_right_line_of_centres_a_late_hit_is_a_small_error():
 @pytest.mark.parametrize("name", FAILURES)
 def test_a_fine_timestep_has_small_errors_only(name):
     case = failures.named(name)
-    assert found(case.scene, case.positions, case.velocities, case.right_below / 10) == "small_errors"
+    assert found(case.scene, case.positions, case.velocities, 2e-5) == "small_errors"
 
 
 def test_a_missed_collision_is_told_from_a_ball_that_goes_by():

@@ -1,4 +1,4 @@
-"""The failures of Warkari and Jamsandekar: the results of PIC and PIT, and the timesteps below which PIT is right."""
+"""The failures of Warkari and Jamsandekar: the results of PIC and PIT."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene
 from billiards_env.physics.state import FIXES
 from billiards_env.shots import simulation
 from reference import oracle
@@ -27,11 +26,6 @@ def play(case: Failure, fix: str | None = None, dt: float | None = None, ahead: 
     return simulation.simulate(case.scene, places, case.velocities, record=True, **pit)
 
 
-def touch_after_step(touch: float, dt: float, by: float) -> float:
-    """Returns the advance of the start, s, for which a timestep ends `by` s before the balls touch."""
-    return touch - by - math.floor((touch - by) / dt) * dt
-
-
 def hits(shot: Any) -> list[tuple[str, int, int]]:
     return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in shot.events]
 
@@ -39,11 +33,6 @@ def hits(shot: Any) -> list[tuple[str, int, int]]:
 def degrees_between(a: Any, b: Any) -> Any:
     """Returns the (n,) angles between the rows of (n, 2) arrays; 0 if both are zero."""
     return np.degrees(np.abs(np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1))))
-
-
-def is_right(case: Failure, exact: Any, shot: Any) -> bool:
-    """Returns whether a shot is right as defined by `Failure.right_below`."""
-    return hits(shot) == hits(exact) and bool((degrees_between(shot.velocities, exact.velocities) < 1.0).all())
 
 
 def velocities_after_impact(case: Failure, normal: Any) -> Any:
@@ -72,16 +61,6 @@ def test_failures_are_those_of_the_paper():
 def test_an_unknown_name_is_rejected():
     with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
         failures.named("penetrations")
-
-
-@cases
-def test_failures_use_the_physics_of_the_paper(name):
-    case = FAILURES[name]
-    physics = case.scene.physics
-    assert (physics.motion, physics.e_ball, physics.e_cushion) == ("ideal", 1.0, 1.0)
-    assert [math.isinf(m) for m in case.scene.balls.mass] == [False, name == "wrong_bounce"]
-    assert case.right_below < case.dt
-    assert Scene.from_dict(case.scene.to_dict()) == case.scene
 
 
 # PIC
@@ -182,18 +161,6 @@ def test_pit_misses_the_second_collision(fix):
 
 @cases
 @fixes
-def test_pit_conserves_energy_and_the_momentum_of_two_moving_balls(name, fix):
-    case = FAILURES[name]
-    shot = play(case, fix)
-    masses = np.array([m if math.isfinite(m) else 0.0 for m in case.scene.balls.mass])
-    before, after = (masses @ (v**2).sum(axis=1) for v in (np.array(case.velocities), shot.velocities))
-    assert after == pytest.approx(before, rel=1e-14)
-    if name in ("missed_collision", "penetration"):
-        assert masses @ shot.velocities == pytest.approx(masses @ np.array(case.velocities), abs=1e-15)
-
-
-@cases
-@fixes
 def test_failures_do_not_depend_on_rounding(name, fix):
     case = FAILURES[name]
     for ahead in (-1e-4, 1e-4):
@@ -201,75 +168,11 @@ def test_failures_do_not_depend_on_rounding(name, fix):
             assert hits(play(case, fix, dt, ahead)) == hits(play(case, fix))
 
 
-# Timesteps for which PIT is right
-
-
-@cases
-@fixes
-def test_below_its_limit_pit_is_right(name, fix):
-    case = FAILURES[name]
-    exact = play(case)
-    rng = np.random.default_rng(0)
-    for share in (1 - 1e-9, 0.999, *rng.uniform(0.05, 1, 60)):
-        dt = share * case.right_below
-        for ahead in (0.0, *rng.uniform(0, dt, 3), *(touch_after_step(t, dt, 1e-9) for t in exact.events["time"])):
-            assert is_right(case, exact, play(case, fix, dt, ahead)), (dt, ahead)
-
-
-@cases
-def test_the_limit_is_not_lower_than_necessary(name):
-    # Some timesteps up to 1.5 times the limit are wrong.
-    case = FAILURES[name]
-    exact = play(case)
-    steps = case.right_below * np.linspace(1.0, 1.5, 400)
-    assert not all(is_right(case, exact, play(case, "none", dt)) for dt in steps)
-
-
-@fixes
-def test_the_limit_of_the_missed_collision_is_the_time_of_approach_while_overlapping(fix):
-    # At 5 m/s head-on the balls overlap and approach over a distance of 6 cm.
-    case = FAILURES["missed_collision"]
-    closing = math.dist(*case.velocities)
-    limit = sum(case.scene.balls.radius) / closing
-    assert closing == 5.0
-    assert case.right_below == limit
-    [touch] = play(case).events["time"]
-    for factor, found in ((0.999, True), (1.001, False)):
-        dt = factor * limit
-        shot = play(case, fix, dt, touch_after_step(touch, dt, by=1e-6))
-        assert len(shot.events) == found
-
-
-@late_fixes
-@pytest.mark.parametrize(("name", "turns"), [("penetration", 1.0), ("wrong_bounce", 2.0)])
-def test_the_limit_of_late_lines_of_centres_is_a_contact_found_one_full_timestep_late(name, turns, fix):
-    # x mm late, the line of centres turns from atan(36 / 48) to atan(36 / (48 - x)), and a bounce by twice that.
-    case = FAILURES[name]
-    exact = play(case)
-    allowed = math.atan(36 / 48) + math.radians(1.0) / turns
-    limit = (0.048 - 0.036 / math.tan(allowed)) / 2.0
-    assert 0.9 * limit < case.right_below < limit
-    [touch] = exact.events["time"]
-    for factor, good in ((0.9999, True), (1.0001, False)):
-        dt = factor * limit
-        ahead = touch_after_step(touch, dt, by=1e-10)
-        shot = play(case, fix, dt, ahead)
-        late = shot.events["time"][0] - (touch - ahead)
-        assert late == pytest.approx(dt, abs=1e-9)
-        assert hits(shot) == hits(exact)
-        assert shot.velocities == pytest.approx(
-            velocities_after_impact(case, line_of_centres(case, touch + late)), abs=1e-12
-        )
-        assert is_right(case, exact, shot) == good
-
-
 @cases
 @fixes
 def test_pit_converges_to_pic_as_dt_goes_to_zero(name, fix):
     case = FAILURES[name]
     exact = play(case)
-    coarse, fine = (
-        np.abs(play(case, fix, dt).positions - exact.positions).max() for dt in (case.dt, case.right_below / 100)
-    )
+    coarse, fine = (np.abs(play(case, fix, dt).positions - exact.positions).max() for dt in (case.dt, 3e-6))
     assert coarse > 0.01
     assert fine < coarse / 50

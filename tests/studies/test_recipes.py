@@ -5,10 +5,10 @@ import io
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+import torch
 import yaml
 
 from agents import runs
@@ -16,7 +16,7 @@ from agents.config import Config, read
 from agents.evaluate import deterministic, play_together
 from agents.intervals import as_percent, over_seeds
 from agents.ppo import evaluation_seeds, load_policy, make_vector
-from agents.train import open_run, train
+from agents.train import open_run
 from studies import recipes
 from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
 
@@ -93,32 +93,6 @@ def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path)
             assert (tmp_path / "runs" / "policies" / name / file).read_bytes() == first.read_bytes()
 
 
-def train_here(asked, jobs):
-    """Trains runs in this process, which is faster for tiny runs than `train_all`."""
-    for folder, config in asked.items():
-        open_run(config, folder)
-        train(config, folder)
-
-
-def without_times(result):
-    """Returns a result without the times of the players, who are measured again if there is no file of results."""
-    players = {name: {**found, "ms_per_decision": None} for name, found in result["players"].items()}
-    return {**result, "players": players}
-
-
-@pytest.mark.usefixtures("printed")
-def test_an_interrupted_command_trains_only_the_missing_run(command, tmp_path):
-    found = (tmp_path / "runs" / "recipes.json").read_text()
-    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("seed*/policy.pt")}
-    missing = tmp_path / "runs" / "one" / "seed4" / "policy.pt"
-    missing.unlink()
-    (tmp_path / "runs" / "recipes.json").unlink()
-    command("--jobs", "1")
-    assert [path for path, time in policies.items() if path.stat().st_mtime_ns > time] == [missing]
-    again = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
-    assert without_times(again[1]) == without_times(json.loads(found)["results"][1])
-
-
 def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_path, monkeypatch, capsys):
     for name in ("one", "two"):
         shutil.rmtree(tmp_path / "runs" / name)
@@ -131,7 +105,6 @@ def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_
     found = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
     (tmp_path / "two.yaml").write_text(yaml.safe_dump(tiny(timesteps=384, **TWO)))
     asked = Recipes(seeds=(3, 4), recipes=("one.yaml", "two.yaml"))
-    monkeypatch.setattr(recipes, "train_all", train_here)
     again = recipes.measure(asked, tmp_path, find_places(tmp_path / "recipes.yaml", tmp_path / "runs"), 2)
     assert again[0] == found[0]
     assert again[1]["config"]["timesteps"] == 384
@@ -139,22 +112,36 @@ def test_recipes_with_results_are_not_trained_again(command, printed, tiny, tmp_
     assert not (tmp_path / "runs" / "one").exists()
 
 
+def test_runs_that_are_not_finished_are_trained_in_their_own_processes(trained, tiny, tmp_path):
+    folders = [tmp_path / name for name in ("finished", "new")]
+    shutil.copytree(trained, folders[0])
+    before = (folders[0] / "policy.pt").stat().st_mtime_ns
+    runs.train_all(dict.fromkeys(folders, Config.from_dict(tiny())), 1)
+    assert (folders[0] / "policy.pt").stat().st_mtime_ns == before
+    assert "512/512 shots" in (folders[1] / "train.log").read_text()
+    first, second = (torch.load(folder / "policy.pt") for folder in folders)
+    assert all(torch.equal(first[name], second[name]) for name in first)
+
+
 def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     def failing(folder):
         (folder / "train.log").write_text("out of luck")
-        return subprocess.Popen([sys.executable, "-c", "raise SystemExit(3)"])
+        return subprocess.Popen(["false"])
 
     monkeypatch.setattr(runs, "_start", failing)
+    monkeypatch.setattr(recipes, "train_all", runs.train_all)
     with pytest.raises(SystemExit, match=r"(?s)error: the training in .*one.seed3 failed:.*out of luck"):
         command()
     assert not (tmp_path / "runs" / "recipes.json").exists()
+    with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
+        command("--jobs", "0")
 
 
-def test_a_run_of_another_configuration_is_refused(command, tiny, tmp_path):
-    folder = tmp_path / "runs" / "one" / "seed3"
-    open_run(dataclasses.replace(Config.from_dict(tiny(timesteps=128)), seed=3), folder)
-    with pytest.raises(SystemExit, match=r"error: .*seed3 holds a run of another configuration"):
-        command()
+def test_a_run_of_another_configuration_is_refused(tiny, tmp_path):
+    asked = {tmp_path: dataclasses.replace(Config.from_dict(tiny()), seed=3)}
+    open_run(Config.from_dict(tiny()), tmp_path)
+    with pytest.raises(ValueError, match="holds a run of another configuration"):
+        runs.train_all(asked, 1)
 
 
 @pytest.mark.parametrize(
@@ -201,13 +188,8 @@ def test_the_players_play_the_game_and_the_layouts_of_a_recipe(tiny, monkeypatch
     assert not played
 
 
-def test_a_list_may_set_the_number_of_steps(command, tiny, tmp_path, monkeypatch):
-    monkeypatch.setattr(recipes, "train_all", train_here)
-    (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3], "recipes": ["one.yaml"], "timesteps": "1e2"}))
-    command()
-    (result,) = json.loads((tmp_path / "runs" / "recipes.json").read_text())["results"]
-    assert result["config"]["timesteps"] == 100
-    assert result["runs"][0]["curve"][-1][0] == 128
+def test_a_list_may_set_the_number_of_steps(tiny, tmp_path):
+    (tmp_path / "one.yaml").write_text(yaml.safe_dump(tiny(timesteps=256)))
     asked = Recipes(seeds=(3,), recipes=("one.yaml",))
     assert asked.load(tmp_path)["one"] == Config.from_dict(tiny(timesteps=256))
     assert dataclasses.replace(asked, timesteps=100).load(tmp_path)["one"].timesteps == 100
@@ -237,7 +219,7 @@ def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
     own = find_places(tmp_path / "mine.yaml")
     assert {path.is_relative_to(recipes.RUNS / "mine") for path in own} == {True}
-    for name in ("recipes", "prior_knowledge", "prior_knowledge_long"):
+    for name in (path.stem for path in LISTS):
         found = find_places(recipes.CONFIG.parent / f"{name}.yaml")
         assert found.runs == recipes.RUNS / name
         assert found.summary == recipes.RESULTS / f"{name}.json"
@@ -247,11 +229,6 @@ def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_pa
     # A list of the same name elsewhere is not one of the project.
     other = find_places(tmp_path / "recipes.yaml")
     assert {path.is_relative_to(recipes.RUNS / "recipes") for path in other} == {True}
-
-
-def test_at_least_one_job_is_needed(command):
-    with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
-        command("--jobs", "0")
 
 
 @pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)
