@@ -184,8 +184,8 @@ def _train(config: Config, run_dir: Path) -> None:
         total = -(-config.timesteps // rollout) * rollout
         if total:
             print(
-                f"{run_dir}: {total:,} steps (shots), which are timesteps = {config.timesteps:,} in whole updates of "
-                f"{rollout:,} (n_envs * ppo.n_steps)"
+                f"{run_dir}: {total:,} steps (shots): timesteps = {config.timesteps:,}, rounded up to whole updates of "
+                f"{rollout:,} steps (n_envs * ppo.n_steps)"
             )
         if checkpoints(run_dir):
             _resume(model, config, run_dir)
@@ -217,7 +217,7 @@ def _resume(model: PPO, config: Config, run_dir: Path) -> None:
     for path in checkpoints(run_dir):
         if path == checkpoint:
             break
-        print(f"{path} is damaged; the training skips it")
+        print(f"{path} is damaged and is skipped")
     if checkpoint is None:
         raise ValueError(
             f"{run_dir / 'checkpoints'}: expected a checkpoint that can be read, but all are damaged; --fresh starts "

@@ -19,11 +19,10 @@ from agents.cue_parts import cue_of, cue_parts, turned
 from agents.mixture import NEVER, Components, MixtureDistribution
 from agents.policy import HEADS, MixturePolicy
 from agents.pot_head import FeatureBuffer, PotFeatures
-from agents.ppo import make_model, make_policy, make_vec_env
+from agents.ppo import make_model, make_vec_env
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import cue_strike
 from billiards_env.players.pots import find_pots
-from tests.helpers.environments import VARIANTS
 
 MIRRORS = [(1, -1), (-1, 1), (-1, -1)]
 SET = ("log_along", "log_across")  # names of the standard deviations that `set_std` sets
@@ -158,15 +157,6 @@ def test_the_density_is_that_of_the_velocity(learned):
     torch.testing.assert_close(evaluated, log_prob)
     torch.testing.assert_close(again, values)
     assert torch.equal(learned.policy.predict_values(observations), again)
-
-
-@pytest.mark.parametrize("head", HEADS)
-def test_the_density_of_velocities_integrates_to_one(head):
-    found, step = components(make(head), layouts(1)), 0.003
-    wide = found._replace(log_across=found.log_across.clamp(min=math.log(2 * step)))
-    grid = torch.cartesian_prod(*[torch.arange(-1.4, 1.4, step)] * 2)
-    density = MixtureDistribution().proba_distribution(wide.flat().expand(len(grid), -1)).log_prob(grid)
-    assert float(density.double().exp().sum()) * step**2 == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("head", HEADS)
@@ -336,26 +326,14 @@ def test_the_cue_of_a_component_keeps_the_velocity_of_the_ball(side, top):
     assert not cue_strike(action, game.scene, 4.0).miscue
 
 
-def test_the_head_pots_is_refused_in_another_task():
+def test_a_head_is_refused_in_a_task_that_it_does_not_fit():
     expected = (
         "policy.head = 'pots' in the task 'carom': expected one of the tasks pot, clear, position, or another head"
     )
     with pytest.raises(ValueError, match=expected):
         make("pots", scene="carom", task="carom")
-    carom = Config.from_dict(
-        {"timesteps": 1, "env": {"scene": "carom", "task": "carom"}, "policy": {"head": "pots"}, "n_envs": 1}
-    )
-    with pytest.raises(ValueError, match=expected):
-        make_policy(carom)
-
-
-def test_the_head_hits_is_refused_without_an_object_ball():
-    expected = "policy.head = 'hits' in the task 'place': expected at least one object ball or another head"
-    with pytest.raises(ValueError, match=expected):
+    with pytest.raises(ValueError, match=r"policy.head = 'hits' in the task 'place': expected at least one object"):
         make("hits", task="place", n_object_balls=0, max_shots=3)
-
-
-def test_an_unknown_head_is_refused():
     with pytest.raises(ValueError, match=r"policy.head = 'pot': expected one of .*did you mean 'pots'"):
         make("pot")
 
@@ -366,8 +344,19 @@ def test_an_environment_whose_observations_do_not_fit_is_refused(head):
         PPO(MixturePolicy, gym.make("Billiards-v0", n_object_balls=3), policy_kwargs={"head": head})
 
 
-@pytest.mark.parametrize("env", VARIANTS, ids=str)
-def test_the_heads_play_every_variant_of_the_environment(env):
+@pytest.mark.parametrize(
+    "env",
+    [
+        {"n_object_balls": 3, "max_shots": 3, "observe_shots_left": True},
+        {"scene": "carom", "task": "carom"},
+        {"task": "place", "n_object_balls": 0, "max_shots": 3},
+        {"task": "nine_ball", "n_object_balls": 9, "layout": "nine_ball", "max_shots": 3},
+        {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
+        {"scene": "real_pool"},
+    ],
+    ids=str,
+)
+def test_the_heads_play_every_kind_of_the_environment(env):
     game = gym.make("Billiards-v0", **env)
     observations = np.stack([game.reset(seed=seed)[0] for seed in range(3)])
     pots = env.get("task", "pot") == "pot"
@@ -487,15 +476,3 @@ def test_features_of_equal_observations_are_computed_once(monkeypatch):
     assert torch.equal(moved[1:], features[1:])
     assert not torch.equal(moved[0], features[0])
     assert torch.equal(extractor(observations[:7]), moved[:7])
-
-
-def test_the_features_of_a_rollout_follow_the_order_of_its_observations():
-    settings = pots_config()
-    model = make_model(settings, make_vec_env(settings))
-    model.learn(32)
-    buffer, extractor = cast(FeatureBuffer, model.rollout_buffer), cast(PotFeatures, model.policy.features_extractor)
-    observations = torch.as_tensor(buffer.observations.reshape(32, -1))
-    assert len(observations.unique(dim=0)) > 16
-    assert torch.equal(buffer.flat_features, extractor(observations))
-    model.learn(32)
-    assert torch.equal(buffer.flat_features, extractor(torch.as_tensor(buffer.observations.reshape(32, -1))))

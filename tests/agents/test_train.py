@@ -1,13 +1,11 @@
 import io
 import json
 import shutil
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 from typing import cast
 
-import gymnasium as gym
 import pytest
 import torch
 import yaml
@@ -20,7 +18,6 @@ from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.ppo import evaluation_seeds, load_policy, training_seed
-from agents.vec_env import SameStepVecEnv
 from billiards_env.envs import BilliardsVectorEnv
 from tests.helpers.training import Pickled
 
@@ -83,6 +80,7 @@ def test_stable_baselines_loads_the_model(trained):
     model = PPO.load(trained / "model.zip", device="cpu")
     assert model.num_timesteps == 512
     assert equal(model.policy.state_dict(), weights(trained / "model.zip"))
+    assert not equal(weights(trained / "checkpoints" / "000000256.zip"), weights(trained / "model.zip"))
 
 
 def test_the_learning_curve_agrees_with_evaluations(trained):
@@ -100,25 +98,19 @@ def test_measuring_the_learning_curve_does_not_change_the_training(trained, comm
     assert equal(weights(tmp_path / "run" / "model.zip"), weights(trained / "model.zip"))
 
 
-def test_the_standard_deviations_follow_their_schedule(command, tmp_path):
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [("gaussian", ["log_std"]), ("pots", ["mlp_extractor.log_along", "mlp_extractor.log_across"])],
+)
+def test_the_standard_deviations_follow_their_schedule(command, tmp_path, head, names):
     std = {"first": [0.4, 1.0], "last": [0.1, 0.5], "until": 1.0}
-    command(policy={"hidden": [8], "std": std})
-    begun, ended = (weights(tmp_path / "run" / name) for name in ("checkpoints/000000256.zip", "model.zip"))
-    assert begun["log_std"].exp().tolist() == pytest.approx([0.2, 2**-0.5])  # set as the third rollout begins
-    assert ended["log_std"].exp().tolist() == pytest.approx([0.4 * 0.25**0.75, 0.5**0.75])  # as the fourth does
-
-
-@pytest.mark.parametrize("head", ["mixture", "hits", "pots"])
-def test_the_standard_deviations_of_a_mixture_follow_their_schedule(command, tmp_path, head):
-    std = {"first": [0.4, 0.2], "last": [0.1, 0.1], "until": 1.0}
     command(policy={"head": head, "components": 2, "hidden": [8], "std": std})
-    for name, along, across in (
-        ("checkpoints/000000256.zip", 0.2, 0.2 * 0.5**0.5),
-        ("model.zip", 0.4 * 0.25**0.75, 0.2 * 0.5**0.75),
+    for name, expected in (
+        ("checkpoints/000000256.zip", [0.2, 2**-0.5]),  # set as the third rollout begins
+        ("model.zip", [0.4 * 0.25**0.75, 0.5**0.75]),  # as the fourth does
     ):
         found = weights(tmp_path / "run" / name)
-        assert found["mlp_extractor.log_along"].exp().item() == pytest.approx(along)
-        assert found["mlp_extractor.log_across"].exp().item() == pytest.approx(across)
+        assert torch.cat([found[key].exp().reshape(-1) for key in names]).tolist() == pytest.approx(expected)
 
 
 def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, monkeypatch):
@@ -131,10 +123,6 @@ def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, mo
         SystemExit, match=r"error: .*000000256.zip does not fit the configuration; --fresh starts again"
     ):
         command(policy={"hidden": [8]})
-
-
-def test_training_changes_the_weights(trained):
-    assert not equal(weights(trained / "checkpoints" / "000000256.zip"), weights(trained / "model.zip"))
 
 
 def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(trained, command, tmp_path, monkeypatch, capsys):
@@ -240,25 +228,13 @@ def policy_weights(run: Path) -> dict[str, torch.Tensor]:
     return torch.load(run / "policy.pt", weights_only=True)
 
 
-@pytest.mark.parametrize("head", ["gaussian", "mixture", "hits", "pots"])
-def test_a_run_starts_from_the_weights_of_another(command, tmp_path, head):
-    run, other = tmp_path / "run", tmp_path / "other"
-    settings = {"policy": {"head": head, "components": 2, "hidden": [8]}}
-    command("--timesteps", "128", **settings)
-    run.rename(other)
-    command("--timesteps", "0", "--seed", "6", start_from=str(other), **settings)
-    assert equal(policy_weights(run), policy_weights(other))
-    command("--timesteps", "128", "--seed", "6", start_from=str(other), **settings)
-    assert not equal(policy_weights(run), policy_weights(other))
-
-
 def test_the_command_line_names_the_run_to_start_from(command, trained, tmp_path):
-    command("--timesteps", "0", "--start-from", str(trained))
+    command("--timesteps", "0", "--seed", "6", "--start-from", str(trained))
     assert load(tmp_path / "run" / "config.yaml").start_from == str(trained)
     assert equal(policy_weights(tmp_path / "run"), policy_weights(trained))
 
 
-def test_a_run_with_three_balls_starts_from_a_run_with_one(command, tmp_path):
+def test_a_run_starts_from_the_weights_of_another_with_fewer_balls(command, tmp_path):
     run, other = tmp_path / "run", tmp_path / "other"
     policy = {"head": "pots", "components": 2, "hidden": [8]}
     command("--timesteps", "128", policy=policy)
@@ -313,18 +289,11 @@ def test_weights_in_an_incomplete_file_are_refused_and_no_folder_is_created(comm
 
 def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
     run = tmp_path / "run"
-    run.mkdir()
-    program = "import sys, filelock\nwith filelock.FileLock(sys.argv[1]): print('locked', flush=True); sys.stdin.read()"
-    with subprocess.Popen(
-        [sys.executable, "-c", program, str(run / ".lock")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == "locked\n"
+    with module.locked(run):
         for options in ([], ["--fresh"]):
             with pytest.raises(SystemExit, match=r"error: run_dir = .*: expected a folder in which no other training"):
                 command(*options)
         assert not (run / "config.yaml").exists()
-        other.kill()
     command("--timesteps", "128")
     assert (run / "policy.pt").exists()
 
@@ -333,7 +302,7 @@ def test_the_end_of_a_training_prints_both_rates_of_success(command, tmp_path, c
     command("--timesteps", "100")
     printed, shown = capsys.readouterr()
     assert (
-        f"{tmp_path / 'run'}: 128 steps (shots), which are timesteps = 100 in whole updates of 128 (n_envs" in printed
+        f"{tmp_path / 'run'}: 128 steps (shots): timesteps = 100, rounded up to whole updates of 128 steps" in printed
     )
     (point,) = module.learning_curve(tmp_path / "run")[1:]
     for name, rate in (("exploring", point.training_success), ("deterministic", point.success)):
@@ -342,20 +311,6 @@ def test_the_end_of_a_training_prints_both_rates_of_success(command, tmp_path, c
     assert f"-m agents.evaluate {tmp_path / 'run'}\n" in printed
     assert "128/128 shots" in shown
     assert "deterministic=" in shown
-
-
-def test_the_engine_is_compiled_before_the_progress_bar(command, monkeypatch):
-    step, played = SameStepVecEnv.step_wait, []
-    monkeypatch.setattr(SameStepVecEnv, "step_wait", lambda self: played.append(True) or step(self))
-
-    def bar(*_, **__):
-        assert played == [True]
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module, "tqdm", bar)
-    with pytest.raises(SystemExit):
-        command()
-    assert played
 
 
 def test_a_training_closes_each_environment_that_it_opens(command, tmp_path, monkeypatch):
@@ -379,8 +334,8 @@ def test_a_training_closes_each_environment_that_it_opens(command, tmp_path, mon
     newest.write_bytes(whole)
     command()
     assert sorted(map(id, opened)) == sorted(map(id, closed))
-    assert [envs.num_envs for envs in opened].count(4) == 3  # one training environment each time
-    assert set(envs.num_envs for envs in opened) == {4, 20}  # and those of the evaluations
+    # To train in, and for the learning curve, which the run with a damaged checkpoint does not begin.
+    assert [envs.num_envs for envs in opened] == [4, 20, 4, 4, 20]
 
 
 @pytest.mark.parametrize("arguments", [[], ["--fresh"]])
@@ -424,7 +379,7 @@ def hostile(content: bytes) -> bytes:
     return out.getvalue()
 
 
-@pytest.mark.parametrize("damage", [lambda _: b"", lambda content: content[:1000], cut, changed, hostile])
+@pytest.mark.parametrize("damage", [lambda _: b"", cut, changed, hostile])
 def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path, monkeypatch, capsys, damage):
     monkeypatch.chdir(tmp_path)
     run, changes = tmp_path / "run", {"timesteps": 512, "checkpoint_every": 128}
@@ -437,8 +392,8 @@ def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path,
     newest.write_bytes(damage(newest.read_bytes()))
     command(**changes)
     printed = capsys.readouterr().out
-    assert f"{newest} is damaged; the training skips it\n{run}: resuming after 256 of 512 steps\n" in printed
-    assert printed.count(" is damaged;") == 1
+    assert f"{newest} is damaged and is skipped\n{run}: resuming after 256 of 512 steps\n" in printed
+    assert printed.count(" is damaged ") == 1
     assert equal(weights(run / "model.zip"), expected)
     assert not equal(weights(newest), expected)  # written again
     for name in ("policy.pt", "model.zip"):
@@ -467,9 +422,6 @@ def test_a_damaged_checkpoint_is_skipped_with_a_line(trained, command, tmp_path,
             "error: policy.head = 'hits' in the task 'place': expected at least one object ball",
         ),
         ({"start_from": "nowhere"}, "error: start_from = 'nowhere': expected the folder of a finished run"),
-        ({"seed": 2**32}, r"error: seed = 4294967296: expected a number < 4294967296"),
-        ({"n_envs": 10**9}, r"error: n_envs = 1000000000: expected a number <="),
-        ({"timesteps": -1}, r"error: timesteps = -1: expected a number >= 0"),
     ],
 )
 def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path, changes, message):
@@ -478,12 +430,9 @@ def test_a_bad_configuration_is_refused_and_creates_no_folder(command, tmp_path,
     assert not (tmp_path / "run").exists()
 
 
-def test_a_missing_configuration_is_refused(tmp_path):
+def test_a_missing_configuration_and_a_file_instead_of_a_run_folder_are_refused(command, tmp_path):
     with pytest.raises(SystemExit, match=r"error: config = '.*none.yaml': expected a YAML file \(No such file"):
         module.main([str(tmp_path / "none.yaml"), "--run-dir", str(tmp_path / "run")])
-
-
-def test_a_file_instead_of_a_run_folder_is_refused(command, tmp_path):
     (tmp_path / "run").touch()
     with pytest.raises(SystemExit, match=r"error: run_dir = '.*run': expected a new folder .* it is a file"):
         command()
@@ -510,10 +459,3 @@ def test_training_and_evaluation_share_no_seeds(tiny):
         assert 0 <= min(training) <= max(training) < 2**31 <= min(evaluation) <= max(evaluation) < 2**32
         assert len(training) == 200
         assert len(evaluation) == 100
-
-
-def test_a_training_builds_its_environments_once(command, monkeypatch):
-    made, make_vec = [], gym.make_vec
-    monkeypatch.setattr(gym, "make_vec", lambda *args, **kwargs: made.append(kwargs) or make_vec(*args, **kwargs))
-    command()
-    assert [arguments["num_envs"] for arguments in made] == [4, 20]  # to train in, and for the learning curve
