@@ -20,6 +20,9 @@ from billiards_env.shots.simulation import simulate
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""
 
+MAKERS = {"policy": "agents.policy_player:policy"}
+"""Makers of players that need the repository, by name."""
+
 
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
@@ -104,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = (HUMAN,) * history.setup.n_players
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
-        players = [None if name == HUMAN else find_player(name, history.setup, (HUMAN,)) for name in names]
+        players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")

@@ -5,7 +5,7 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 `find_player` accepts
 
 * "random", "geometric" and "search", the strategies of `billiards_env.players.strategies`;
-* "policy", a trained policy, which needs the package `agents` of the repository;
+* a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
 
@@ -21,7 +21,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,18 +41,18 @@ Player = Callable[[Setup, GameState, float, np.random.Generator], Stroke]
 GROUP = "billiards_env.players"
 """The group of entry points under which other packages offer makers of players."""
 
-MAKERS = {"policy": "agents.policy_player:policy"}
-"""Makers of this repository outside of the installed package, by name."""
-
 _PLACES = 30  # random places for a cue ball in hand
 
 
-def find_player(text: str, setup: Setup, also: Sequence[str] = ()) -> Player:
+def find_player(
+    text: str, setup: Setup, makers: Mapping[str, str] = MappingProxyType({}), also: Sequence[str] = ()
+) -> Player:
     """Returns the player of a name.
 
     Args:
         text: See the module's docstring.
         setup: The game to be played.
+        makers: Other makers as "module:function", by name.
         also: Names of other players that the caller knows, for the message of an error.
 
     Raises:
@@ -61,8 +62,8 @@ def find_player(text: str, setup: Setup, also: Sequence[str] = ()) -> Player:
     if name in STRATEGIES:
         return _strategic(text, setup)
     offered = importlib.metadata.entry_points(group=GROUP)
-    if name in MAKERS:
-        module, _, function = MAKERS[name].partition(":")
+    if name in makers:
+        module, _, function = makers[name].partition(":")
     elif name in offered.names:
         return offered[name].load()(setup, argument)
     else:
@@ -71,7 +72,7 @@ def find_player(text: str, setup: Setup, also: Sequence[str] = ()) -> Player:
     try:
         maker: Any = getattr(importlib.import_module(module), function)
     except (AttributeError, ImportError, ValueError) as error:
-        known = sorted({*STRATEGIES, *MAKERS, *offered.names, *also})
+        known = sorted({*STRATEGIES, *makers, *offered.names, *also})
         why = "" if name in known else suggestion(name, known)
         expected = f"one of {', '.join(map(repr, known))}, or module:function"
         raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from agents.config import Config
-from agents.policy_player import playable
+from agents.policy_player import playable, policy
 from agents.ppo import make_env, make_policy, save_policy
 from billiards_env import Scene
 from billiards_env.games import RULES, Setup, custom_opening, opening
-from billiards_env.players.game_player import find_player
 
 RNG = np.random.default_rng
 
@@ -23,13 +22,13 @@ def setup(rules, balls=None):
 
 def test_the_policy_plays_the_nearest_legal_ball(trained):
     game = setup("nine_ball")
-    player = find_player(f"policy:{trained}", game)
+    player = policy(game, str(trained))
     rng = RNG(0)
     table = opening(game, rng, "random")
     # Its observation is the ball on, as if it were alone on the table.
     stroke = player(game, table, 6.0, rng)
     alone = custom_opening(setup("straight", 1), table.positions[[0, 1]])
-    assert stroke == find_player(f"policy:{trained}", setup("straight", 1))(setup("straight", 1), alone, 6.0, rng)
+    assert stroke == policy(setup("straight", 1), str(trained))(setup("straight", 1), alone, 6.0, rng)
     assert 0 < np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)
     slow = player(game, table, 0.5, rng)
     assert np.hypot(*slow.velocity) <= 0.5 * (1 + 1e-6)
@@ -39,29 +38,29 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
 def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp_path, head):
     config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy={"head": head, "hidden": [8]}))
     (tmp_path / "config.yaml").write_text(config.to_yaml())
-    policy, env = make_policy(config), make_env(config)
-    save_policy(policy, tmp_path / "policy.pt")
+    model, env = make_policy(config), make_env(config)
+    save_policy(model, tmp_path / "policy.pt")
     game = setup("straight", 1)
-    player = find_player(f"policy:{tmp_path}", game)
+    player = policy(game, str(tmp_path))
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
         table = custom_opening(game, cast(Any, env.unwrapped).positions)
-        action, _ = policy.predict(observation, deterministic=True)
+        action, _ = model.predict(observation, deterministic=True)
         stroke = player(game, table, 6.0, RNG(0))
         np.testing.assert_allclose(stroke.velocity, 5.0 * action.astype(float), rtol=1e-6)
 
 
-@pytest.mark.parametrize("text", ["policy", "policy:", "policy:nowhere"])
+@pytest.mark.parametrize("text", ["", "nowhere"])
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
-        find_player(text, setup("straight"))
+        policy(setup("straight"), text)
 
 
 def test_a_policy_without_the_extra_is_refused(trained, monkeypatch):
     monkeypatch.delitem(sys.modules, "agents.ppo", raising=False)
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(ModuleNotFoundError, match=r"player = 'policy:.*: torch is not installed: expected the extra"):
-        find_player(f"policy:{trained}", setup("straight"))
+        policy(setup("straight"), str(trained))
 
 
 def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_path):
@@ -75,4 +74,4 @@ def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_pat
 
 def test_a_policy_of_another_game_is_refused(trained):
     with pytest.raises(ValueError, match="expected a policy trained on the same table with 2 object balls, not 1"):
-        find_player(f"policy:{trained}", setup("carom"))
+        policy(setup("carom"), str(trained))

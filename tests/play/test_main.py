@@ -11,9 +11,8 @@ from billiards_env import Scene
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
-from billiards_env.play.__main__ import compile_engines, main, make_history, make_parser
+from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, Command, shoot, update
-from billiards_env.players.game_player import MAKERS
 from billiards_env.players.strategies import STRATEGIES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]

@@ -192,8 +192,9 @@ def test_without_the_package_agents_the_policy_player_is_refused(tmp_path):
     code = (
         "from billiards_env import Scene; from billiards_env.games import Setup\n"
         "from billiards_env.players.game_player import find_player\n"
+        "from billiards_env.play.__main__ import MAKERS\n"
         "import sys; sys.modules['agents'] = None\n"
-        "try: find_player('policy:x', Setup('straight', Scene.named('pool', 1)))\n"
+        "try: find_player('policy:x', Setup('straight', Scene.named('pool', 1)), MAKERS)\n"
         "except ValueError as error: print(error)"
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
