@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -47,24 +48,19 @@ def test_breaks_hit_the_rack(rack):
 
 
 def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
-    measured = small_measurement(monkeypatch)
+    monkeypatch.setattr(speed, "DISKS", (2, 16))
+    measured = speed.measure(repeats=1, scale=0.001)
+    for row in measured["batch"]:
+        events, rate = row["events_per_shot"], row["shots_per_second"]["median"]
+        assert row["microseconds_per_event"]["median"] == pytest.approx(1e6 / (events * rate))
     monkeypatch.setattr(speed, "measure", lambda repeats: measured)
     speed.main(["--repeats", "1", "--output", str(tmp_path / "speed.json")])
     written = json.loads((tmp_path / "speed.json").read_text())
     assert [path.name for path in tmp_path.iterdir()] == ["speed.json"]
     assert len(written["batch"]) == len(speed.cases(0.001))
+    assert [row["disks"] for row in written["growth"]] == [2, 16]
     out = capsys.readouterr().out
     assert all(row["case"] in out for row in written["batch"])
-
-
-def small_measurement(monkeypatch):
-    monkeypatch.setattr(speed, "DISKS", (2, 16))
-    result = speed.measure(repeats=1, scale=0.001)
-    assert [row["disks"] for row in result["growth"]] == [2, 16]
-    for row in result["batch"]:
-        events, rate = row["events_per_shot"], row["shots_per_second"]["median"]
-        assert row["microseconds_per_event"]["median"] == pytest.approx(1e6 / (events * rate))
-    return result
 
 
 @pytest.mark.parametrize("kind", ["carom", "9-ball break, loose", "gas of 16 disks"])
@@ -84,20 +80,13 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
     assert error_limit.compare("carom", 0)["ratio"] > 1e6
 
 
-def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path):
-    args = [
-        "--shots",
-        "1",
-        "--workers",
-        "1",
-        "--output",
-        str(tmp_path / "e.json"),
-        "--picture",
-        str(tmp_path / "e.png"),
-    ]
-    error_limit.main(args)
-    assert json.loads((tmp_path / "e.json").read_text())["kinds"].keys() == error_limit.KINDS.keys()
-    assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
+def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path, monkeypatch):
+    monkeypatch.setattr(error_limit, "KINDS", {name: error_limit.KINDS[name] for name in ("carom", "gas of 16 disks")})
+    monkeypatch.setattr(error_limit, "ProcessPoolExecutor", ThreadPoolExecutor)
+    written, picture = tmp_path / "e.json", tmp_path / "e.png"
+    error_limit.main(["--shots", "1", "--workers", "1", "--output", str(written), "--picture", str(picture)])
+    assert json.loads(written.read_text())["kinds"].keys() == error_limit.KINDS.keys()
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_start_up_reads_the_clock_of_a_fresh_process(tmp_path):

@@ -56,9 +56,6 @@ def line_of_centres(case: Failure, t: float) -> Any:
 def test_failures_are_those_of_the_paper():
     assert list(FAILURES) == ["missed_collision", "penetration", "multiple_collisions", "wrong_bounce"]
     assert all(failures.named(name) is case for name, case in FAILURES.items())
-
-
-def test_an_unknown_name_is_rejected():
     with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
         failures.named("penetrations")
 
