@@ -17,7 +17,7 @@ from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner
 from billiards_env.scene.table import Pocket, Table
-from reference.stress.outline import beyond_outline
+from reference.stress.checks import beyond_outline
 
 _TRIES = 1000
 _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding

@@ -103,13 +103,6 @@ def test_the_mode_is_the_mean_of_the_heaviest_component(others):
     assert torch.equal(mixture.actions_from_params(components.flat(), deterministic=True), mixture.mode())
 
 
-def test_sampled_actions_and_their_densities_belong_together():
-    components = random_components(50, 4, 0)
-    actions, log_prob = MixtureDistribution().log_prob_from_params(components.flat())
-    assert torch.equal(log_prob, distribution(components).log_prob(actions))
-    assert len(actions.unique(dim=0)) == 50
-
-
 def test_a_component_that_does_not_exist_is_never_drawn():
     torch.manual_seed(0)
     one = random_components(1, 2, 0)._replace(

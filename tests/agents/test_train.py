@@ -279,14 +279,6 @@ def test_weights_of_other_networks_are_refused_and_no_folder_is_created(command,
     assert not (tmp_path / "run").exists()
 
 
-def test_weights_in_an_incomplete_file_are_refused_and_no_folder_is_created(command, trained, tmp_path):
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "policy.pt").write_bytes((trained / "policy.pt").read_bytes()[:100])
-    with pytest.raises(SystemExit, match=r"error: start_from = .*policy.pt does not hold a policy's weights"):
-        command(start_from=str(tmp_path / "other"))
-    assert not (tmp_path / "run").exists()
-
-
 def test_a_second_training_in_a_folder_is_refused(command, tmp_path):
     run = tmp_path / "run"
     with module.locked(run):

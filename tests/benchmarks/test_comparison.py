@@ -83,18 +83,6 @@ def test_shots_are_repeatable_and_legal():
                 assert simulate(scene, *shot).status in ("rest", "max_time")
 
 
-def test_the_scenes_have_the_laws_of_the_comparison():
-    friction, real, disks = (comparison.scene_of(laws, "1 object ball").physics for laws in comparison.LAWS)
-    assert (friction.motion, friction.cushion, friction.ball_ball, friction.e_ball) == (
-        "sliding",
-        "han2005",
-        "frictionless",
-        1.0,
-    )
-    assert (real.motion, real.cushion, real.ball_ball, real.e_ball) == ("sliding", "stronge", "frictional", 1.0)
-    assert (disks.motion, disks.e_ball, disks.e_cushion) == ("ideal", 1.0, 1.0)
-
-
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):
     laws, kind = "friction and spin", "15-ball break"
     scene, (shot,) = comparison.scene_of(laws, kind), comparison.shots_of(laws, kind, 1)
