@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import shutil
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -28,31 +26,18 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) 
 
 
 def print_commands(title: str, commands: Mapping[str, Sequence[str]]) -> None:
-    """Prints command lines.
+    """Prints command lines that can be copied to a shell.
 
     Args:
         title: The line above them.
         commands: The arguments of the running Python interpreter, by a description of the command.
     """
+    python = Path(sys.executable)  # by its shortest name
+    if shutil.which("python") == sys.executable:
+        python = Path("python")
+    elif python.is_relative_to(Path.cwd()):
+        python = python.relative_to(Path.cwd())
     width = max(map(len, commands))
     print(title)
     for label, words in commands.items():
-        print(f"  {label:{width}}  {command_line(words)}")
-
-
-def command_line(words: Sequence[str]) -> str:
-    """Returns a command line that can be copied to a shell.
-
-    Args:
-        words: The arguments of the running Python interpreter.
-    """
-    words = [_interpreter(), *words]
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
-
-
-def _interpreter() -> str:
-    """Returns the shortest name of the running interpreter: "python", a path in the current folder, or a full path."""
-    if shutil.which("python") == sys.executable:
-        return "python"
-    path = Path(sys.executable)
-    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else sys.executable
+        print(f"  {label:{width}}  {shlex.join((str(python), *words))}")
