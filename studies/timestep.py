@@ -217,17 +217,16 @@ def compare(
             *_, infos = envs[world].step(actions)
             seconds[world] += time.perf_counter() - begin
             successes[world].append(infos["success"])
-    policies = []
-    for k, run in enumerate(runs):
-        policies.append(
-            {
-                "world": run.world,
-                "seed": run.seed,
-                "curve": [list(point) for point in learning_curve(run.folder)],
-                "success": {world: int(successes[world][k].sum()) for world in worlds},
-                "false_successes": int((successes[run.world][k] & ~successes["exact"][k]).sum()),
-            }
-        )
+    policies = [
+        {
+            "world": run.world,
+            "seed": run.seed,
+            "curve": [list(point) for point in learning_curve(run.folder)],
+            "success": {world: int(successes[world][k].sum()) for world in worlds},
+            "false_successes": int((successes[run.world][k] & ~successes["exact"][k]).sum()),
+        }
+        for k, run in enumerate(runs)
+    ]
     return {
         "versions": versions(),
         "worlds_measured": {
