@@ -12,7 +12,7 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from agents.config import Config
+from agents.config import Config, Noise
 from agents.evaluate import deterministic, evaluate, main, play, play_together
 from agents.intervals import wilson_interval
 from agents.policy import MixturePolicy
@@ -93,18 +93,19 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
     assert result["random"]["success_rate"] < 0.3
 
 
-def test_noise_applies_to_training_and_evaluation(tiny, trained, tmp_path):
-    config, run = Config.from_dict(tiny(noise={"angle_std": 1.0, "speed_std": 0.1})), tmp_path / "run"
-    open_run(config, run)
-    train(config, run)
-    noisy, quiet = (torch.load(folder / "policy.pt") for folder in (run, trained))
-    assert not all(torch.equal(noisy[key], quiet[key]) for key in quiet)
-    act, seeds = deterministic(load_policy(run)[1]), evaluation_seeds(config.seed, 200).tolist()
-    with_noise, without = (
-        play_together(make_vector(settings, 200), act, seeds)
-        for settings in (config, dataclasses.replace(config, noise=None))
-    )
-    assert evaluate(run, episodes=200)["policy"] == with_noise != without
+def test_noise_applies_to_training_and_evaluation(tiny, tmp_path):
+    quiet = Config.from_dict(tiny(timesteps=128, policy={"head": "pots", "components": 2, "hidden": [8]}))
+    noisy = dataclasses.replace(quiet, noise=Noise(angle_std=1.0, speed_std=0.1))
+    weights = []
+    for name, config in (("quiet", quiet), ("noisy", noisy)):
+        open_run(config, tmp_path / name)
+        train(config, tmp_path / name)
+        weights.append(torch.load(tmp_path / name / "policy.pt"))
+    assert not all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
+    act, seeds = deterministic(load_policy(tmp_path / "noisy")[1]), evaluation_seeds(quiet.seed, 200).tolist()
+    without, with_noise = (play_together(make_vector(config, 200), act, seeds) for config in (quiet, noisy))
+    assert evaluate(tmp_path / "noisy", episodes=200)["policy"] == with_noise
+    assert with_noise["success_rate"] < without["success_rate"] - 0.1
 
 
 def test_both_policies_play_the_same_layouts_and_random_actions_are_velocities(trained, tmp_path, monkeypatch):
