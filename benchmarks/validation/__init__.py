@@ -1,17 +1,17 @@
 """The laws of the package compared with measurements: `python -m benchmarks.validation`.
 
-It runs impacts and banks as in published measurements, prints tables, writes
+It runs impacts, banks and paths into pockets as in published measurements, prints tables, writes
 `benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the numbers
-in `collisions` and `cushions`.
+in `collisions`, `cushions`, `pockets` and `pooltool`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.validation import collisions, cushions
+from benchmarks.validation import collisions, cushions, pockets, pooltool
 
-PARTS = {"collisions": collisions, "cushions": cushions}
+PARTS = {"collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
 
 
 def measure() -> dict[str, Any]:

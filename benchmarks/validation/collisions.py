@@ -73,6 +73,15 @@ SNOOKER_RADIUS, SNOOKER_MASS = 0.02625, 0.1406
 SNOOKER_PHYSICS = Physics(ball_ball="frictional", mu_ball=0.05, e_ball=0.89, mu_slide=0.21)
 """The constants of Mathavan, Jackson and Parkin (2014)."""
 
+DOMENECH_SPEED, DOMENECH_FRICTION = 0.80, 0.125
+DOMENECH_THROW = (
+    *((7.7, 0.99), (14.9, 2.02), (20.6, 2.72), (25.2, 3.09), (29.4, 3.51), (34.1, 4.10), (38.5, 4.78), (45.1, 5.11)),
+    *((51.5, 5.47), (51.5, 3.40), (59.7, 5.13), (62.4, 6.16), (62.4, 4.43), (66.0, 5.58), (70.5, 6.50)),
+)
+"""Measured by Domenech (2023) with a rolling cue ball at 0.80 m/s, within about 1 degree: cut angle and throw."""
+DOMENECH_SCATTER = ((8.0, 73.8), (15.4, 71.4), (20.9, 63.8), (26.2, 62.9), (30.0, 60.3), (35.6, 56.4), (43.6, 45.5))
+"""The same: cut angle and change of the cue ball's direction in the impact."""
+
 # Impacts
 
 
@@ -174,7 +183,25 @@ def snooker_shots() -> list[list[float]]:
     return np.column_stack([speeds, abs(angles)]).tolist()
 
 
+def scatter(physics: Physics, speed: float, cut: ArrayLike) -> Floats:
+    """Returns the changes of direction of a rolling cue ball in the impact."""
+    return -direction(impact(physics, speed, cut, roll=1.0).velocities[:, 0])
+
+
+def domenech(friction: float | None, e_ball: float) -> tuple[Physics, dict[str, float]]:
+    """Returns physics with a friction and a restitution, and the root mean squares of the differences, degrees."""
+    physics = Physics(ball_ball="frictional", mu_ball=friction, e_ball=e_ball)
+    cut, measured = np.array(DOMENECH_THROW).T
+    throws = throw(physics, DOMENECH_SPEED, cut, roll=1.0) - measured
+    cut, measured = np.array(DOMENECH_SCATTER).T
+    scatters = scatter(physics, DOMENECH_SPEED, cut) - measured
+    rms = [float(np.sqrt(np.mean(d**2))) for d in (throws, scatters)]
+    return physics, dict(zip(("throw", "scatter"), rms, strict=True))
+
+
 # Results
+
+DOMENECH_MODELS = ((None, 0.95), (DOMENECH_FRICTION, 0.95), (DOMENECH_FRICTION, 0.97))
 
 
 def formula_difference() -> float:
@@ -197,6 +224,7 @@ def measure() -> dict[str, Any]:
         "frozen": frozen(SPEEDS["slow"]).tolist(),
         "frozen_pair": {name: frozen_pair(SPEEDS[name]) for name in FROZEN_PAIR},
         "snooker": snooker_shots(),
+        "domenech": [domenech(*model)[1] for model in DOMENECH_MODELS],
         "formula_of_paths": float(
             abs(half_ball_rule(Physics(e_ball=1.0), 1.0, angles) - wallace_schroeder(angles)).max()
         ),
@@ -255,6 +283,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
                     f"{shot.paper[k]:.{digits}f}",
                 ]
             )
+    models = [
+        ["Marlow's, 0.03 to 0.11" if mu is None else f"{mu}", f"{e}", f"{rms['throw']:.2f}°", f"{rms['scatter']:.1f}°"]
+        for (mu, e), rms in zip(DOMENECH_MODELS, result["domenech"], strict=True)
+    ]
     return {
         "throw formula": f"The largest difference from the formula of TP A.14, over 28,080 impacts with cuts of 0 to 89"
         f" degrees and any side and roll, is {result['formula_difference']:.0e} degrees.",
@@ -273,6 +305,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             ],
             snooker,
         ),
+        "domenech": table(["friction between balls", "e_ball", "throw, rms", "cue ball, rms"], models),
         "paths": f"Without friction between elastic balls, the engine and the formula of Wallace and Schroeder differ"
         f" by {result['formula_of_paths']:.0e} degrees at most. With stun and a restitution of 0.95, the cue ball of a"
         f" half-ball hit leaves at {result['stun']:.2f} degrees from the line of centres.",

@@ -30,6 +30,11 @@ def test_snooker_shots_agree_with_the_measurements_but_for_the_first():
     assert abs(found[:, 2] - measured[:, 2]).max() < 1.2
 
 
+def test_balls_of_domenech_need_more_friction():
+    usual, more = (c.domenech(mu, 0.95)[1]["throw"] for mu in (None, c.DOMENECH_FRICTION))
+    assert more < 0.9 < 2.0 < usual
+
+
 def test_rolling_elastic_balls_obey_wallace_and_schroeder():
     cuts = np.arange(1.0, 85.0)
     found = c.half_ball_rule(Physics(e_ball=1.0), 1.0, cuts)
