@@ -1,16 +1,19 @@
 """Run time and error of PIC and of PIT at many timesteps.
 
 PIC and PIT run the same random shots; PIT uses timesteps of 1/15 to 1/15360 s and each of its fixes. Errors are
-measured against the 50-digit oracle. Run times are measured on one core; all methods take turns.
+measured against the 50-digit oracle. Outcomes (the balls potted, the ball hit first) of more shots are compared with
+those of PIC, which are compared with the oracle first. Run times are measured on one core; all methods take turns.
 
     python -m benchmarks.accuracy               # within ten minutes on two cores
-    python -m benchmarks.accuracy --shots 8 --passes 1
+    python -m benchmarks.accuracy --shots 8 --outcomes 200 --passes 1
+    python -m benchmarks.accuracy --again       # prints and draws the last results
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -21,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, RESULTS, check_counts, error_limit, machine, machine_line, print_blocks, save, table
-from benchmarks.methods import PIC, Method, timer
+from benchmarks import IMAGES, RESULTS, accuracy_report, check_counts, error_limit, machine, print_blocks
+from benchmarks.methods import PIC, Method, run_all, timer
 from billiards_env.files import write_json
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
@@ -36,15 +39,7 @@ STEPS = [15 * 2**k for k in range(11)]
 TIMES = (0.5, 1.0, 2.0, 5.0)
 """Times at which positions are compared, s, in addition to the end of the shot."""
 TIMED = 24  # shots whose run time is measured
-LEVELS = {"10 cm": 0.1, "1 cm": 1e-2, "1 mm": 1e-3, "0.1 mm": 1e-4}
-PIC_STYLE: dict[str, Any] = {"marker": "*", "color": "black", "markersize": 13, "linestyle": "none"}
-PIT_STYLES: dict[str, dict[str, Any]] = {
-    "push_apart": {"marker": "o", "color": "#0072b2", "markersize": 6, "linewidth": 1.2},
-    "move_back": {"marker": "s", "color": "#d55e00", "markersize": 4, "linewidth": 1.2},
-    "none": {"marker": "^", "color": "#009e73", "markersize": 4, "linewidth": 1.2, "linestyle": "--"},
-}
-"""Plot styles of the fixes."""
-FLOOR = 1e-17  # m, zero errors are drawn at this value
+BREAKS = 8  # number of other shots per break in the comparison of outcomes, because breaks take long
 
 
 class Problem(NamedTuple):
@@ -146,6 +141,48 @@ def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
+def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method, dict[str, float | int]]:
+    """Compares the outcomes of PIT and PIC over the first shots of a problem.
+
+    The outcome is the set of potted balls and the ball hit first. On a table without pockets it is the set of balls
+    that the cue ball touches and the ball hit first. A shot scores if it pots an object ball, or without pockets if the
+    cue ball touches all object balls.
+
+    Returns:
+        For each PIT: the share of shots with another outcome; the number of shots that score in PIC or PIT; and the
+        share of these shots with other potted balls (or another carom).
+    """
+    scene = PROBLEMS[name].scene
+    positions, velocities = shots_of(name, count)
+
+    def outcome(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
+        batch = run_all(scene, positions, velocities, method, workers)
+        touched = batch.cushions_before_hit[:, 1:] >= 0
+        if scene.table.pockets:
+            return (
+                batch.potted,
+                np.logical_or.reduce(batch.potted[:, 1:], axis=1),
+                np.column_stack((batch.potted, batch.first_hit)),
+            )
+        made = np.logical_and.reduce(touched, axis=1)
+        return made[:, None], made, np.column_stack((touched, batch.first_hit))
+
+    exact = outcome(PIC)
+    found: dict[Method, dict[str, float | int]] = {}
+    for method in PIT:
+        here = outcome(method)
+        scoring = exact[1] | here[1]
+        wrong = (here[0] != exact[0]).any(axis=1)
+        found[method] = {
+            "wrong_outcomes": float((here[2] != exact[2]).any(axis=1).mean()),
+            "wrong_scores": float(wrong[scoring].mean()) if scoring.any() else 0.0,
+            "scoring_shots": int(scoring.sum()),
+        }
+        bar.update()
+    return found
+
+
 def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[float]]]:
     """Returns the mean time of a shot by problem and method, one entry per pass; methods take turns on one core."""
     calls: dict[str, dict[Method, Callable[[], float]]] = {}
@@ -167,6 +204,7 @@ def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[flo
 def rows_of(
     followed: Sequence[dict[str, Any]],
     seconds: dict[Method, list[float]],
+    wrong: dict[Method, dict[str, float | int]],
 ) -> list[dict[str, Any]]:
     """Returns the results of a problem, one row per method."""
     rows = []
@@ -184,15 +222,17 @@ def rows_of(
             known = errors[:, k, column][~np.isnan(errors[:, k, column])]
             row[f"median_error_{t}_m"] = float(np.median(known)) if len(known) else None
             row[f"p90_error_{t}_m"] = float(np.quantile(known, 0.9)) if len(known) else None
+        row |= wrong.get(method, {})
         rows.append({key: float(f"{x:.4g}") if isinstance(x, float) else x for key, x in row.items()})
     return rows
 
 
-def measure(shots: int, passes: int, workers: int) -> dict[str, Any]:
+def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
     """Runs all measurements.
 
     Args:
         shots: Shots of each problem that are compared with the oracle.
+        outcome_shots: Shots of each problem whose outcomes are compared with those of PIC.
         passes: Repetitions of the run time measurement.
         workers: Processes and threads, except for run times.
 
@@ -202,6 +242,10 @@ def measure(shots: int, passes: int, workers: int) -> dict[str, Any]:
     on = machine()
     seconds = seconds_per_shot(shots, passes)
     followed = follow_all(shots, workers)
+    playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
+    with tqdm(desc="outcomes", total=len(playable) * len(PIT), unit="run") as bar:
+        counts = {name: outcome_shots // (BREAKS if "break" in name else 1) or 1 for name in playable}
+        wrong = {name: outcomes(name, counts[name], workers, bar) for name in playable}
     scenes = {}
     for name, problem in PROBLEMS.items():
         results = followed[name]
@@ -209,10 +253,11 @@ def measure(shots: int, passes: int, workers: int) -> dict[str, Any]:
         scenes[name] = {
             "n_balls": problem.scene.n_balls,
             "error_at": [*TIMES, "end"][problem.column],
+            "outcome_shots": counts.get(name, 0),
             "compared": sum(not np.isnan(result["errors"][0][problem.column]) for result in results),
             "followed_to_the_end": len(ends),
             "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_of(results, seconds[name]),
+            "methods": rows_of(results, seconds[name], wrong.get(name, {})),
         }
     return {
         "machine": on,
@@ -232,136 +277,28 @@ def packed(result: dict[str, Any]) -> dict[str, Any]:
     return {**result, "scenes": scenes}
 
 
-def unpacked(result: dict[str, Any]) -> dict[str, Any]:
-    """Returns what `accuracy.json` holds, with the rows of each scene as mappings."""
-    scenes = {}
-    for name, scene in result["scenes"].items():
-        columns, rows = scene["methods"]["columns"], scene["methods"]["rows"]
-        scenes[name] = {**scene, "methods": [dict(zip(columns, row, strict=True)) for row in rows]}
-    return {**result, "scenes": scenes}
-
-
-def _pit(scene: dict[str, Any], fix: str) -> list[dict[str, Any]]:
-    """Returns the rows of PIT with a fix, from the coarsest timestep to the finest."""
-    return sorted((row for row in scene["methods"] if row["fix"] == fix), key=lambda row: row["steps_per_second"])
-
-
-def _pic(scene: dict[str, Any]) -> dict[str, Any]:
-    return next(row for row in scene["methods"] if row["method"] == "PIC")
-
-
-def _error(scene: dict[str, Any], row: dict[str, Any]) -> float:
-    return row[f"median_error_{scene['error_at']}_m"]
-
-
-def _when(scene: dict[str, Any]) -> str:
-    return "at the end" if scene["error_at"] == "end" else f"after {scene['error_at']:g} s"
-
-
-def _metres(error: float | None) -> str:
-    return "" if error is None else f"{error:.1e} m"
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.2f}" if value < 1 else f"{value:.1f}" if value < 10 else f"{value:,.0f}"
-
-
-def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any] | None:
-    """Returns the coarsest row that is good together with all finer rows; None if there is none."""
-    last_bad = max((k for k, fine in enumerate(good) if not fine), default=-1)
-    return rows[last_bad + 1] if last_bad + 1 < len(rows) else None
-
-
-def levels(scenes: dict[str, Any]) -> str:
-    """Returns the table of the run time, over that of PIC, of the fastest PIT with a median error below each level."""
-    lines = []
-    for name, scene in scenes.items():
-        line, pic = [f"{name}, {_when(scene)}"], _pic(scene)
-        for level in LEVELS.values():
-            reach = []
-            for fix in PIT_STYLES:
-                rows = _pit(scene, fix)
-                row = coarsest_from(rows, [_error(scene, r) <= level for r in rows])
-                reach += [] if row is None else [row]
-            best = min(reach, key=lambda row: row["time_over_pic"], default=None)
-            line.append("-" if best is None else f"{_ratio(best['time_over_pic'])} (1/{best['steps_per_second']} s)")
-        least = min(_error(scene, row) for row in scene["methods"] if row["method"] == "PIT")
-        lines.append([*line, _metres(least), _metres(_error(scene, pic))])
-    return table(["median error of PIT below", *LEVELS, "PIT's least error", "PIC's error"], lines)
-
-
-def shots_table(result: dict[str, Any]) -> str:
-    """Returns the table of the numbers of shots."""
-    rows = [
-        [
-            name,
-            f"{result['shots']}",
-            f"{scene['compared']} {_when(scene)}",
-            f"{scene['followed_to_the_end']}",
-            # The motion of many elastic disks is chaotic.
-            "" if PROBLEMS[name].scene.physics.motion == "ideal" else f"{scene['pic_outcome_as_oracle']}",
-        ]
-        for name, scene in result["scenes"].items()
-    ]
-    return table(["scene", "shots with reference", "compared", "to the end", "same outcome"], rows)
-
-
-def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the results as Markdown, by name."""
-    scenes = unpacked(result)["scenes"]
-    return {
-        "machine": machine_line(result["machine"]),
-        "shots": shots_table(result),
-        "levels": levels(scenes),
-    }
-
-
-def draw_pareto(result: dict[str, Any], path: Path) -> None:
-    """Draws run time against error, one panel per scene."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.5, 6), dpi=95, layout="constrained")
-    *panels, key = figure.subplots(2, 4, sharey=True).flat
-    for (name, scene), axes in zip(result["scenes"].items(), panels, strict=True):
-        curves = [(_pit(scene, fix), style) for fix, style in PIT_STYLES.items()]
-        for rows, style in (*curves, ([_pic(scene)], PIC_STYLE)):
-            axes.loglog([r["us_per_shot"] for r in rows], [max(FLOOR, _error(scene, r)) for r in rows], **style)
-        pit = _pit(scene, "push_apart")
-        for row, side in ((pit[0], "left"), (pit[len(pit) // 2], "center"), (pit[-1], "right")):
-            at, label = (row["us_per_shot"], 4), f"1/{row['steps_per_second']} s"
-            axes.annotate(label, at, fontsize=7.5, ha=side, va="bottom", color="#444444")
-            axes.plot([at[0]] * 2, [_error(scene, row), at[1]], ":", color="#888888", linewidth=0.8)
-        axes.set_title(f"{name}, {_when(scene)}", fontsize=10)
-        axes.set_ylim(FLOOR / 3, 60)
-        axes.grid(alpha=0.3)
-    for axes in (panels[0], panels[4]):
-        axes.set_ylabel("median error of the positions (m)")
-    for axes in panels[3:]:
-        axes.set_xlabel("run time (us per shot)")
-    key.axis("off")
-    for label, style in (("PIC", PIC_STYLE), *((f"PIT, {fix}", style) for fix, style in PIT_STYLES.items())):
-        key.plot([], [], **style, label=label)
-    key.legend(loc="center", frameon=False, title="left: faster, down: more exact")
-    save(figure, path)
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.accuracy --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.accuracy", description="Run time against error, for every engine and timestep."
     )
     parser.add_argument("--shots", type=int, default=64, help="shots of each scene against the oracle (64)")
+    parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
     parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png")
+    parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
     # The fourth break is the first one that can be followed to its end.
-    check_counts(parser, args, shots=4, passes=1, workers=1)
-    result = packed(measure(args.shots, args.passes, args.workers))
-    write_json(args.results / "accuracy.json", result)
-    draw_pareto(unpacked(result), args.images / "pareto.png")
-    print_blocks(blocks(result))
+    check_counts(parser, args, shots=4, outcomes=1, passes=1, workers=1)
+    if args.again:
+        result = json.loads((args.results / "accuracy.json").read_text())
+    else:
+        result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
+        write_json(args.results / "accuracy.json", result)
+    accuracy_report.draw_pareto(accuracy_report.unpacked(result), args.images / "pareto.png")
+    print_blocks(accuracy_report.blocks(result))
     print(f"Written to {args.results / 'accuracy.json'}; drawn in {args.images}.")
 
 

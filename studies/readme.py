@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
-    accuracy,
+    accuracy_report,
     comparison,
     error_limit,
     speed,
@@ -34,7 +34,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 # By the name of the results: the command, and the function that makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
-    "accuracy": ("benchmarks.accuracy", accuracy.blocks),
+    "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),

@@ -11,6 +11,7 @@ import pytest
 from benchmarks import (
     RESULTS,
     accuracy,
+    accuracy_report,
     error_limit,
     speed,
     start_up,
@@ -126,23 +127,26 @@ def test_a_timer_returns_the_seconds_per_shot():
 
 def test_the_coarsest_timestep_has_only_good_results_from_there_on():
     rows = [{"steps_per_second": s} for s in (15, 30, 60, 120)]
-    assert accuracy.coarsest_from(rows, [True, False, True, True]) == rows[2]
-    assert accuracy.coarsest_from(rows, [True, True, True, False]) is None
+    assert accuracy_report.coarsest_from(rows, [True, False, True, True]) == rows[2]
+    assert accuracy_report.coarsest_from(rows, [True, True, True, False]) is None
 
 
 def test_accuracy_is_printed_drawn_and_written(matplotlib, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(accuracy, "PIT", [m for m in accuracy.PIT if m.steps in (15, 60, 240)])
     monkeypatch.setattr(accuracy, "follow_all", lambda shots, workers: {n: [accuracy.follow((n, 3))] for n in names})
     names = list(accuracy.PROBLEMS)
-    few = ["--shots", "4", "--passes", "1", "--workers", "1"]
+    few = ["--shots", "4", "--outcomes", "40", "--passes", "1", "--workers", "1"]
     accuracy.main([*few, "--results", str(tmp_path), "--images", str(tmp_path)])
     written = json.loads((tmp_path / "accuracy.json").read_text())
     assert list(written["scenes"]) == names
-    for scene in accuracy.unpacked(written)["scenes"].values():
+    for scene in accuracy_report.unpacked(written)["scenes"].values():
         assert {row["method"] for row in scene["methods"]} >= {"PIC", "PIT"}
     assert (tmp_path / "pareto.png").read_bytes().startswith(b"\x89PNG")
     out = capsys.readouterr().out
     assert all(name in out for name in names)
+    monkeypatch.setattr(accuracy, "measure", None)
+    accuracy.main(["--again", "--results", str(tmp_path), "--images", str(tmp_path)])
+    assert capsys.readouterr().out == out
 
 
 @pytest.mark.parametrize("n", [2, 3, 96, 1000])
