@@ -2,7 +2,7 @@
 
 One recipe is trained in several worlds with several seeds each. One world is exact; in the others the same balls move
 in steps of dt. Then every policy plays the same layouts once in every world, without exploration noise. A false success
-succeeds in the world of the training and fails in the exact one.
+succeeds in the world of the training and fails in the exact one; `studies.causes` finds its cause.
 
 The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figure
 to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are
@@ -18,6 +18,7 @@ import json
 import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -35,9 +36,12 @@ from agents.runs import train_all
 from agents.train import learning_curve, versions
 from benchmarks import IMAGES
 from billiards_env.engine.modes import check_mode
-from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
+from billiards_env.shots.simulation import simulate
 from studies import RESULTS, RUNS, timestep_report
+from studies.causes import CAUSES, cause
 
 Floats = NDArray[np.float64]
 
@@ -194,7 +198,7 @@ def compare(
     Returns:
         Plain data: `versions`; `worlds_measured`, the arguments and speed of each world; and `policies`. A policy has
         `world`, `seed`, `curve` (a list of `agents.train.Point`), `success` (the number of successes in each world),
-        and `false_successes` (their number).
+        and `false_successes` (their number by cause).
 
     Raises:
         OSError: If a file of a run cannot be read.
@@ -206,7 +210,7 @@ def compare(
         for world, arguments in worlds.items()
     }
     observations, _ = envs["exact"].reset(seed=seeds)
-    positions = envs["exact"].positions
+    positions, env = envs["exact"].positions, envs["exact"].single_env
     shots = [_shots(run.folder, observations) for run in tqdm(runs, "policies")]
     successes = {world: [] for world in worlds}
     seconds = dict.fromkeys(worlds, 0.0)
@@ -217,16 +221,18 @@ def compare(
             *_, infos = envs[world].step(actions)
             seconds[world] += time.perf_counter() - begin
             successes[world].append(infos["success"])
-    policies = [
-        {
-            "world": run.world,
-            "seed": run.seed,
-            "curve": [list(point) for point in learning_curve(run.folder)],
-            "success": {world: int(successes[world][k].sum()) for world in worlds},
-            "false_successes": int((successes[run.world][k] & ~successes["exact"][k]).sum()),
-        }
-        for k, run in enumerate(runs)
-    ]
+    policies = []
+    for k, run in enumerate(tqdm(runs, "false successes")):
+        own, exact = successes[run.world][k], successes["exact"][k]
+        policies.append(
+            {
+                "world": run.world,
+                "seed": run.seed,
+                "curve": [list(point) for point in learning_curve(run.folder)],
+                "success": {world: int(successes[world][k].sum()) for world in worlds},
+                "false_successes": _causes(worlds[run.world], env, positions, shots[k], own & ~exact),
+            }
+        )
     return {
         "versions": versions(),
         "worlds_measured": {
@@ -240,6 +246,19 @@ def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
     """Returns the actions of a run's policy, (m, 2)."""
     _, policy = load_policy(run_dir)
     return np.asarray(deterministic(policy)(observations), np.float64)
+
+
+def _causes(
+    world: Mapping[str, Any], env: BilliardsEnv, positions: Floats, actions: Floats, false: NDArray[np.bool_]
+) -> dict[str, int]:
+    """Returns the number of false successes by cause."""
+    counts: Counter[str] = Counter()
+    for i in np.flatnonzero(false).tolist():
+        start = env.scene, positions[i], cue_strike(actions[i], env.scene, env.max_speed)
+        exact, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
+        differs = np.flatnonzero(exact.potted != stepped.potted)
+        counts[cause(exact, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball
+    return {name: counts[name] for name in CAUSES}
 
 
 def main(arguments: list[str] | None = None) -> None:

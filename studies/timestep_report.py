@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from agents.intervals import as_percent, difference, over_seeds
 from benchmarks import save, table
+from studies.causes import CAUSES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -27,7 +28,8 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     Returns:
         By world: `own` and `exact`, the success in the world itself and in the exact one; `behind`, the success in the
         exact world less that of the policies trained there; `false`, the share of the successes in the own world that
-        fail in the exact one; `training_seconds` of a run; and `shots_per_second` of the world.
+        fail in the exact one, and `causes`, these shares by cause; `training_seconds` of a run; and `shots_per_second`
+        of the world.
     """
     found = {}
     by_world = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
@@ -35,11 +37,15 @@ def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     for world, policies in by_world.items():
         own = rates(result, world, world)
         successes = [max(p["success"][world], 1) for p in policies]
+        causes = [p["false_successes"] for p in policies]
         found[world] = {
             "own": over_seeds(own),
             "exact": over_seeds(exact[world]),
             "behind": difference(exact[world], exact["exact"]),
-            "false": over_seeds([p["false_successes"] / n for p, n in zip(policies, successes, strict=True)]),
+            "false": over_seeds([sum(c.values()) / n for c, n in zip(causes, successes, strict=True)]),
+            "causes": {
+                name: over_seeds([c[name] / n for c, n in zip(causes, successes, strict=True)]) for name in CAUSES
+            },
             "training_seconds": over_seeds([p["curve"][-1][1] for p in policies]),
             "shots_per_second": result["worlds_measured"][world]["shots_per_second"],
         }
@@ -76,6 +82,14 @@ def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[t
                     f"{t['shots_per_second']:,.0f}",
                 )
                 for world, t in means.items()
+            ],
+        ),
+        "causes": (
+            ("trained in", "false successes", *(name.replace("_", " ") for name in CAUSES)),
+            [
+                (_name(world), *(as_percent(share) for share in (t["false"], *t["causes"].values())))
+                for world, t in means.items()
+                if world != "exact"
             ],
         ),
         "transfer": (
