@@ -9,6 +9,11 @@ RLLIB := .venv-rllib/.installed
 PYTHONS := 3.10 3.11 3.12 3.13
 CORE := tests/shots/test_result.py tests/engine/test_reference.py tests/shots/test_batch.py tests/envs/test_billiards.py tests/envs/test_tasks.py tests/test_main.py
 ARGS ?= --players human,search:20
+# make results ADDRESS=auto: a Ray cluster does the work of results and study.
+ADDRESS ?=
+SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
+WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
+WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
 .PHONY: help train play test pythons docs stress lint bench results study rllib figures format clean
 
@@ -56,19 +61,19 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m studies.readme
 
-results: $(INSTALLED)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
-	$(BIN)/python -m studies.recipes
-	$(BIN)/python -m studies.recipes configs/prior_knowledge.yaml
-	$(BIN)/python -m studies.recipes configs/prior_knowledge_long.yaml
-	$(BIN)/python -m studies.recipes configs/english.yaml
-	$(BIN)/python -m studies.run_outs
-	$(BIN)/python -m studies.readme
+results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
+	$(WORK)/python -m studies.recipes $(SPREAD)
+	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
+	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
+	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
+	$(WORK)/python -m studies.run_outs
+	$(WORK)/python -m studies.readme
 
-study: $(INSTALLED)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
-	$(BIN)/python -m studies.timestep configs/study/pot.yaml
-	$(BIN)/python -m studies.timestep configs/study/mixture.yaml
-	$(BIN)/python -m studies.timestep configs/study/blocked.yaml
-	$(BIN)/python -m studies.readme
+study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
+	$(WORK)/python -m studies.timestep configs/study/pot.yaml $(SPREAD)
+	$(WORK)/python -m studies.timestep configs/study/mixture.yaml $(SPREAD)
+	$(WORK)/python -m studies.timestep configs/study/blocked.yaml $(SPREAD)
+	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little
 	.venv-rllib/bin/pytest -q -m cluster tests/cluster

@@ -115,7 +115,9 @@ def find_places(config: Path, folder: Path | None = None) -> Places:
     )
 
 
-def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dict[str, Any]]:
+def measure(
+    asked: Recipes, folder: Path, places: Places, jobs: int, address: str | None = None
+) -> list[dict[str, Any]]:
     """Trains and evaluates all recipes without results, and writes the results and the policies.
 
     Args:
@@ -123,6 +125,7 @@ def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dic
         folder: The folder of the list.
         places: The files and folders to write.
         jobs: The number of runs at a time.
+        address: The address of a Ray cluster that trains; None for this machine.
 
     Returns:
         The result of each recipe, see `summarize`.
@@ -147,7 +150,7 @@ def measure(asked: Recipes, folder: Path, places: Places, jobs: int) -> list[dic
         if name not in results
     }
     if runs:
-        train_all({run: config for configs in runs.values() for run, config in configs.items()}, jobs)
+        train_all({run: config for configs in runs.values() for run, config in configs.items()}, jobs, address)
     for name, configs in runs.items():
         results[name] = summarize(name, recipes[name], list(configs))
         results[name]["players"] = _players(recipes[name], asked.seeds[0], list(results.values()))
@@ -291,14 +294,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML list (default: %(default)s)")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.recipes`)")
     args = parser.parse_args(arguments)
     places = find_places(args.config, args.folder)
     try:
         asked = read(Recipes, args.config)
-        results = measure(asked, args.config.parent, places, args.jobs)
+        results = measure(asked, args.config.parent, places, args.jobs, args.address)
         draw([r for r in results if not asked.figure or r["recipe"] in asked.figure], places.figure)
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
+    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues", file=sys.stderr)

@@ -160,7 +160,9 @@ def find_result(path: Path, study: Study, recipe: Config) -> dict[str, Any] | No
     return result if same and recipe.is_saved_as(result["recipe_config"]) else None
 
 
-def measure(name: str, study: Study, recipe: Config, folder: Path, jobs: int) -> dict[str, Any]:
+def measure(
+    name: str, study: Study, recipe: Config, folder: Path, jobs: int, address: str | None = None
+) -> dict[str, Any]:
     """Trains the policies of a study and compares them.
 
     Args:
@@ -169,12 +171,13 @@ def measure(name: str, study: Study, recipe: Config, folder: Path, jobs: int) ->
         recipe: Its recipe.
         folder: The folder of the runs.
         jobs: The number of runs at a time.
+        address: The address of a Ray cluster that trains; None for this machine.
 
     Returns:
         The study, the recipe and the output of `compare`, as plain data.
     """
     planned = list(runs(study, recipe, folder))
-    train_all({run.folder: config for run, config in planned}, jobs)
+    train_all({run.folder: config for run, config in planned}, jobs, address)
     worlds = {world: world_arguments(world, study.fix) for world in study.worlds}
     return {
         "study": name,
@@ -269,6 +272,7 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
     parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.timestep`)")
     args = parser.parse_args(arguments)
     name = args.study.stem
@@ -280,10 +284,10 @@ def main(arguments: list[str] | None = None) -> None:
         study, recipe = load_study(args.study)
         result = find_result(path, study, recipe)
         if result is None:
-            result = measure(name, study, recipe, runs_folder, args.jobs)
+            result = measure(name, study, recipe, runs_folder, args.jobs, args.address)
             write_json(path, result)
         timestep_report.draw(result, figure)
-    except (OSError, RuntimeError, TypeError, ValueError) as error:
+    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues from the newest checkpoints", file=sys.stderr)

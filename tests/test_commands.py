@@ -122,14 +122,14 @@ def check_options(line: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make on the PATH")
-def test_the_targets_of_make_run_commands_that_exist(monkeypatch):
+@pytest.mark.parametrize("address", ["", "auto"])
+def test_the_targets_of_make_run_commands_that_exist(address, monkeypatch):
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
     (targets,) = re.findall(r"^\.PHONY: (.*)$", text, re.MULTILINE)
 
     def make(*arguments: str) -> str:
-        return subprocess.run(
-            ["make", *arguments, f"PYTHON={sys.executable}"], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout
+        arguments = (*arguments, f"ADDRESS={address}", f"PYTHON={sys.executable}")
+        return subprocess.run(["make", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
     assert re.findall(r"^(\w+) ", make("help"), re.MULTILINE) == re.findall(r"^(\w+):.*## ", text, re.MULTILINE)
     assert sorted(targets.split()) == sorted(re.findall(r"^(\w+):.*## ", text, re.MULTILINE))

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from agents.cluster import connect
 from agents.config import changed, read
 from agents.rllib.settings import Settings, load_recipe
 from agents.train import open_run, print_result
@@ -36,9 +37,9 @@ def main(arguments: list[str] | None = None) -> None:
         settings = changed(settings, {k: v for k, v in given.items() if k in ("runners", "learners")})
         config = changed(config, {k: v for k, v in given.items() if k in ("seed", "timesteps")})
         settings.check(config)
-        from agents.rllib.train import connect, train  # imports Ray
-
         connect(args.address, cpus=1 + settings.runners + settings.learners)
+        from agents.rllib.train import train  # imports Ray
+
         open_run(config, run_dir, args.fresh)
         train(config, settings, run_dir)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:

@@ -1,8 +1,5 @@
 """Trains PPO with RLlib. The folder of a run is that of `agents.train`, but its checkpoints are those of RLlib.
 
-Every node of a cluster needs the same clone of the repository at the same path, and the same virtual environment; see
-`docs/cluster.md`.
-
 The same command resumes an interrupted run from its newest checkpoint. It ends with the same weights as an
 uninterrupted run, because the seed and the number of steps determine all random numbers after a checkpoint. Only the
 failure of a runner changes the weights.
@@ -11,11 +8,10 @@ failure of a runner changes the weights.
 from __future__ import annotations
 
 import dataclasses
-import logging
 import os
 import shutil
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -28,48 +24,20 @@ from agents.config import Config
 from agents.ppo import make_policy, save_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
-from agents.train import BAR, LearningCurve, locked, start_from, versions
+from agents.train import BAR, LearningCurve, Point, locked, start_from, versions
 from billiards_env.files import write_json
 
-ROOT = Path(__file__).resolve().parents[2]
 
-STORE = 512 * 2**20
-"""Bytes of shared memory for the objects of a machine without a cluster."""
-
-
-def connect(address: str | None, cpus: int | None = None) -> None:
-    """Connects this process to a Ray cluster, or starts Ray on this machine. Does nothing if Ray is running.
-
-    Args:
-        address: The address of the cluster, such as "auto" or "10.0.0.1:6379"; None to start Ray on this machine.
-        cpus: The number of cores that Ray uses on this machine; None for all. A cluster has its own number.
-
-    Raises:
-        ConnectionError: If there is no cluster at the address.
-    """
-    if ray.is_initialized():
-        return
-    logging.getLogger("ray").setLevel(logging.ERROR)
-    # The workers of other nodes find the packages of the clone.
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    shared: dict[str, Any] = {
-        "runtime_env": {"env_vars": {"PYTHONPATH": paths}},
-        "log_to_driver": False,
-        "logging_level": "ERROR",
-    }
-    if address is not None:
-        ray.init(address=address, **shared)
-    else:
-        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=STORE, **shared)
-
-
-def train(config: Config, settings: Settings, run_dir: Path) -> None:
+def train(
+    config: Config, settings: Settings, run_dir: Path, report: Callable[[Point], object] = lambda point: None
+) -> None:
     """Trains a recipe, from the newest checkpoint if there is one. Ray must be running.
 
     Args:
         config: The recipe.
         settings: The numbers of processes. They may differ from those before an interruption.
         run_dir: The folder of the run, prepared by `agents.train.open_run`.
+        report: Called with each point of the learning curve.
 
     Raises:
         ValueError: If another process trains in the folder.
@@ -82,12 +50,12 @@ def train(config: Config, settings: Settings, run_dir: Path) -> None:
         write_json(run_dir / "versions.json", {**versions(), "ray": ray.__version__, **dataclasses.asdict(settings)})
         algorithm: ArrayPPO = algorithm_config(config, settings).build_algo()
         try:
-            _train(algorithm, config, run_dir)
+            _train(algorithm, config, run_dir, report)
         finally:
             algorithm.stop()
 
 
-def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
+def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[[Point], object]) -> None:
     policy = make_policy(config)
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
@@ -108,6 +76,7 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
             if algorithm.seed_next or done:
                 algorithm.read_policy(policy)
                 curve.measure(policy, steps, successes)
+                report(curve.points[-1])
             if done:
                 break
             result = algorithm.train()

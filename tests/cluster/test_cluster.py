@@ -1,7 +1,8 @@
-"""Training with RLlib on a cluster of two nodes on this machine: `make rllib`."""
+"""Training with RLlib and Ray tasks on a cluster of two nodes on this machine: `make rllib`."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import signal
@@ -15,15 +16,17 @@ import pytest
 import torch
 import yaml
 
-from agents.config import Config
+from agents.cluster import RETRIES, ROOT, RayExecutor
+from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.rllib.settings import Settings
+from agents.runs import train_all
 from agents.train import learning_curve, open_run
 
 ray = pytest.importorskip("ray")
 
 from agents.rllib.algorithm import ArrayPPO, algorithm_config  # noqa: E402
-from agents.rllib.train import ROOT, newest_checkpoint, train  # noqa: E402
+from agents.rllib.train import newest_checkpoint, train  # noqa: E402
 
 pytestmark = [pytest.mark.cluster, pytest.mark.filterwarnings("default")]
 
@@ -181,3 +184,57 @@ def test_rllib_plays_the_environment_with_its_own_runner(cluster):
     algorithm.stop()
     assert result["num_env_steps_sampled_lifetime"] >= 64
     assert result["episode_len_mean"] == 1
+
+
+def double(number: int) -> int:
+    return 2 * number
+
+
+def fails_at_first(folder: Path, times: int) -> int:
+    attempt = len(list(folder.iterdir()))
+    (folder / str(attempt)).touch()
+    if attempt < times:
+        raise OSError(f"attempt {attempt}")
+    return attempt
+
+
+def ends_its_process(folder: Path) -> int:
+    attempt = len(list(folder.iterdir()))
+    (folder / str(attempt)).touch()
+    if not attempt:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return attempt
+
+
+def test_failed_tasks_are_repeated(cluster, tmp_path):
+    with RayExecutor(cluster.address) as pool:
+        assert pool.submit(double, 16).result() == 32
+        for name in ("a", "b"):
+            (tmp_path / name).mkdir()
+        assert pool.submit(fails_at_first, tmp_path / "a", 2).result() == 2
+        assert pool.submit(ends_its_process, tmp_path / "b").result() == 1
+
+
+def test_a_task_that_always_fails_is_named(cluster, tmp_path):
+    with RayExecutor(cluster.address) as pool:
+        failed = pool.submit(fails_at_first, tmp_path, 100).exception()
+    assert "fails_at_first(" in str(failed)
+    assert f"failed {RETRIES + 1} times" in str(failed)
+    assert len(list(tmp_path.iterdir())) == RETRIES + 1
+
+
+def test_the_runs_of_a_study_are_tasks(cluster, tmp_path, monkeypatch):
+    good = Config.from_dict({**TINY, "timesteps": 512, "policy": {"hidden": [8]}})
+    runs = {tmp_path / f"seed{seed}": dataclasses.replace(good, seed=seed) for seed in (0, 1)}
+    bad = tmp_path / "bad"
+    with monkeypatch.context() as patch:
+        patch.setattr("agents.runs.open_run", lambda config, folder: None)  # the task opens the run, too
+        with pytest.raises(RuntimeError, match=f"trained_files\\('{bad}'.* failed {RETRIES + 1} times"):
+            train_all({**runs, bad: dataclasses.replace(good, start_from="nowhere")}, 1, cluster.address)
+    assert not (bad / "policy.pt").exists()
+    for folder, config in runs.items():
+        assert load(folder / "config.yaml") == config
+        assert evaluate(folder)["policy"]["success_rate"] == learning_curve(folder)[-1].success
+    written = (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns
+    train_all(runs, 1, cluster.address)
+    assert (tmp_path / "seed0" / "policy.pt").stat().st_mtime_ns == written

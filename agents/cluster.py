@@ -1,0 +1,121 @@
+"""Runs functions on a Ray cluster. Only this package and `agents.rllib` import Ray, and this one only when it is used.
+
+Every node needs the same clone of the repository at the same path, and the same virtual environment; see
+`docs/cluster.md`.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import os
+import reprlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from billiards_env.checks import missing
+
+ROOT = Path(__file__).resolve().parent.parent
+
+RETRIES = 3
+"""The number of times that a failed task is repeated."""
+
+_STORE = 512 * 2**20  # bytes of shared memory for the objects of a machine without a cluster
+
+_SHORT = reprlib.Repr()  # of arguments in messages
+_SHORT.maxstring = _SHORT.maxother = 100
+
+T = TypeVar("T")
+
+
+def connect(address: str | None, cpus: int | None = None) -> None:
+    """Connects this process to a Ray cluster, or starts Ray on this machine. Does nothing if Ray is running.
+
+    Args:
+        address: The address of the cluster, such as "auto" or "10.0.0.1:6379"; None to start Ray on this machine.
+        cpus: The number of cores that Ray uses on this machine; None for all. A cluster has its own number.
+
+    Raises:
+        ImportError: If Ray is not installed.
+        ConnectionError: If there is no cluster at the address.
+    """
+    if importlib.util.find_spec("ray") is None:
+        raise ImportError(missing("ray", "rllib"))
+    import ray  # pyright: ignore[reportMissingImports]
+
+    if ray.is_initialized():
+        return
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    # The workers of other nodes find the packages of the clone.
+    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    shared: dict[str, Any] = {
+        "runtime_env": {"env_vars": {"PYTHONPATH": paths}},
+        "log_to_driver": False,
+        "logging_level": "ERROR",
+    }
+    if address is not None:
+        ray.init(address=address, **shared)
+    else:
+        ray.init(address="local", num_cpus=cpus, include_dashboard=False, object_store_memory=_STORE, **shared)
+
+
+@contextmanager
+def two_nodes() -> Iterator[Any]:
+    """Starts a cluster of two nodes with one core each on this machine and connects this process to it.
+
+    Yields:
+        The cluster, see `ray.cluster_utils.Cluster`. Its attribute `address` is the address.
+    """
+    import ray  # pyright: ignore[reportMissingImports]
+    from ray.cluster_utils import Cluster  # pyright: ignore[reportMissingImports]
+
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    node = {"num_cpus": 1, "object_store_memory": _STORE}
+    cluster = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
+    try:
+        cluster.add_node(**node)
+        cluster.wait_for_nodes()
+        connect(cluster.address)
+        yield cluster
+    finally:
+        ray.shutdown()
+        cluster.shutdown()
+
+
+class RayExecutor(Executor):
+    """An executor whose calls are Ray tasks of one core each.
+
+    Args:
+        address: See `connect`.
+    """
+
+    def __init__(self, address: str | None) -> None:
+        connect(address)
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Returns the future result of a call.
+
+        A call is repeated up to `RETRIES` times if it raises an exception or if its process or node ends. After that
+        `Future.result` raises a RuntimeError that names the call.
+        """
+        import ray  # pyright: ignore[reportMissingImports]
+
+        name = f"{fn.__module__}.{fn.__qualname__}({', '.join(map(_SHORT.repr, args))})"
+        named = Future[T]()
+        task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=True, name=name)(fn)
+
+        def finish(future: Future[T]) -> None:
+            try:
+                result = future.result()
+            except Exception as error:
+                failure = RuntimeError(f"{name} failed {RETRIES + 1} times on the cluster: {error}")
+                failure.__cause__ = error
+                named.set_exception(failure)
+            else:
+                named.set_result(result)
+
+        task.remote(*args, **kwargs).future().add_done_callback(finish)
+        return named
