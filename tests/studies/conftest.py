@@ -22,7 +22,7 @@ def one_thread() -> None:
 def in_this_process() -> Iterator[None]:
     """Runs are trained in this process, which is faster for tiny runs than `agents.runs.train_all`."""
 
-    def train_here(runs: Mapping[Path, Config], jobs: int) -> None:
+    def train_here(runs: Mapping[Path, Config], jobs: int, address: str | None = None) -> None:
         for folder, config in runs.items():
             open_run(config, folder)
             with contextlib.redirect_stdout(io.StringIO()):
