@@ -150,8 +150,8 @@ def module(monkeypatch):
 def test_a_player_is_found_in_a_module():
     game = setup("straight", 2)
     table = custom_opening(game, EASY)
-    for text, speed in (("mine:own", 1.0), ("mine:own:2.5", 2.5)):
-        assert find_player(text, game)(game, table, 8.0, RNG(0)) == Stroke((speed, 0.0))
+    for text, speed in (("mine:own", 1.0), ("mine:own:2.5", 2.5), ("ours:2", 2.0)):
+        assert find_player(text, game, {"ours": "mine:own"})(game, table, 8.0, RNG(0)) == Stroke((speed, 0.0))
 
 
 @pytest.mark.usefixtures("module")
@@ -161,9 +161,9 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
     game = setup("straight", 2)
     assert find_player("theirs:3", game)(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((3.0, 0.0))
     with pytest.raises(
-        ValueError, match="expected one of 'geometric', 'policy', 'random', 'search', 'theirs', or module:function"
+        ValueError, match="expected one of 'geometric', 'ours', 'random', 'search', 'theirs', or module:function"
     ):
-        find_player("them", game)
+        find_player("them", game, {"ours": "mine:own"})
 
 
 @pytest.mark.usefixtures("module")
