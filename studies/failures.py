@@ -23,7 +23,6 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from billiards_env.checks import choose
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
 
@@ -85,27 +84,4 @@ FAILURES: dict[str, Failure] = {
         dt=_DT,
     ),
 }
-
-
-def named(name: str) -> Failure:
-    """Returns the failure of a given name.
-
-    Args:
-        name: "missed_collision", "penetration", "multiple_collisions" or "wrong_bounce".
-
-    Returns:
-        The failure.
-
-    Raises:
-        ValueError: If the name is unknown.
-
-    Example:
-        >>> from billiards_env import simulate
-        >>> case = named("missed_collision")
-        >>> simulate(case.scene, case.positions, case.velocities).first_hit
-        1
-        >>> simulate(case.scene, case.positions, case.velocities, mode="pit", dt=case.dt).first_hit
-        -1
-    """
-    choose("failure", name, tuple(FAILURES))
-    return FAILURES[name]
+"""The failures, by name."""

@@ -11,7 +11,6 @@ import pytest
 from billiards_env.physics.state import FIXES
 from billiards_env.shots import simulation
 from reference import oracle
-from studies import failures
 from studies.failures import FAILURES, Failure
 
 cases = pytest.mark.parametrize("name", FAILURES)
@@ -48,16 +47,6 @@ def line_of_centres(case: Failure, t: float) -> Any:
     """Returns the vector from ball 0 to ball 1 at time t if no collision happens before."""
     a, b = np.array(case.positions) + t * np.array(case.velocities)
     return b - a
-
-
-# Names
-
-
-def test_failures_are_those_of_the_paper():
-    assert list(FAILURES) == ["missed_collision", "penetration", "multiple_collisions", "wrong_bounce"]
-    assert all(failures.named(name) is case for name, case in FAILURES.items())
-    with pytest.raises(ValueError, match=r"failure = 'penetrations': expected one of .*did you mean 'penetration'\?"):
-        failures.named("penetrations")
 
 
 # PIC
