@@ -112,10 +112,10 @@ def test_pic_is_exact_and_pit_is_not(name):
 
 def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
-    found = [accuracy.follow(("15-ball break", seed)) for seed in range(12)]
+    found = [accuracy.follow(("15-ball break", seed)) for seed in range(4)]
     errors = np.array([shot["errors"][0] for shot in found])
     complete = np.array([shot["complete"] for shot in found])
-    assert 0 < complete.sum() < 12
+    assert 0 < complete.sum() < 4
     assert (np.isnan(errors[:, -1]) == ~complete).all()
     assert np.nanmax(errors[:, 0]) < 1e-9
 
