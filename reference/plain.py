@@ -31,8 +31,6 @@ from billiards_env.physics.clusters import empty_scratch
 from billiards_env.physics.contact import circle_time, line_time
 from billiards_env.physics.motion import path_of, relative_to
 from billiards_env.physics.state import (
-    HALF_LENGTH,
-    HALF_WIDTH,
     LASTS,
     POCKET_RADIUS,
     POCKET_X,
@@ -41,6 +39,7 @@ from billiards_env.physics.state import (
     REST,
     ROLLING,
     SLIDING,
+    Numbers,
     SceneArrays,
     Time,
     before,
@@ -80,15 +79,15 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_wall(outline, path, radius, end, kind, other, params):
+def _predict_wall(outline, path, radius, end, kind, other, numbers):
     """Returns the end, the kind and the other body of a ball's next event, with the cushions."""
     if outline is None:
         for k in range(4):
             sign = 1.0 if k % 2 else -1.0
             if k < 2:
-                t = line_time(params[HALF_LENGTH] - radius - sign * path.x, sign * path.vx, sign * path.ax, end)
+                t = line_time(numbers.half_length - radius - sign * path.x, sign * path.vx, sign * path.ax, end)
             else:
-                t = line_time(params[HALF_WIDTH] - radius - sign * path.y, sign * path.vy, sign * path.ay, end)
+                t = line_time(numbers.half_width - radius - sign * path.y, sign * path.vy, sign * path.ay, end)
             if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
                 end, kind, other = t, BALL_CUSHION, k
         return end, kind, other
@@ -112,7 +111,7 @@ def _predict_single(i, state, scene, singles):
         kind = ROLLING_REST
     if phase >= ROLLING:
         path = path_of(state, i)
-        end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.params)
+        end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.numbers)
         for k in range(len(scene.pockets)):
             pocket = scene.pockets[k]
             from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
@@ -189,7 +188,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are those of `engine.pic.run_shots`."""
-    arrays = SceneArrays(*scene)
+    arrays = SceneArrays(Numbers(*scene[0]), *scene[1:])
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)

@@ -2,7 +2,7 @@
 
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.log import KINDS, NO_LOG
-from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
+from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_fields
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import spread
 
@@ -16,6 +16,6 @@ __all__ = [
     "check_mode",
     "empty_shots",
     "engine_of",
-    "scene_arrays",
+    "scene_fields",
     "spread",
 ]

@@ -37,21 +37,7 @@ from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.contact import line_time
 from billiards_env.physics.motion import motion_after
-from billiards_env.physics.state import (
-    AX,
-    AY,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    LASTS,
-    Time,
-    X,
-    Y,
-    before,
-    moves,
-    own_time,
-    same,
-    since,
-)
+from billiards_env.physics.state import AX, AY, LASTS, Time, X, Y, before, moves, own_time, same, since
 
 _MARGIN = 1.0 + 1e-6  # least width of a cell in diameters: despite rounding, balls that touch are in neighbouring cells
 
@@ -79,6 +65,8 @@ class Queue(NamedTuple):
         next: (n,) int64, next ball in the cell, or -1.
         previous: (n,) int64, previous ball in the cell, or -1.
         found: (n,) int64, scratch of `due` and `gather`.
+        pair_hi: (most,) float64, scratch of `gather`: times of the meetings of pairs, s.
+        pair_lo: (most,) float64, their second parts.
     """
 
     singles: Singles
@@ -100,6 +88,8 @@ class Queue(NamedTuple):
     next: Any
     previous: Any
     found: Any
+    pair_hi: Any
+    pair_lo: Any
 
 
 @allocating
@@ -108,10 +98,20 @@ def _ints(n):
 
 
 @allocating
+def most_contacts(scene):
+    """Returns the largest number of contacts at one instant.
+
+    The contacts of circles form a planar graph, which has fewer than 3 n edges. The rest is room for pairs that
+    `gather` drops.
+    """
+    return 6 * len(scene.radius)
+
+
+@allocating
 def empty_queue(scene):
     """Returns the `Queue` for the balls of a scene, with about as many cells as balls."""
     n = len(scene.radius)
-    length, width = 2.0 * scene.params[HALF_LENGTH], 2.0 * scene.params[HALF_WIDTH]
+    length, width = 2.0 * scene.numbers.half_length, 2.0 * scene.numbers.half_width
     least = max(2.0 * scene.radius.max() * _MARGIN, math.sqrt(length * width / n))
     columns, rows = max(1, int(length / least)), max(1, int(width / least))
     return Queue(
@@ -134,17 +134,9 @@ def empty_queue(scene):
         _ints(n),
         _ints(n),
         _ints(n),
+        np.empty(most_contacts(scene)),
+        np.empty(most_contacts(scene)),
     )
-
-
-@allocating
-def most_contacts(scene):
-    """Returns the largest number of contacts at one instant.
-
-    The contacts of circles form a planar graph, which has fewer than 3 n edges. The rest is room for pairs that
-    `gather` drops.
-    """
-    return 6 * len(scene.radius)
 
 
 @kernel
@@ -222,8 +214,8 @@ def clear(state, scene, queue):
     queue.version[:] = 0
     for i in range(len(queue.heap)):
         queue.heap[i] = queue.slot[i] = i
-        c = int((0.5 * state.rows[i, X] / scene.params[HALF_LENGTH] + 0.5) * columns)
-        r = int((0.5 * state.rows[i, Y] / scene.params[HALF_WIDTH] + 0.5) * rows)
+        c = int((0.5 * state.rows[i, X] / scene.numbers.half_length + 0.5) * columns)
+        r = int((0.5 * state.rows[i, Y] / scene.numbers.half_width + 0.5) * rows)
         queue.column[i], queue.row[i] = min(max(c, 0), columns - 1), min(max(r, 0), rows - 1)
         _enter(i, queue)
 
@@ -245,10 +237,10 @@ def _predict_crossing(i, now, state, scene, queue):
         if edge == 0 or edge == (columns if k < 2 else rows):
             continue
         if k < 2:
-            line = (2.0 * edge / columns - 1.0) * scene.params[HALF_LENGTH]
+            line = (2.0 * edge / columns - 1.0) * scene.numbers.half_length
             t = line_time(sign * (line - x), sign * vx, sign * s[AX], first)
         else:
-            line = (2.0 * edge / rows - 1.0) * scene.params[HALF_WIDTH]
+            line = (2.0 * edge / rows - 1.0) * scene.numbers.half_width
             t = line_time(sign * (line - y), sign * vy, sign * s[AY], first)
         if t < first:
             first, queue.direction[i] = t, k
@@ -402,7 +394,7 @@ def gather(now, state, scene, queue, contacts):
     Returns their number.
     """
     first, second, found = contacts.first, contacts.second, queue.found
-    due_hi, due_lo = contacts.nx, contacts.ny  # scratch until the normals are known
+    pair_hi, pair_lo = queue.pair_hi, queue.pair_lo
     columns, rows = queue.head.shape
     count = 0
     for k in range(_find_soon(now.hi, queue, found)):
@@ -417,14 +409,14 @@ def gather(now, state, scene, queue, contacts):
                         if time.hi - now.hi <= SOON:
                             at = count
                             while at > begin and second[at - 1] > j:
-                                second[at], due_hi[at], due_lo[at] = second[at - 1], due_hi[at - 1], due_lo[at - 1]
+                                second[at], pair_hi[at], pair_lo[at] = second[at - 1], pair_hi[at - 1], pair_lo[at - 1]
                                 at -= 1
                             first[count] = i
-                            second[at], due_hi[at], due_lo[at] = j, time.hi, time.lo
+                            second[at], pair_hi[at], pair_lo[at] = j, time.hi, time.lo
                             count += 1
                     j = queue.next[j]
     left = 0
     for c in range(count):
-        if add_contact(first[c], second[c], Time(due_hi[c], due_lo[c]), now, state, scene, contacts, left):
+        if add_contact(first[c], second[c], Time(pair_hi[c], pair_lo[c]), now, state, scene, contacts, left):
             left += 1
     return left

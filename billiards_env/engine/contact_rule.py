@@ -34,7 +34,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
@@ -44,17 +43,11 @@ from billiards_env.physics.state import (
     AX,
     AY,
     IDEAL,
-    LONGEST_RUN,
-    MOTION,
-    ROLL,
-    SLIDE,
     SLIDING_AND_ROLLING,
-    TAU,
     UX,
     UY,
     VX,
     VY,
-    WEAK_SPEED,
     X,
     Y,
 )
@@ -92,18 +85,10 @@ def longest_run(mass: tuple[float, ...]) -> float:
     return 1_000.0 + 10.0 * math.sqrt(max(finite) / min(finite))
 
 
-def set_rule(params: NDArray[np.float64], mass: tuple[float, ...], contact_time: float = CONTACT_TIME) -> None:
-    """Sets the entries of `params` that only the rule uses. MOTION, SLIDE and ROLL must be set.
-
-    Args:
-        params: (N_PARAMS,) float64, in place.
-        mass: Masses of the balls, kg.
-        contact_time: tau, s.
-    """
-    friction = {IDEAL: 0.0, SLIDING_AND_ROLLING: params[SLIDE]}.get(int(params[MOTION]), params[ROLL])
-    params[TAU] = contact_time
-    params[WEAK_SPEED] = contact_time * 2.0 * friction  # of two balls
-    params[LONGEST_RUN] = longest_run(mass)
+def weak_speed(motion: int, slide: float, roll: float) -> float:
+    """Returns the largest speed of approach of a weak impact, m/s; the arguments are fields of `Numbers`."""
+    friction = {IDEAL: 0.0, SLIDING_AND_ROLLING: slide}.get(motion, roll)
+    return CONTACT_TIME * 2.0 * friction  # of two balls
 
 
 class Memory(NamedTuple):
@@ -135,43 +120,43 @@ def forget(memory):
 
 
 @inlined
-def least_rebound(speed, towards, weak, params):
+def least_rebound(speed, towards, weak, numbers):
     """Returns the least speed at which the rule lets two bodies separate, m/s.
 
     Args:
         speed: Speed of approach, m/s.
         towards: Acceleration towards each other, m/s^2.
         weak: Entry `Memory.weak` of the body, or the smaller one of two balls.
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
     """
-    if speed > params[WEAK_SPEED] or params[MOTION] == IDEAL:
+    if speed > numbers.weak_speed or numbers.motion == IDEAL:
         return 0.0
-    least = 0.5 * params[TAU] * max(0.0, towards)
+    least = 0.5 * numbers.tau * max(0.0, towards)
     if weak <= PRESSED:
         return least
     if towards > 0.0:
-        return max(least, 0.5 * params[WEAK_SPEED])
-    least = math.sqrt(2.0 * params[ROLL] * RESOLUTION)  # a ball with this speed rolls RESOLUTION
+        return max(least, 0.5 * numbers.weak_speed)
+    least = math.sqrt(2.0 * numbers.roll * RESOLUTION)  # a ball with this speed rolls RESOLUTION
     if weak <= JAMMED:
         return least
     return min(max(speed, 0.01 * least), least)  # repeated separations must not keep balls moving
 
 
 @inlined
-def end_runs(i, time, speed, params, memory):
+def end_runs(i, time, speed, numbers, memory):
     """Resets the counts of ball i that an impact at a time (s), with a speed of approach (m/s), does not continue."""
     interval = time - memory.last_impact[i]
-    if interval * speed > RESOLUTION or interval > 0.01 * params[TAU]:
+    if interval * speed > RESOLUTION or interval > 0.01 * numbers.tau:
         memory.run[i] = 0
-    if speed > params[WEAK_SPEED]:
+    if speed > numbers.weak_speed:
         memory.weak[i] = 0
 
 
 @inlined
-def is_over(i, j, state, params, memory):
+def is_over(i, j, state, numbers, memory):
     """Returns whether balls i and j, which may be the same, come to rest in this impact."""
     rows, run, weak = state.rows, memory.run, memory.weak
-    if max(run[i], run[j]) > params[LONGEST_RUN] or max(min(run[i], weak[i]), min(run[j], weak[j])) > WEDGED:
+    if max(run[i], run[j]) > numbers.longest_run or max(min(run[i], weak[i]), min(run[j], weak[j])) > WEDGED:
         return True
     if min(run[i], run[j]) < 2:
         return False
@@ -188,9 +173,9 @@ def count_impact(i, time, memory):
 
 
 @inlined
-def is_ordinary(i, time, speed, params, memory):
+def is_ordinary(i, time, speed, numbers, memory):
     """Returns whether an impact of ball i is neither weak nor soon after its last one. The rule does not act on it."""
-    return speed > params[WEAK_SPEED] and time - memory.last_impact[i] > 0.01 * params[TAU]
+    return speed > numbers.weak_speed and time - memory.last_impact[i] > 0.01 * numbers.tau
 
 
 @inlined
@@ -228,7 +213,7 @@ def resolve_jam(contacts, state, scene, memory):
     the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
-    rows, params, inv_mass = state.rows, scene.params, scene.inv_mass
+    rows, numbers, inv_mass = state.rows, scene.numbers, scene.inv_mass
     run, weak = memory.run, memory.weak
     if min(run[i], run[j]) <= JAMMED:
         return False
@@ -238,18 +223,18 @@ def resolve_jam(contacts, state, scene, memory):
     along = abs(nx * rows[jammed, VX] + ny * rows[jammed, VY])  # a jammed ball hardly moves along the normal
     lifts = run[i] != run[j] and inv_mass[moved] > 0.0
     if min(weak[i], weak[j]) > JAMMED:
-        lifts = lifts and rebound > 0.0 and along <= params[WEAK_SPEED]
+        lifts = lifts and rebound > 0.0 and along <= numbers.weak_speed
     else:
         speed = norm(rows[moved, VX], rows[moved, VY])
         change = 2.0 * closing * inv_mass[moved] / (inv_mass[i] + inv_mass[j])
         if not lifts or change > 2.0**-52 * speed or max(closing, along) > 2.0**-24 * speed:
             return False
     if lifts:
-        change_velocity(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, params)
+        change_velocity(state, moved, sign * (closing + rebound) * nx, sign * (closing + rebound) * ny, numbers)
     else:
         p = closing / (inv_mass[i] + inv_mass[j])
-        change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
-        change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+        change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, numbers)
+        change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, numbers)
     return True
 
 
@@ -275,17 +260,17 @@ class CushionContact(NamedTuple):
 def _hit_cushion_again(contact, time, state, scene, memory):
     """Implements `hit_cushion` for an impact that is not ordinary."""
     i, wall, nx, ny, speed = contact
-    params = scene.params
-    end_runs(i, time, speed, params, memory)
+    numbers = scene.numbers
+    end_runs(i, time, speed, numbers, memory)
     count_impact(i, time, memory)
-    if is_over(i, i, state, params, memory):
+    if is_over(i, i, state, numbers, memory):
         halt(state, i)
         return 1
     if min(memory.run[i], memory.weak[i]) > JAMMED:
-        change_velocity(state, i, -speed * nx, -speed * ny, params)
+        change_velocity(state, i, -speed * nx, -speed * ny, numbers)
         return 1
     towards = wall_pressing(state, i, nx, ny, wall, scene.radius[i], scene.outline)
-    rebound = least_rebound(speed, towards, memory.weak[i], params)
+    rebound = least_rebound(speed, towards, memory.weak[i], numbers)
     return 1 if reflect(state, i, nx, ny, rebound, scene) else 0
 
 
@@ -304,7 +289,7 @@ def hit_cushion(contact, time, state, scene, memory):
         The number of acts of the rule.
     """
     i = contact.ball
-    if is_ordinary(i, time, contact.speed, scene.params, memory):
+    if is_ordinary(i, time, contact.speed, scene.numbers, memory):
         count_ordinary(i, time, memory)
         reflect(state, i, contact.nx, contact.ny, 0.0, scene)
         return 0
@@ -314,19 +299,19 @@ def hit_cushion(contact, time, state, scene, memory):
 @kernel
 def _collide_again(count, time, contacts, state, scene, scratch, memory):
     """Implements `collide` for impacts that are not one ordinary impact."""
-    first, second, closing, params = contacts.first, contacts.second, contacts.closing, scene.params
+    first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
-        end_runs(first[c], time, closing[c], params, memory)
-        end_runs(second[c], time, closing[c], params, memory)
+        end_runs(first[c], time, closing[c], numbers, memory)
+        end_runs(second[c], time, closing[c], numbers, memory)
     for c in range(count):
         count_impact(first[c], time, memory)
         count_impact(second[c], time, memory)
     over = False
     for c in range(count):
         i, j = first[c], second[c]
-        over = over or is_over(i, j, state, params, memory)
+        over = over or is_over(i, j, state, numbers, memory)
         towards = pressing(i, j, contacts.nx[c], contacts.ny[c], state)
-        contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), params)
+        contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), numbers)
     if over:
         for c in range(count):
             halt(state, first[c])
@@ -354,8 +339,8 @@ def collide(count, time, contacts, state, scene, scratch, memory):
         The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
-    params, acts = scene.params, 0
-    if count == 1 and is_ordinary(i, time, speed, params, memory) and is_ordinary(j, time, speed, params, memory):
+    numbers, acts = scene.numbers, 0
+    if count == 1 and is_ordinary(i, time, speed, numbers, memory) and is_ordinary(j, time, speed, numbers, memory):
         count_ordinary(i, time, memory)
         count_ordinary(j, time, memory)
         contacts.rebound[0] = 0.0

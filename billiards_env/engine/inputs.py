@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, short
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.modes import scene_fields
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import spread
 from billiards_env.jit import entry_point
@@ -22,6 +22,7 @@ from billiards_env.physics.state import (
     SPIN_X,
     SPIN_Y,
     SPIN_Z,
+    Numbers,
     SceneArrays,
     X,
     Y,
@@ -72,9 +73,9 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = SceneArrays(*scene)
+    arrays = SceneArrays(Numbers(*scene[0]), *scene[1:])
     radius, inv_mass, pockets = arrays.radius, arrays.inv_mass, arrays.pockets
-    half_length, half_width = half_sizes(arrays.params, arrays.outline)
+    half_length, half_width = half_sizes(arrays.numbers, arrays.outline)
     n = len(radius)
     pairs = 0
     for k in range(begin, end):
@@ -189,7 +190,7 @@ def _fill(array: Floats, name: str, values: ArrayLike) -> None:
 
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
     """Calls `is_valid_fast` for one shot or, on several threads, for many."""
-    arrays = tuple(scene_arrays(scene))
+    arrays = scene_fields(scene)
     balls: tuple[NDArray[Any], ...] = shot[:4]
     if shot.in_play.ndim == 1:
         balls = tuple(array[None] for array in balls)

@@ -4,64 +4,46 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from billiards_env.checks import RANGES, choose, fits, short
 from billiards_env.engine import pic, pit
-from billiards_env.engine.contact_rule import set_rule
-from billiards_env.physics.state import (
-    CUSHION,
-    CUSHION_HEIGHT,
-    DT,
-    E_BALL,
-    E_CUSHION,
-    E_FLOOR,
-    E_LOSS,
-    E_ONSET,
-    FIX,
-    FIXES,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    HAN2005,
-    IDEAL,
-    MATHAVAN2010,
-    MOTION,
-    MU_CUSHION,
-    N_PARAMS,
-    RESTITUTION,
-    ROLL,
-    ROLLING_ONLY,
-    SLIDE,
-    SLIDING_AND_ROLLING,
-    SPIN_DECAY,
-    STRONGE,
-    Floats,
-    SceneArrays,
-)
+from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
+from billiards_env.physics.state import FIXES, IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.physics.walls import outline_arrays
-from billiards_env.scene import Physics, Scene, ball_friction
+from billiards_env.scene import Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. `engine_of` returns other functions of PIC for at most two and for many
 balls. All have the same arguments."""
 
 MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
-"""The entry MOTION of `SceneArrays.params` for each motion of a scene."""
+"""`Numbers.motion` for each motion of a scene."""
 
-CUSHIONS: dict[str, tuple[int, Callable[[Physics], dict[str, Floats]]]] = {
-    "restitution": (RESTITUTION, lambda physics: {}),
-    "han2005": (HAN2005, lambda physics: {}),
-    "stronge": (STRONGE, lambda physics: {"stronge": np.array([physics.cushion_frequency_ratio])}),
-    "mathavan2010": (MATHAVAN2010, lambda physics: {"mathavan": np.array([physics.mu_slide])}),
-}
-"""The entry CUSHION of `SceneArrays.params`, and the other fields of `SceneArrays`, for each cushion of a scene."""
 
-BALL_BALL: dict[str, Callable[[Physics], Floats | None]] = {
-    "frictionless": lambda physics: None,
-    "frictional": lambda physics: np.array(ball_friction(physics)),
+class Cushion(NamedTuple):
+    """A cushion.
+
+    Attributes:
+        law: The field of `SceneArrays` that selects the law of its impacts.
+        rubs: Whether it has friction.
+    """
+
+    law: str
+    rubs: bool = True
+
+
+CUSHIONS = {
+    "restitution": Cushion("rigid", rubs=False),
+    "han2005": Cushion("rigid"),
+    "stronge": Cushion("stronge"),
+    "mathavan2010": Cushion("mathavan"),
 }
+"""The cushions of scenes."""
+
+BALL_BALL = {"frictionless": None, "frictional": True}
 """`SceneArrays.ball_friction` for each contact between balls of a scene."""
 
 MANY_BALLS = 160
@@ -106,50 +88,78 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
         choose("fix", fix, FIXES)
 
 
-def scene_arrays(scene: Scene, dt: float | None = None, fix: str | None = None) -> SceneArrays:
-    """Returns the arrays of a scene, with the settings of PIT. The same arguments return the same arrays."""
+def scene_fields(scene: Scene, dt: float | None = None, fix: str | None = None) -> tuple[Any, ...]:
+    """Returns a scene as the argument of an entry point, see `SceneArrays`, with the settings of PIT.
+
+    The same arguments return the same tuple.
+    """
     global _latest
-    for_scene, for_dt, for_fix, arrays = _latest
+    for_scene, for_dt, for_fix, fields = _latest
     if for_scene is scene and for_dt == dt and for_fix == fix:
-        return arrays  # faster than the cache, which hashes the scene in a microsecond
-    arrays = _scene_arrays(scene, dt, fix)
-    _latest = scene, dt, fix, arrays
-    return arrays
+        return fields  # faster than the cache, which hashes the scene in a microsecond
+    fields = _scene_fields(scene, dt, fix)
+    _latest = scene, dt, fix, fields
+    return fields
 
 
 _latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and the result of the last call
 
 
+def scene_arrays(scene: Scene) -> SceneArrays:
+    """Returns the arrays of a scene."""
+    numbers, *arrays = scene_fields(scene)
+    return SceneArrays(Numbers(*numbers), *arrays)
+
+
 @functools.lru_cache(maxsize=256)
-def _scene_arrays(scene: Scene, dt: float | None, fix: str | None) -> SceneArrays:
-    p = scene.physics
-    for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_BALL)):
+def _scene_fields(scene: Scene, dt: float | None, fix: str | None) -> tuple[Any, ...]:
+    p, table, mass = scene.physics, scene.table, scene.balls.mass
+    cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
+    for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
         choose(f"physics.{name}", getattr(p, name), tuple(laws))  # a name of `scene` without a law
-    params = np.zeros(N_PARAMS)
-    params[MOTION] = MOTIONS[p.motion]
-    params[CUSHION], cushion = CUSHIONS[p.cushion][0], CUSHIONS[p.cushion][1](p)
-    params[SLIDE], params[ROLL] = p.mu_slide * p.g, p.mu_roll * p.g
-    params[SPIN_DECAY] = p.spin_decay
-    params[E_BALL], params[E_CUSHION], params[MU_CUSHION] = p.e_ball, p.e_cushion, p.mu_cushion
-    params[HALF_LENGTH], params[HALF_WIDTH] = scene.table.length / 2, scene.table.width / 2
-    params[CUSHION_HEIGHT] = scene.table.cushion_height
-    params[E_LOSS], params[E_ONSET], params[E_FLOOR] = p.e_cushion_loss, p.e_cushion_onset, p.e_cushion_floor
-    set_rule(params, scene.balls.mass)
-    params[DT] = 0.0 if dt is None else dt
-    params[FIX] = FIXES.index(FIXES[0] if fix is None else fix)
-    pockets = np.array([(q.x, q.y, q.radius) for q in scene.table.pockets]).reshape(-1, 3)
+    motion, cushion = MOTIONS[p.motion], CUSHIONS[p.cushion]
+    mu_limit, mu_drop, mu_rate = ball_friction(p)
+    slide, roll = p.mu_slide * p.g, p.mu_roll * p.g
+    numbers = Numbers(
+        motion=motion,
+        slide=slide,
+        roll=roll,
+        spin_decay=p.spin_decay,
+        e_ball=p.e_ball,
+        mu_limit=mu_limit,
+        mu_drop=mu_drop,
+        mu_rate=mu_rate,
+        cushion_rubs=cushion.rubs,
+        e_cushion=p.e_cushion,
+        e_loss=p.e_cushion_loss,
+        e_onset=p.e_cushion_onset,
+        e_floor=p.e_cushion_floor,
+        mu_cushion=p.mu_cushion,
+        frequency_ratio=p.cushion_frequency_ratio,
+        mu_cloth=p.mu_slide,
+        half_length=table.length / 2,
+        half_width=table.width / 2,
+        cushion_height=table.cushion_height,
+        tau=CONTACT_TIME,
+        weak_speed=weak_speed(motion, slide, roll),
+        longest_run=longest_run(mass),
+        dt=0.0 if dt is None else dt,
+        fix=FIXES.index(FIXES[0] if fix is None else fix),
+    )
+    pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
     outline = None
-    if scene.table.outline:
-        outline = outline_arrays(scene.table.outline, params[HALF_LENGTH], params[HALF_WIDTH], pockets.tolist())
+    if table.outline:
+        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, pockets.tolist())
+    radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
-    spheres = np.array(scene.balls.radius) if scene.balls.shape == "sphere" and sizes > 1 else None
-    return SceneArrays(
-        params,
-        np.array(scene.balls.radius),
-        1.0 / np.array(scene.balls.mass),
+    arrays = SceneArrays(
+        numbers,
+        radius,
+        1.0 / np.array(mass),
         pockets,
         outline,
-        BALL_BALL[p.ball_ball](p),
-        spheres=spheres,
-        **cushion,
+        spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
+        ball_friction=BALL_BALL[p.ball_ball],
+        **{cushion.law: True},
     )
+    return (tuple(numbers), *arrays[1:])

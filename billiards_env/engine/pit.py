@@ -44,11 +44,8 @@ from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
 from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
-    DT,
-    FIX,
     IDEAL,
     LASTS,
-    MOTION,
     MOVE_BACK,
     POCKET_RADIUS,
     POCKET_X,
@@ -60,6 +57,7 @@ from billiards_env.physics.state import (
     SLIDING,
     VX,
     VY,
+    Numbers,
     SceneArrays,
     State,
     Time,
@@ -153,7 +151,7 @@ def _begin_phases(scene, work, log):
     count = 0
     for i in range(len(work.moved)):
         if work.changed[i]:
-            begin_phase(state, i, scene.params)
+            begin_phase(state, i, scene.numbers)
             log_segment(log, state, i)
             work.changed[i] = False
             _predict_phase_end(i, work)
@@ -191,8 +189,8 @@ def _end_next_phase(k, scene, work, shots, log):
     elif phase[first] == ROLLING:
         kind = ROLLING_REST
     time = Time(work.phase_end_hi[first], work.phase_end_lo[first])
-    end_phase(state, first, time, scene.params)
-    begin_phase(state, first, scene.params)
+    end_phase(state, first, time, scene.numbers)
+    begin_phase(state, first, scene.numbers)
     shots.time[k] = time.hi
     shots.n_events[k] += 1
     log_event(log, time, kind, first, -1, state, 0.0, False)
@@ -214,7 +212,7 @@ def _test_pockets(now, count, k, scene, work, shots, log):
         for q in range(len(pockets)):
             dx, dy = here[i, X] - pockets[q, POCKET_X], here[i, Y] - pockets[q, POCKET_Y]
             if dx * dx + dy * dy < pockets[q, POCKET_RADIUS] * pockets[q, POCKET_RADIUS]:
-                advance(work.state, i, now, scene.params)
+                advance(work.state, i, now, scene.numbers)
                 capture(work.state, i, pockets[q, POCKET_X], pockets[q, POCKET_Y])
                 shots.n_events[k] += 1
                 log_event(log, now, BALL_POCKET, i, q, work.state, norm(here[i, VX], here[i, VY]), False)
@@ -280,7 +278,7 @@ def _go_back(count, scene, work):
         ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
         if ww > 0.0:  # |d - w t| = reach
             t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
-            t = min(t, scene.params[DT])
+            t = min(t, scene.numbers.dt)
             back[i], back[j] = max(back[i], t), max(back[j], t)
     for c in range(count):
         for i in (first[c], second[c]):
@@ -327,10 +325,10 @@ def _push_apart(count, scene, work):
 @inlined
 def _resolve_overlaps(count, now, k, scene, work, shots, log):
     """Resolves and records the impacts of `count` overlapping pairs at a `Time`."""
-    state, contacts, here, fix = work.state, work.contacts, work.here, scene.params[FIX]
+    state, contacts, here, fix = work.state, work.contacts, work.here, scene.numbers.fix
     for c in range(count):
         for i in (contacts.first[c], contacts.second[c]):
-            advance(state, i, now, scene.params)
+            advance(state, i, now, scene.numbers)
             work.changed[i] = True
     if fix == MOVE_BACK:
         count = _go_back(count, scene, work)
@@ -357,17 +355,17 @@ def _hit_cushion(i, wall, scene, work):
     Returns:
         Its speed of approach, m/s, 0 if it was only moved back, or -1 if nothing happened.
     """
-    here, params, fix = work.here, scene.params, scene.params[FIX]
+    here, numbers, fix = work.here, scene.numbers, scene.numbers.fix
     radius = scene.radius[i]
-    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, params, scene.outline)
+    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, scene.outline)
     speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0 or (speed == 0.0 and fix != PUSH_APART):
         return -1.0
     x, y, vx, vy = here[i, X], here[i, Y], here[i, VX], here[i, VY]
     if fix == PUSH_APART:
-        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, params, scene.outline)
+        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, numbers, scene.outline)
     elif fix == MOVE_BACK:
-        t = min(overlap_time(x, y, vx, vy, radius, wall, beyond, speed, scene.outline), params[DT])
+        t = min(overlap_time(x, y, vx, vy, radius, wall, beyond, speed, scene.outline), numbers.dt)
         here[i, X] -= t * vx
         here[i, Y] -= t * vy
     work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
@@ -383,8 +381,8 @@ def _hit_cushion(i, wall, scene, work):
 @inlined
 def _test_cushions(now, k, scene, work, shots, log):
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
-    state, params, outline, found = work.state, scene.params, scene.outline, False
-    half_length, half_width = half_sizes(params, outline)
+    state, numbers, outline, found = work.state, scene.numbers, scene.outline, False
+    half_length, half_width = half_sizes(numbers, outline)
     for i in range(len(work.moved)):
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
             continue
@@ -393,10 +391,10 @@ def _test_cushions(now, k, scene, work, shots, log):
             continue
         for turn in range(wall_turns(outline)):
             x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
-            wall = next_overlap(x, y, vx, vy, radius, turn, params, outline)
+            wall = next_overlap(x, y, vx, vy, radius, turn, numbers, outline)
             if wall < 0:
                 continue
-            advance(state, i, now, params)
+            advance(state, i, now, numbers)
             speed = _hit_cushion(i, wall, scene, work)
             work.changed[i] = found = True
             if speed >= 0.0:
@@ -412,7 +410,7 @@ def _test_cushions(now, k, scene, work, shots, log):
 def _end_at(time, state, scene):
     """Advances all balls to a time (s)."""
     for i in range(len(state.phase)):
-        advance(state, i, Time(time, 0.0), scene.params)
+        advance(state, i, Time(time, 0.0), scene.numbers)
 
 
 @inlined
@@ -422,7 +420,7 @@ def run(k, scene, work, limit, max_events, shots, log):
     Returns:
         The amount of work, in the unit of `runner.LOOK_AFTER`, or INTERRUPTED.
     """
-    state, n, dt = work.state, len(scene.radius), scene.params[DT]
+    state, n, dt = work.state, len(scene.radius), scene.numbers.dt
     work.changed[:] = True
     clear_log(log)
     shots.time[k] = 0.0
@@ -440,7 +438,7 @@ def run(k, scene, work, limit, max_events, shots, log):
             _end_next_phase(k, scene, work, shots, log)
             next_end, changed = _next_phase_end(work), True
         # In ideal motion balls move in a phase that has no end.
-        in_motion = next_end < math.inf or (count > 0 and scene.params[MOTION] == IDEAL)
+        in_motion = next_end < math.inf or (count > 0 and scene.numbers.motion == IDEAL)
         if shots.n_events[k] >= max_events and in_motion:
             shots.status[k] = AT_EVENT_LIMIT
             _end_at(shots.time[k], state, scene)
@@ -451,7 +449,7 @@ def run(k, scene, work, limit, max_events, shots, log):
                     for i in range(n):
                         if state.phase[i] != REST and state.phase[i] != POTTED:
                             shots.status[k], shots.time[k] = AT_MAX_TIME, limit
-                            advance(state, i, Time(limit, 0.0), scene.params)
+                            advance(state, i, Time(limit, 0.0), scene.numbers)
                 break
             if step > MAX_STEPS:
                 shots.status[k], shots.time[k] = AT_STEP_LIMIT, now.hi
@@ -475,5 +473,5 @@ _run_all = for_all_shots(run)
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(SceneArrays(*scene))
+    work = make_workspace(SceneArrays(Numbers(*scene[0]), *scene[1:]))
     end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))

@@ -92,7 +92,7 @@ def single_time(singles, i):
 def predict_single(i, state, scene, singles):
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
-    phase, params = state.phase[i], scene.params
+    phase, numbers = state.phase[i], scene.numbers
     if phase in (REST, POTTED):
         return
     end = state.rows[i, LASTS]
@@ -103,7 +103,7 @@ def predict_single(i, state, scene, singles):
         kind = ROLLING_REST
     if phase >= ROLLING:
         path = path_of(state, i)
-        t, wall = wall_time(path, scene.radius[i], end, params, scene.outline)
+        t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)
         if t < math.inf:
             end, kind, other = t, BALL_CUSHION, wall
         swept, pockets = sweep(path, end), scene.pockets

@@ -40,8 +40,8 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):
         closing = max(closing, 0.0)
     elif distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP or closing <= 0.0:
         return False
-    advance(state, i, now, scene.params)
-    advance(state, j, now, scene.params)
+    advance(state, i, now, scene.numbers)
+    advance(state, j, now, scene.numbers)
     contacts.first[count], contacts.second[count] = i, j
     contacts.nx[count], contacts.ny[count], contacts.closing[count] = nx, ny, closing
     return True
@@ -94,17 +94,17 @@ def resolve_singles(count, now, k, scene, work, shots, log):
         kind, other = singles.kind[i], singles.other[i]
         speed, acts = 0.0, 0
         if kind == BALL_POCKET:
-            advance(state, i, now, scene.params)
+            advance(state, i, now, scene.numbers)
             speed = norm(state.rows[i, VX], state.rows[i, VY])
             capture(state, i, scene.pockets[other, POCKET_X], scene.pockets[other, POCKET_Y])
         elif kind == BALL_CUSHION:
-            advance(state, i, now, scene.params)
+            advance(state, i, now, scene.numbers)
             nx, ny = wall_normal(state, i, other, scene.outline)
             speed = nx * state.rows[i, VX] + ny * state.rows[i, VY]
             acts = hit_cushion(CushionContact(i, other, nx, ny, speed), now.hi, state, scene, work.memory)
             shots.cushions[k, i] += 1
         else:
-            end_phase(state, i, now, scene.params)
+            end_phase(state, i, now, scene.numbers)
         shots.n_contact_rule[k] += acts
         shots.n_events[k] += 1
         log_event(log, now, kind, i, other, state, speed, acts > 0)

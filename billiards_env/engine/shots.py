@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from billiards_env.jit import inlined
 from billiards_env.physics.state import (
     CUE_BALL,
-    MOTION,
     POTTED,
     REST,
     SLIDING_AND_ROLLING,
@@ -101,7 +100,7 @@ def empty_shots(m: int, n: int) -> Shots:
 @inlined
 def load(k, shots, scene, state):
     """Copies the start of shot k to a `State` and resets the counters of the shot. `begin_phase` sets the phases."""
-    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
+    slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
         s[:] = 0.0
@@ -122,7 +121,7 @@ def load(k, shots, scene, state):
 @inlined
 def store(k, shots, scene, state):
     """Copies a `State` to the end of shot k."""
-    slips = scene.params[MOTION] == SLIDING_AND_ROLLING
+    slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
         shots.positions[k, i, X], shots.positions[k, i, Y] = s[X], s[Y]

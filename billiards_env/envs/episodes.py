@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_arrays
+from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_fields
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, judge_pot, write_on
 from billiards_env.jit import entry_point, kernel
@@ -165,7 +165,7 @@ class Episodes:
         # those of the attributes above, also after a deep copy.
         shots = self.shots
         self._engine = engine_of(settings.mode, n)
-        self._scene, self._shots = tuple(scene_arrays(scene, settings.dt, settings.fix)), tuple(shots)
+        self._scene, self._shots = scene_fields(scene, settings.dt, settings.fix), tuple(shots)
         self._limit = scene.physics.max_time or math.inf
         self._max_speed = settings.max_speed
         self._rules = (

@@ -6,7 +6,7 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.friction import add_normal_impulses, forget_normal_impulses, rub_all, rub_pair
-from billiards_env.physics.state import E_BALL, MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY
+from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY
 
 
 @kernel
@@ -19,12 +19,12 @@ def pair_impulse(closing, inv_mass_i, inv_mass_j, e):
 
 
 @kernel
-def change_velocity(state, i, dvx, dvy, params):
+def change_velocity(state, i, dvx, dvy, numbers):
     """Changes ball i's velocity and slip by (dvx, dvy), m/s, so that its spin does not change."""
     s = state.rows[i]
     s[VX] += dvx
     s[VY] += dvy
-    if params[MOTION] == SLIDING_AND_ROLLING:
+    if numbers.motion == SLIDING_AND_ROLLING:
         s[UX] += dvx
         s[UY] += dvy
 
@@ -34,7 +34,7 @@ def _exchange_many(count, contacts, state, scene, scratch):
     """Implements `exchange` for more than one contact. Without scratch arrays numba compiles nothing else."""
     if scratch is None:
         return 0
-    e, wanted, friction = scene.params[E_BALL], scratch.wanted, scene.ball_friction
+    e, wanted, friction = scene.numbers.e_ball, scratch.wanted, scene.ball_friction
     forget_normal_impulses(friction, count, scratch)
     for c in range(count):
         wanted[c, HI] = wanted[c, LO] = 0.0
@@ -63,17 +63,17 @@ def _exchange_many(count, contacts, state, scene, scratch):
 @inlined
 def exchange_pair(contacts, state, scene):
     """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
-    params, inv_mass = scene.params, scene.inv_mass
+    numbers, inv_mass = scene.numbers, scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
-    raised = params[E_BALL] * closing < rebound
+    raised = numbers.e_ball * closing < rebound
     if raised:
         p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
     else:
-        p = pair_impulse(closing, inv_mass[i], inv_mass[j], params[E_BALL])
+        p = pair_impulse(closing, inv_mass[i], inv_mass[j], numbers.e_ball)
     nx, ny = contacts.nx[0], contacts.ny[0]
     rub_pair(scene.ball_friction, i, j, nx, ny, p, state, scene)
-    change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, params)
-    change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, params)
+    change_velocity(state, i, -p * inv_mass[i] * nx, -p * inv_mass[i] * ny, numbers)
+    change_velocity(state, j, p * inv_mass[j] * nx, p * inv_mass[j] * ny, numbers)
     return raised
 
 

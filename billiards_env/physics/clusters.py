@@ -19,7 +19,7 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.complementarity import MOST, Problem, empty_problem, solve_complementarity
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
-from billiards_env.physics.state import MOTION, SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
+from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, X, Y
 
 # Columns of `Scratch.change`: changes of velocity along x and y, double-double, m/s.
 DVX, DVX_LO, DVY, DVY_LO = 0, 1, 2, 3
@@ -348,7 +348,7 @@ def apply_changes(count, factor, contacts, state, scene, scratch):
         scene: The `SceneArrays`.
         scratch: The `Scratch`.
     """
-    params, inv_mass = scene.params, scene.inv_mass
+    numbers, inv_mass = scene.numbers, scene.inv_mass
     change, scale, done = scratch.change, scratch.dv, scratch.done
     largest = 0.0
     for c in range(count):
@@ -370,7 +370,7 @@ def apply_changes(count, factor, contacts, state, scene, scratch):
             x, x_lo = multiply(change[k, DVX], change[k, DVX_LO], times, times_lo)
             y, y_lo = multiply(change[k, DVY], change[k, DVY_LO], times, times_lo)
             s[VX], s[VY] = _changed(s[VX], x, x_lo, residue), _changed(s[VY], y, y_lo, residue)
-            if params[MOTION] == SLIDING_AND_ROLLING:
+            if numbers.motion == SLIDING_AND_ROLLING:
                 s[UX], s[UY] = _changed(s[UX], x, x_lo, residue), _changed(s[UY], y, y_lo, residue)
     for c in range(count):
         done[contacts.first[c]] = done[contacts.second[c]] = False

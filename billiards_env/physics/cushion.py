@@ -8,23 +8,7 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.mathavan import integrate_impact
-from billiards_env.physics.state import (
-    CUSHION,
-    CUSHION_HEIGHT,
-    E_CUSHION,
-    E_FLOOR,
-    E_LOSS,
-    E_ONSET,
-    MOTION,
-    MU_CUSHION,
-    RESTITUTION,
-    SLIDING_AND_ROLLING,
-    UX,
-    UY,
-    VX,
-    VY,
-    WZ,
-)
+from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
 
 
 class CushionMotion(NamedTuple):
@@ -69,19 +53,19 @@ class Nose(NamedTuple):
 
 
 @inlined
-def cushion_restitution(speed, params):
+def cushion_restitution(speed, numbers):
     """Returns the restitution at a normal speed, m/s."""
-    e = params[E_CUSHION]
-    if params[E_LOSS] > 0.0 and speed > params[E_ONSET]:
-        e = max(params[E_FLOOR], e - params[E_LOSS] * (speed - params[E_ONSET]))
+    e = numbers.e_cushion
+    if numbers.e_loss > 0.0 and speed > numbers.e_onset:
+        e = max(numbers.e_floor, e - numbers.e_loss * (speed - numbers.e_onset))
     return e
 
 
 @inlined
-def _nose(before, radius, params):
+def _nose(before, radius, numbers):
     """Returns the `Nose` of a cushion for a ball with the `CushionMotion` `before`."""
     vn, vt, un, ut, rwz = before
-    sin = params[CUSHION_HEIGHT] / radius - 1.0
+    sin = numbers.cushion_height / radius - 1.0
     cos = math.sqrt(1.0 - sin * sin)
     # Spin in terms of slip: R omega_t = vn - un, R omega_n = ut - vt.
     rwt, rwn = vn - un, ut - vt
@@ -128,7 +112,7 @@ def _leave(before, nose, vn, px, pxe, pye, pze):
 
 
 @inlined
-def han2005(before, radius, rebound, params):
+def han2005(before, radius, rebound, numbers):
     """Returns a ball's motion after an impact on a cushion with friction and spin.
 
     The law is that of Han (2005), Dynamics in Carom and Three Cushion Billiards. At the point of contact friction
@@ -140,17 +124,17 @@ def han2005(before, radius, rebound, params):
         before: The `CushionMotion` before the impact, vn >= 0.
         radius: m.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
 
     Returns:
         after: The `CushionMotion` after the impact, with vn <= -rebound.
         raised: Whether `rebound` raised the impulse.
     """
-    mu, vn = params[MU_CUSHION], before.vn
-    nose = _nose(before, radius, params)
+    mu, vn = numbers.mu_cushion, before.vn
+    nose = _nose(before, radius, numbers)
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
-    pze = (1.0 + cushion_restitution(vn, params)) * vn * cos  # impulses per mass
+    pze = (1.0 + cushion_restitution(vn, numbers)) * vn * cos  # impulses per mass
     if slip * (2.0 / 7.0) <= mu * pze:
         pxe, pye = sx * (2.0 / 7.0), sy * (2.0 / 7.0)
     else:
@@ -164,21 +148,21 @@ def han2005(before, radius, rebound, params):
 
 
 @kernel
-def stronge(before, radius, rebound, params, compliance):
+def stronge(before, radius, rebound, numbers):
     """Returns a ball's motion after an impact on a compliant cushion, as `han2005` does.
 
     The normal impulse is that of `han2005`; the friction is that of `compliance.friction_impulse`. If the ball would
     leave more slowly than `rebound`, a horizontal impulse through its centre, without friction, makes up for it.
     """
     vn = before.vn
-    nose = _nose(before, radius, params)
+    nose = _nose(before, radius, numbers)
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
-    e = cushion_restitution(vn, params)
+    e = cushion_restitution(vn, numbers)
     pze = (1.0 + e) * vn * cos
     pxe = pye = 0.0
     if slip > 0.0:
-        friction = friction_impulse(slip, params[MU_CUSHION] * vn * cos, e, compliance[0])
+        friction = friction_impulse(slip, numbers.mu_cushion * vn * cos, e, numbers.frequency_ratio)
         pxe, pye = friction * (sx / slip), friction * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
@@ -186,30 +170,31 @@ def stronge(before, radius, rebound, params, compliance):
 
 
 @kernel
-def mathavan2010(before, radius, rebound, params, cloth):
+def mathavan2010(before, radius, rebound, numbers):
     """Returns a ball's motion after an impact by `mathavan.integrate_impact`, as `stronge` does."""
     vn, vt, _, _, rwz = before
-    nose = _nose(before, radius, params)
-    mu, e = params[MU_CUSHION], cushion_restitution(vn, params)
-    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, nose.sin, nose.cos, mu, cloth[0], e)
+    nose = _nose(before, radius, numbers)
+    mu, mu_cloth, e = numbers.mu_cushion, numbers.mu_cloth, cushion_restitution(vn, numbers)
+    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, nose.sin, nose.cos, mu, mu_cloth, e)
     raised = vy > -rebound
     vn = -rebound if raised else vy
     return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised
 
 
 @inlined
-def _by_law(compliance, cloth, before, radius, rebound, params):
-    if compliance is not None:
-        return stronge(before, radius, rebound, params, compliance)
-    if cloth is not None:
-        return mathavan2010(before, radius, rebound, params, cloth)
-    return han2005(before, radius, rebound, params)
+def _by_law(is_rigid, is_stronge, is_mathavan, before, radius, rebound, numbers):
+    if is_rigid is not None:
+        return han2005(before, radius, rebound, numbers)
+    if is_stronge is not None:
+        return stronge(before, radius, rebound, numbers)
+    if is_mathavan is not None:
+        return mathavan2010(before, radius, rebound, numbers)
 
 
 @inlined
 def cushion_impact(before, radius, rebound, scene):
     """Returns a ball's motion after an impact on the scene's cushions with friction. See `han2005`."""
-    return _by_law(scene.stronge, scene.mathavan, before, radius, rebound, scene.params)
+    return _by_law(scene.rigid, scene.stronge, scene.mathavan, before, radius, rebound, scene.numbers)
 
 
 @inlined
@@ -227,10 +212,10 @@ def reflect(state, i, nx, ny, rebound, scene):
     Returns:
         Whether `rebound` has raised the speed away from the cushion.
     """
-    s, params = state.rows[i], scene.params
+    s, numbers = state.rows[i], scene.numbers
     vn, vt = nx * s[VX] + ny * s[VY], nx * s[VY] - ny * s[VX]
     speed = max(0.0, vn)
-    if params[CUSHION] != RESTITUTION:
+    if numbers.cushion_rubs:
         radius = scene.radius[i]
         un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
         before = CushionMotion(speed, vt, un, ut, radius * s[WZ])
@@ -239,10 +224,10 @@ def reflect(state, i, nx, ny, rebound, scene):
         s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
         s[WZ] = rwz / radius
         return raised and rebound > 0.0
-    e = cushion_restitution(speed, params)
+    e = cushion_restitution(speed, numbers)
     raised = e * speed < rebound
     after = -rebound if raised else -e * vn
-    if params[MOTION] == SLIDING_AND_ROLLING:
+    if numbers.motion == SLIDING_AND_ROLLING:
         s[UX] += (after - vn) * nx
         s[UY] += (after - vn) * ny
     s[VX], s[VY] = nx * after - ny * vt, ny * after + nx * vt

@@ -30,7 +30,7 @@ from billiards_env.physics.complementarity import solve_smallest
 from billiards_env.physics.double_double import HI
 from billiards_env.physics.elementary import exponential
 from billiards_env.physics.motion import norm
-from billiards_env.physics.state import MU_DROP, MU_LIMIT, MU_RATE, UX, UY, VX, VY, WZ
+from billiards_env.physics.state import UX, UY, VX, VY, WZ
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
 _PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
@@ -40,11 +40,11 @@ _SWEEPS = 2000  # largest number of steps of `rub_all`
 
 
 @inlined
-def friction_coefficient(ball_friction, speed):
+def friction_coefficient(numbers, speed):
     """Returns the coefficient of friction of two balls whose surfaces slide at `speed`, m/s."""
-    mu = ball_friction[MU_LIMIT]
-    if ball_friction[MU_DROP] > 0.0:
-        mu += ball_friction[MU_DROP] * exponential(-ball_friction[MU_RATE] * speed)
+    mu = numbers.mu_limit
+    if numbers.mu_drop > 0.0:
+        mu += numbers.mu_drop * exponential(-numbers.mu_rate * speed)
     return mu
 
 
@@ -163,7 +163,7 @@ def rub_pair(ball_friction, i, j, nx, ny, p, state, scene):
     slip = norm(across, up)
     if slip > 0.0:
         stop = 1.0 / (3.5 * inverse)  # impulse per slip that stops it
-        limit = friction_coefficient(ball_friction, slip) * _along_normal(tilt, p)
+        limit = friction_coefficient(scene.numbers, slip) * _along_normal(tilt, p)
         ratio = -(limit / slip if limit < stop * slip else stop)
         rub_ball(tilt, i, 1.0, nx, ny, ratio * across, ratio * up, state, scene)
         rub_ball(tilt, j, -1.0, nx, ny, ratio * across, ratio * up, state, scene)
@@ -340,7 +340,7 @@ def _rub_together(count, contacts, state, scene, rubbing):
         tilt = tilt_of(scene.spheres, i, j)
         slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, i, j, nx, ny, state, radius)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
-        rubbing.limit[c] = friction_coefficient(scene.ball_friction, speed) * _along_normal(tilt, rubbing.normal[c])
+        rubbing.limit[c] = friction_coefficient(scene.numbers, speed) * _along_normal(tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
     for c in range(count):

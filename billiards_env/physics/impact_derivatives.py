@@ -10,19 +10,7 @@ from numpy.typing import NDArray
 from billiards_env.physics.compliance import begin_stick, end_stick, release_phase
 from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution
 from billiards_env.physics.friction import friction_coefficient
-from billiards_env.physics.state import (
-    CUSHION,
-    CUSHION_HEIGHT,
-    E_FLOOR,
-    E_LOSS,
-    E_ONSET,
-    HAN2005,
-    MU_CUSHION,
-    MU_DROP,
-    MU_RATE,
-    STRONGE,
-    SceneArrays,
-)
+from billiards_env.physics.state import Numbers, SceneArrays
 
 Floats = NDArray[np.float64]
 
@@ -35,12 +23,12 @@ def d_unit(vector: Floats) -> Floats:
 
 
 def friction_push(
-    ball_friction: Floats, slip: Floats, d_slip: Floats, normal: float, d_normal: Floats, mobility: float
+    numbers: Numbers, slip: Floats, d_slip: Floats, normal: float, d_normal: Floats, mobility: float
 ) -> tuple[Floats, Floats]:
     """Returns the impulse of friction between two balls and its derivative.
 
     Args:
-        ball_friction: `SceneArrays.ball_friction`.
+        numbers: The `Numbers`.
         slip: (2,) m/s.
         d_slip: (2, m) its derivative.
         normal: Normal impulse, kg m/s.
@@ -51,45 +39,45 @@ def friction_push(
         (2,) and (2, m).
     """
     speed = math.hypot(*slip)
-    mu = friction_coefficient(ball_friction, speed)
+    mu = friction_coefficient(numbers, speed)
     if mu * normal >= speed / mobility:
         return -slip / mobility, -d_slip / mobility
     unit = slip / speed
-    d_mu = -ball_friction[MU_RATE] * ball_friction[MU_DROP] * math.exp(-ball_friction[MU_RATE] * speed)
+    d_mu = -numbers.mu_rate * numbers.mu_drop * math.exp(-numbers.mu_rate * speed)
     d_limit = d_mu * normal * (unit @ d_slip) + mu * d_normal
     return -mu * normal * unit, -np.outer(unit, d_limit) - mu * normal * d_unit(slip) @ d_slip
 
 
-def restitution_slope(speed: float, params: Floats) -> float:
+def restitution_slope(speed: float, numbers: Numbers) -> float:
     """Returns the derivative of `cushion_restitution` with respect to the speed, s/m."""
-    falls = speed > params[E_ONSET] and cushion_restitution(speed, params) > params[E_FLOOR]
-    return -float(params[E_LOSS]) if falls else 0.0
+    falls = speed > numbers.e_onset and cushion_restitution(speed, numbers) > numbers.e_floor
+    return -float(numbers.e_loss) if falls else 0.0
 
 
 def cushion_derivative(state: Floats, radius: float, arrays: SceneArrays) -> Floats:
     """Returns the derivative of `cushion_impact` with respect to the `CushionMotion`, (5, 5)."""
-    params = arrays.params
-    if params[CUSHION] not in (HAN2005, STRONGE):
+    numbers = arrays.numbers
+    if arrays.rigid is None and arrays.stronge is None:
         return _by_differences(state, radius, arrays)
     vn, vt, un, ut, rwz = np.eye(5)
     speed = float(state[0])
-    e = cushion_restitution(speed, params)
-    d_e = restitution_slope(speed, params) * vn
-    sin = params[CUSHION_HEIGHT] / radius - 1.0
+    e = cushion_restitution(speed, numbers)
+    d_e = restitution_slope(speed, numbers) * vn
+    sin = numbers.cushion_height / radius - 1.0
     cos = math.sqrt(1.0 - sin * sin)
     d_slip = np.stack((vn * sin + vn - un, -vt - rwz * cos + (ut - vt) * sin))
     slip = d_slip @ state
     size = math.hypot(*slip)
     pze, d_pze = (1.0 + e) * cos * speed, cos * ((1.0 + e) * vn + speed * d_e)
-    mu = params[MU_CUSHION]
-    if params[CUSHION] == HAN2005:
+    mu = numbers.mu_cushion
+    if arrays.rigid is not None:
         sticks, friction, by_slip, by_rest = size * (2.0 / 7.0) <= mu * pze, mu * pze, 0.0, mu * d_pze
         if sticks:
             friction, by_slip, by_rest = size * (2.0 / 7.0), 2.0 / 7.0, 0.0 * d_pze
     else:
         grip, d_grip = mu * cos * speed, mu * cos * vn
         x = size / grip if grip > 0.0 else math.inf
-        after, d_x, d_e_after = _compliant(x, e, float(arrays.stronge[0]))
+        after, d_x, d_e_after = _compliant(x, e, numbers.frequency_ratio)
         friction, by_slip = (x + after) * grip / 3.5 if grip > 0.0 else 0.0, (1.0 + d_x) / 3.5
         by_rest = ((after - x * d_x) * d_grip if grip > 0.0 else 0.0) / 3.5 + grip * d_e_after / 3.5 * d_e
     if size > 0.0:

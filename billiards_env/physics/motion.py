@@ -23,15 +23,11 @@ from billiards_env.physics.state import (
     FREE,
     IDEAL,
     LASTS,
-    MOTION,
     POTTED,
     REST,
-    ROLL,
     ROLLING,
-    SLIDE,
     SLIDING,
     SLIDING_AND_ROLLING,
-    SPIN_DECAY,
     SPINNING,
     T0,
     T0_LO,
@@ -99,13 +95,13 @@ def norm(x: float, y: float) -> float:
 
 
 @inlined
-def begin_phase(state, i, params):
+def begin_phase(state, i, numbers):
     """Sets ball i's phase, AX, AY and LASTS from its velocity, slip and spin.
 
     Args:
         state: The `State`.
         i: The ball. A potted ball does not change.
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
     """
     phase = state.phase
     if phase[i] == POTTED:
@@ -114,25 +110,25 @@ def begin_phase(state, i, params):
     v = norm(s[VX], s[VY])
     s[AX] = s[AY] = 0.0
     s[LASTS] = math.inf
-    if params[MOTION] == IDEAL:
+    if numbers.motion == IDEAL:
         phase[i] = FREE if v > 0.0 else REST
         return
-    if params[MOTION] == SLIDING_AND_ROLLING:
+    if numbers.motion == SLIDING_AND_ROLLING:
         u = norm(s[UX], s[UY])
         if u > 0.0:
             phase[i] = SLIDING
-            s[AX] = -params[SLIDE] * (s[UX] / u)
-            s[AY] = -params[SLIDE] * (s[UY] / u)
-            s[LASTS] = u / (3.5 * params[SLIDE])
+            s[AX] = -numbers.slide * (s[UX] / u)
+            s[AY] = -numbers.slide * (s[UY] / u)
+            s[LASTS] = u / (3.5 * numbers.slide)
             return
     if v > 0.0:
         phase[i] = ROLLING
-        s[AX] = -params[ROLL] * (s[VX] / v)
-        s[AY] = -params[ROLL] * (s[VY] / v)
-        s[LASTS] = v / params[ROLL]
+        s[AX] = -numbers.roll * (s[VX] / v)
+        s[AY] = -numbers.roll * (s[VY] / v)
+        s[LASTS] = v / numbers.roll
     elif s[WZ] != 0.0:
         phase[i] = SPINNING
-        s[LASTS] = abs(s[WZ]) / params[SPIN_DECAY]
+        s[LASTS] = abs(s[WZ]) / numbers.spin_decay
     else:
         phase[i] = REST
 
@@ -152,14 +148,14 @@ def motion_after(state, i, t):
 
 
 @kernel
-def spin_after(wz, t, params):
+def spin_after(wz, t, numbers):
     """Returns the spin about the vertical axis after t seconds, rad/s."""
-    left = abs(wz) - params[SPIN_DECAY] * t
+    left = abs(wz) - numbers.spin_decay * t
     return math.copysign(left, wz) if left > 0.0 else 0.0
 
 
 @inlined
-def advance(state, i, time, params):
+def advance(state, i, time, numbers):
     """Advances ball i's row to a `Time` within its phase."""
     s = state.rows[i]
     t = since(time, own_time(state, i))
@@ -170,18 +166,18 @@ def advance(state, i, time, params):
             s[UY] += 3.5 * t * s[AY]
         s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
         if s[WZ] != 0.0:
-            s[WZ] = spin_after(s[WZ], t, params)
+            s[WZ] = spin_after(s[WZ], t, numbers)
         s[LASTS] -= t
     s[T0], s[T0_LO] = time.hi, time.lo
 
 
 @inlined
-def end_phase(state, i, time, params):
+def end_phase(state, i, time, numbers):
     """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
     `begin_phase` then sets the next phase.
     """
-    advance(state, i, time, params)
+    advance(state, i, time, numbers)
     s = state.rows[i]
     if state.phase[i] == SLIDING:
         s[UX] = s[UY] = 0.0

@@ -31,27 +31,12 @@ WIDTH = 12
 # Phases of a ball's motion.
 REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 
-# The laws of `engine.modes.MOTIONS` and `engine.modes.CUSHIONS`.
+# The laws of `engine.modes.MOTIONS`.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
-RESTITUTION, HAN2005, STRONGE, MATHAVAN2010 = 0, 1, 2, 3
 
 # Treatments of overlaps in PIT.
 FIXES = ("push_apart", "move_back", "none")
 PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
-
-# Entries of `SceneArrays.params`.
-MOTION, CUSHION = 0, 1  # laws, see above
-SLIDE, ROLL = 2, 3  # decelerations mu g, m/s^2
-SPIN_DECAY = 4  # rad/s^2
-E_BALL, E_CUSHION, MU_CUSHION = 5, 6, 7
-HALF_LENGTH, HALF_WIDTH, CUSHION_HEIGHT = 8, 9, 10  # m
-DT, FIX = 11, 12  # of PIT: timestep, s, and index into FIXES
-TAU, WEAK_SPEED, LONGEST_RUN = 13, 14, 15  # of the contact-time rule: s, m/s and a number of impacts
-E_LOSS, E_ONSET, E_FLOOR = 16, 17, 18  # of a restitution that falls with the speed: s/m, m/s and the least value
-N_PARAMS = 19
-
-# Entries of `SceneArrays.ball_friction`: the coefficient is limit + drop exp(-rate speed).
-MU_LIMIT, MU_DROP, MU_RATE = 0, 1, 2  # the rate in s/m
 
 # Columns of angular velocities.
 SPIN_X, SPIN_Y, SPIN_Z = 0, 1, 2  # rad/s
@@ -84,33 +69,94 @@ class State(NamedTuple):
     phase: Any
 
 
+class Numbers(NamedTuple):
+    """The numbers of a scene and an engine.
+
+    Attributes:
+        motion: The law of motion, see above.
+        slide: Deceleration of a sliding ball, m/s^2.
+        roll: Deceleration of a rolling ball, m/s^2.
+        spin_decay: rad/s^2.
+        e_ball: Restitution of two balls.
+        mu_limit: The friction of two balls is mu_limit + mu_drop exp(-mu_rate speed).
+        mu_drop: See `mu_limit`.
+        mu_rate: See `mu_limit`, s/m.
+        cushion_rubs: 1 if cushions have friction, otherwise 0.
+        e_cushion: Restitution of a cushion at low speeds.
+        e_loss: Loss of this restitution with the speed, s/m.
+        e_onset: Speed from which on the restitution falls, m/s.
+        e_floor: Least restitution.
+        mu_cushion: Friction of a cushion.
+        frequency_ratio: Frequency ratio of "stronge" cushions.
+        mu_cloth: Friction of the cloth with "mathavan2010" cushions.
+        half_length: Half the length of the table, m.
+        half_width: m.
+        cushion_height: m.
+        tau: Contact time of the contact-time rule, s.
+        weak_speed: Largest speed of approach of an impact on which this rule acts, m/s.
+        longest_run: Number of impacts at one place and instant after which a ball comes to rest.
+        dt: Timestep of PIT, s.
+        fix: Index into `FIXES`.
+    """
+
+    motion: int
+    slide: float
+    roll: float
+    spin_decay: float
+    e_ball: float
+    mu_limit: float
+    mu_drop: float
+    mu_rate: float
+    cushion_rubs: int
+    e_cushion: float
+    e_loss: float
+    e_onset: float
+    e_floor: float
+    mu_cushion: float
+    frequency_ratio: float
+    mu_cloth: float
+    half_length: float
+    half_width: float
+    cushion_height: float
+    tau: float
+    weak_speed: float
+    longest_run: float
+    dt: float
+    fix: int
+
+
 class SceneArrays(NamedTuple):
     """A scene of n balls.
 
     Attributes:
-        params: (N_PARAMS,) float64, see the entries above.
+        numbers: The `Numbers`.
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, see the columns above.
         outline: The `walls.Outline`; None for a rectangle.
-        ball_friction: (3,) float64, see the entries above; None for balls without friction.
-        stronge: (1,) float64, the frequency ratio of "stronge" cushions; None for others.
-        mathavan: (1,) float64, friction on the cloth with "mathavan2010" cushions; None for others.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
+        ball_friction: True for balls with friction; None for others.
+        rigid: True for "restitution" cushions and for "han2005" cushions; None for others.
+        stronge: True for "stronge" cushions; None for others.
+        mathavan: True for "mathavan2010" cushions; None for others.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
+
+    The argument `scene` of an entry point has the fields as a plain tuple, with the numbers as a plain tuple: numba
+    unpacks them in half the time.
     """
 
-    params: Floats
+    numbers: Numbers
     radius: Floats
     inv_mass: Floats
     pockets: Floats
     outline: Any = None
+    spheres: Any = None
     ball_friction: Any = None
+    rigid: Any = None
     stronge: Any = None
     mathavan: Any = None
-    spheres: Any = None
 
 
 @allocating

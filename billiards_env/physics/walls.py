@@ -26,7 +26,7 @@ import numpy as np
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.contact import MARGIN, NOISE, circle_time, line_time, misses_circle, sweep
 from billiards_env.physics.motion import norm, place_after, relative_to
-from billiards_env.physics.state import AX, AY, HALF_LENGTH, HALF_WIDTH, VX, VY, X, Y
+from billiards_env.physics.state import AX, AY, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.scene.outline import Corner, Line, Tip, pieces
 
@@ -161,28 +161,28 @@ def stays_within(x, v, a, end, room):
 
 
 @inlined
-def half_sizes(params, outline):
+def half_sizes(numbers, outline):
     """Returns half the sides of the rectangle that no cushion reaches into, m."""
     if outline is None:
-        return params[HALF_LENGTH], params[HALF_WIDTH]
+        return numbers.half_length, numbers.half_width
     return outline.box[BOX_X], outline.box[BOX_Y]
 
 
 @inlined
-def wall_time(path, radius, end, params, outline):
+def wall_time(path, radius, end, numbers, outline):
     """Returns the time at which a ball next touches a cushion, s, and the number of the cushion.
 
     Args:
         path: The `Path` of the ball's centre.
         radius: m.
         end: End of the interval, s.
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
         outline: The `Outline`; None for a rectangle.
 
     Returns:
         (time, number); the time is infinite if the ball touches no cushion until `end`.
     """
-    half_length, half_width = half_sizes(params, outline)
+    half_length, half_width = half_sizes(numbers, outline)
     first, side = _exit_time(path, half_length - radius, half_width - radius, end)
     if outline is None:
         return first, side
@@ -371,7 +371,7 @@ def wall_turns(outline):
 
 
 @inlined
-def next_overlap(x, y, vx, vy, radius, turn, params, outline):
+def next_overlap(x, y, vx, vy, radius, turn, numbers, outline):
     """Returns the number of a cushion that a ball overlaps, or -1.
 
     A ball overlaps an outline if its centre is nearer than its radius to a cushion, or outside the outline. If it is
@@ -385,11 +385,11 @@ def next_overlap(x, y, vx, vy, radius, turn, params, outline):
         radius: m.
         turn: The number of the call, from 0 to `wall_turns`. Each call with a rectangle tests one cushion. Each call
             with an outline returns the next cushion that the ball does not leave.
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
         outline: The `Outline`; None for a rectangle.
     """
     if outline is None:
-        return turn if wall_overlap(x, y, radius, turn, params, outline)[0] > 0.0 else -1
+        return turn if wall_overlap(x, y, radius, turn, numbers, outline)[0] > 0.0 else -1
     return _next_overlap(x, y, vx, vy, radius, outline)
 
 
@@ -444,7 +444,7 @@ def _line_distance(x, y, line):
 
 
 @inlined
-def wall_overlap(x, y, radius, wall, params, outline):
+def wall_overlap(x, y, radius, wall, numbers, outline):
     """Returns the distance by which a ball at (x, y) is beyond a cushion, m, and the normal into the cushion.
 
     The distance is not positive if the ball does not overlap the cushion.
@@ -452,8 +452,8 @@ def wall_overlap(x, y, radius, wall, params, outline):
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         if wall < 2:
-            return sign * x - (params[HALF_LENGTH] - radius), sign, 0.0
-        return sign * y - (params[HALF_WIDTH] - radius), 0.0, sign
+            return sign * x - (numbers.half_length - radius), sign, 0.0
+        return sign * y - (numbers.half_width - radius), 0.0, sign
     return _piece_overlap(x, y, radius, wall, _distance_outside(x, y, outline), outline)
 
 
@@ -501,13 +501,13 @@ def overlap_time(x, y, vx, vy, radius, wall, beyond, speed, outline):
 
 
 @inlined
-def back_to_wall(x, y, radius, wall, params, outline):
+def back_to_wall(x, y, radius, wall, numbers, outline):
     """Returns the position at which a ball that overlaps a cushion, at (x, y), touches the cushion's nearest point."""
     if outline is None:
         sign = 1.0 if wall % 2 else -1.0
         if wall < 2:
-            return sign * (params[HALF_LENGTH] - radius), y
-        return x, sign * (params[HALF_WIDTH] - radius)
+            return sign * (numbers.half_length - radius), y
+        return x, sign * (numbers.half_width - radius)
     return _back_to_piece(x, y, radius, wall, outline)
 
 

@@ -14,25 +14,7 @@ from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
 from billiards_env.physics.motion import Path, motion_after, norm, spin_after
-from billiards_env.physics.state import (
-    AX,
-    AY,
-    E_BALL,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    MOTION,
-    REST,
-    SLIDING_AND_ROLLING,
-    T0,
-    UX,
-    UY,
-    VX,
-    VY,
-    WZ,
-    SceneArrays,
-    X,
-    Y,
-)
+from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
 from billiards_env.players.paths import (
     FAR,
     LEGS,
@@ -134,23 +116,23 @@ def play_hit(table, i, hit, speed, state):
     Returns:
         Whether the cue ball reaches ball i at this speed.
     """
-    scene, params, cue = table.scene, table.scene.params, table.cue
-    left, slip = arrival(params, hit.approach, speed, table.slip_ratio)
+    scene, numbers, cue = table.scene, table.scene.numbers, table.cue
+    left, slip = arrival(numbers, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)
-    impulse = pair_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], params[E_BALL])
+    impulse = pair_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], numbers.e_ball)
     state.rows[cue] = 0.0
     state.rows[i] = 0.0
     row = state.rows[cue]
     row[X], row[Y], row[VX], row[VY] = hit.x, hit.y, left * hit.dx, left * hit.dy
-    if params[MOTION] == SLIDING_AND_ROLLING:
+    if numbers.motion == SLIDING_AND_ROLLING:
         row[UX], row[UY] = slip * hit.dx, slip * hit.dy
         if table.spin_ratio != 0.0:
-            time = travel_time(params, hit.approach, speed, table.slip_ratio)
-            row[WZ] = spin_after(table.spin_ratio * speed / scene.radius[cue], time, params)
+            time = travel_time(numbers, hit.approach, speed, table.slip_ratio)
+            row[WZ] = spin_after(table.spin_ratio * speed / scene.radius[cue], time, numbers)
     state.rows[i, X], state.rows[i, Y] = table.positions[i, X], table.positions[i, Y]
     rub_pair(scene.ball_friction, cue, i, hit.line_x, hit.line_y, impulse, state, scene)
     for ball, push in ((cue, -impulse * scene.inv_mass[cue]), (i, impulse * scene.inv_mass[i])):
-        change_velocity(state, ball, push * hit.line_x, push * hit.line_y, params)
+        change_velocity(state, ball, push * hit.line_x, push * hit.line_y, numbers)
     return closing > 0.0
 
 
@@ -193,7 +175,7 @@ def gain(table, i, hit):
     """Returns the speed of ball i after a hit, over the speed of the cue ball before it."""
     inv_mass = table.scene.inv_mass
     share = inv_mass[i] / (inv_mass[table.cue] + inv_mass[i])
-    return share * (1.0 + table.scene.params[E_BALL]) * cut_cosine(hit)
+    return share * (1.0 + table.scene.numbers.e_ball) * cut_cosine(hit)
 
 
 @inlined
@@ -227,7 +209,7 @@ def clearance(table, i, moving, ax, ay, bx, by):
 @inlined
 def room_of(scene, i):
     """Returns the largest coordinates that the centre of ball i can have, m."""
-    return scene.params[HALF_LENGTH] - scene.radius[i], scene.params[HALF_WIDTH] - scene.radius[i]
+    return scene.numbers.half_length - scene.radius[i], scene.numbers.half_width - scene.radius[i]
 
 
 @kernel
@@ -236,13 +218,13 @@ def meet_before(table, i, hit, speed, run, state):
 
     If the cue ball is slower than ball i after the hit, no path is computed: the balls then hardly ever meet again.
     """
-    params, inv_mass, along = table.scene.params, table.scene.inv_mass, cut_cosine(hit)
+    numbers, inv_mass, along = table.scene.numbers, table.scene.inv_mass, cut_cosine(hit)
     gained = gain(table, i, hit)
     lost = gained * (inv_mass[table.cue] / inv_mass[i])
     if (along - lost) * (along - lost) + (1.0 - along * along) < gained * gained:
         return False
-    left, _ = arrival(params, hit.approach, speed, table.slip_ratio)
-    return meet_again(table, i, hit, speed, travel_time(params, run, gained * left, 1.0), state)
+    left, _ = arrival(numbers, hit.approach, speed, table.slip_ratio)
+    return meet_again(table, i, hit, speed, travel_time(numbers, run, gained * left, 1.0), state)
 
 
 @kernel

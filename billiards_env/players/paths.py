@@ -13,14 +13,11 @@ from billiards_env.physics.state import (
     AY,
     IDEAL,
     LASTS,
-    MOTION,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
     REST,
-    ROLL,
     ROLLING_ONLY,
-    SLIDE,
     SLIDING,
     VX,
     VY,
@@ -58,23 +55,23 @@ def _sliding(slide, slip_ratio):
 
 
 @kernel
-def launch(params, distance, speed, slip_ratio):
+def launch(numbers, distance, speed, slip_ratio):
     """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
 
     Args:
-        params: (N_PARAMS,) float64.
+        numbers: The `Numbers`.
         distance: m.
         speed: m/s.
         slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
             rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
     """
-    roll = params[ROLL]
-    if params[MOTION] == IDEAL:
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
         return speed
-    if params[MOTION] == ROLLING_ONLY:
+    if numbers.motion == ROLLING_ONLY:
         return math.sqrt(speed * speed + 2.0 * roll * distance)
     # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
-    slide, share = _sliding(params[SLIDE], slip_ratio)
+    slide, share = _sliding(numbers.slide, slip_ratio)
     square = speed * speed + 2.0 * slide * distance
     if square > 0.0 and math.copysign(1.0, slip_ratio) * (speed * speed - share * share * square) >= 0.0:
         return math.sqrt(square)
@@ -82,17 +79,17 @@ def launch(params, distance, speed, slip_ratio):
 
 
 @kernel
-def arrival(params, distance, speed, slip_ratio):
+def arrival(numbers, distance, speed, slip_ratio):
     """Returns the speed and the slip of a ball after `distance`, m/s.
 
     The ball starts at `speed`, m/s. For the other arguments see `launch`.
     """
-    roll = params[ROLL]
-    if params[MOTION] == IDEAL:
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
         return speed, 0.0
-    if params[MOTION] == ROLLING_ONLY:
+    if numbers.motion == ROLLING_ONLY:
         return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
-    slide, share = _sliding(params[SLIDE], slip_ratio)
+    slide, share = _sliding(numbers.slide, slip_ratio)
     square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
     if math.copysign(1.0, slip_ratio) * (square - rolling) > 0.0:
         left = math.sqrt(square)
@@ -102,20 +99,20 @@ def arrival(params, distance, speed, slip_ratio):
 
 
 @kernel
-def travel_time(params, distance, speed, slip_ratio):
+def travel_time(numbers, distance, speed, slip_ratio):
     """Returns the time in which a ball that starts at `speed` covers `distance`, s. For the arguments see `launch`.
 
     The ball must not come to rest before.
     """
-    left, slip = arrival(params, distance, speed, slip_ratio)
-    if params[MOTION] == IDEAL:
+    left, slip = arrival(numbers, distance, speed, slip_ratio)
+    if numbers.motion == IDEAL:
         return distance / speed
-    if params[MOTION] == ROLLING_ONLY:
-        return (speed - left) / params[ROLL]
-    slide, share = _sliding(params[SLIDE], slip_ratio)
+    if numbers.motion == ROLLING_ONLY:
+        return (speed - left) / numbers.roll
+    slide, share = _sliding(numbers.slide, slip_ratio)
     if slip != 0.0:
         return (speed - left) / slide
-    return (speed - share * speed) / slide + (share * speed - left) / params[ROLL]
+    return (speed - share * speed) / slide + (share * speed - left) / numbers.roll
 
 
 class Leg(NamedTuple):
@@ -135,12 +132,12 @@ class Leg(NamedTuple):
 @inlined
 def begin_leg(scene, state, i):
     """Begins a phase of ball i, and returns its next `Leg`."""
-    row, params = state.rows[i], scene.params
-    begin_phase(state, i, params)
+    row, numbers = state.rows[i], scene.numbers
+    begin_phase(state, i, numbers)
     if not moves(state, i):
         return Leg(math.inf, -1, 0)
     lasts, wall = row[LASTS], -1
-    t, number = wall_time(path_of(state, i), scene.radius[i], lasts, params, scene.outline)
+    t, number = wall_time(path_of(state, i), scene.radius[i], lasts, numbers, scene.outline)
     if t < lasts:
         lasts, wall = t, number
     return Leg(lasts, wall, _CHORDS if state.phase[i] == SLIDING else 1)
@@ -158,9 +155,9 @@ def end_leg(scene, state, i, leg):
     """Advances ball i to the end of a leg, where its phase ends or a cushion reflects it."""
     now = later(own_time(state, i), leg.lasts)
     if leg.wall < 0:
-        end_phase(state, i, now, scene.params)
+        end_phase(state, i, now, scene.numbers)
     else:
-        advance(state, i, now, scene.params)
+        advance(state, i, now, scene.numbers)
         nx, ny = wall_normal(state, i, leg.wall, scene.outline)
         reflect(state, i, nx, ny, 0.0, scene)
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import scene_arrays
+from billiards_env.engine import scene_fields
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.state import SceneArrays, X, Y, empty_state
+from billiards_env.physics.state import Numbers, SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
 from billiards_env.players.hits import Table, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
@@ -141,7 +141,7 @@ def find_pots(
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     stroke = float(max_speed), slip_ratio, spin_ratio
-    search_tables(tuple(scene_arrays(scene)), cue, balls, positions, potted, stroke, banks, tuple(pots))
+    search_tables(scene_fields(scene), cue, balls, positions, potted, stroke, banks, tuple(pots))
     return pots
 
 
@@ -173,7 +173,7 @@ def pot_shots(
 @allocating_entry_point
 def search_tables(scene, cue, balls, positions, potted, stroke, banks, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last three fields of `Table`."""
-    scene, pots = SceneArrays(*scene), Pots(*pots)
+    scene, pots = SceneArrays(Numbers(*scene[0]), *scene[1:]), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
         table = Table(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])
@@ -219,10 +219,10 @@ def _least_speed(table, aim):
     The object ball then has the speed `_ARRIVAL` at the pocket, or `_LEAST_ARRIVAL` if `_ARRIVAL` needs more than the
     largest speed.
     """
-    params, approach, gained = table.scene.params, aim.hit.approach, gain(table, aim.ball, aim.hit)
-    least = launch(params, approach, launch(params, aim.run, _ARRIVAL, 1.0) / gained, table.slip_ratio)
+    numbers, approach, gained = table.scene.numbers, aim.hit.approach, gain(table, aim.ball, aim.hit)
+    least = launch(numbers, approach, launch(numbers, aim.run, _ARRIVAL, 1.0) / gained, table.slip_ratio)
     if least > table.max_speed:
-        least = launch(params, approach, launch(params, aim.run, _LEAST_ARRIVAL, 1.0) / gained, table.slip_ratio)
+        least = launch(numbers, approach, launch(numbers, aim.run, _LEAST_ARRIVAL, 1.0) / gained, table.slip_ratio)
     return least
 
 

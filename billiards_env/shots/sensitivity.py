@@ -38,17 +38,10 @@ from billiards_env.physics.impact_derivatives import cushion_derivative, d_unit,
 from billiards_env.physics.state import (
     AX,
     AY,
-    CUSHION,
-    E_BALL,
-    MOTION,
     POTTED,
-    RESTITUTION,
-    ROLL,
     ROLLING,
-    SLIDE,
     SLIDING,
     SLIDING_AND_ROLLING,
-    SPIN_DECAY,
     T0,
     T0_LO,
     UX,
@@ -56,6 +49,7 @@ from billiards_env.physics.state import (
     VX,
     VY,
     WZ,
+    Numbers,
     SceneArrays,
     Time,
     X,
@@ -119,7 +113,7 @@ def sensitivity_along(
     Yields:
         One sensitivity for each time. An event exactly at that time counts as past.
     """
-    params, n = arrays.params, len(arrays.radius)
+    numbers, n = arrays.numbers, len(arrays.radius)
     balls: list[_Ball] = []
     scale = np.zeros((n, _INPUTS))
     for i in range(n):
@@ -129,7 +123,7 @@ def sensitivity_along(
         if phase != POTTED:
             for k in range(4):
                 tangent[k, i, k] = 1.0
-        if phase != POTTED and params[MOTION] == SLIDING_AND_ROLLING:
+        if phase != POTTED and numbers.motion == SLIDING_AND_ROLLING:
             # The slip is (vx - R wy, vy + R wx).
             tangent[_U, i, 2:4] = np.eye(2)
             tangent[_U, i, 4:6] = (0.0, -radius), (radius, 0.0)
@@ -146,7 +140,7 @@ def sensitivity_along(
             now, kind = Time(row[TIME], row[TIME_LO]), int(row[KIND])
             concerned = [int(row[BALL]), int(row[OTHER])] if kind == BALL_BALL else [int(row[BALL])]
             smooth = smooth and not row[RULE] and not (kind == BALL_BALL and now.hi == previous)
-            before = [_fly(balls[i], now, params) for i in concerned]
+            before = [_fly(balls[i], now, numbers) for i in concerned]
             after = [
                 _Ball(trajectory.rows[piece + m], int(trajectory.phase[piece + m]), ball.tangent)
                 for m, ball in enumerate(before)
@@ -162,12 +156,12 @@ def sensitivity_along(
             piece += len(concerned)
             event += 1
         end = Time(float(time), 0.0)
-        jacobian = np.stack([_fly(ball, end, params).tangent[_R] for ball in balls]).reshape(n, 2, n, _INPUTS)
+        jacobian = np.stack([_fly(ball, end, numbers).tangent[_R] for ball in balls]).reshape(n, 2, n, _INPUTS)
         scaled = (jacobian * scale).reshape(n, 2, -1)
         yield Sensitivity(jacobian, float(time), smooth, float(np.linalg.norm(scaled, 2, axis=(1, 2)).max()))
 
 
-def _rate(ball: _Ball, params: Floats) -> Floats:
+def _rate(ball: _Ball, numbers: Numbers) -> Floats:
     """Returns the time derivative of (x, y, vx, vy, ux, uy, wz), (7,)."""
     rate = np.zeros(_SIZE)
     if ROLLING <= ball.phase < POTTED:
@@ -176,11 +170,11 @@ def _rate(ball: _Ball, params: Floats) -> Floats:
         rate[_V] = acceleration
         if ball.phase == SLIDING:
             rate[_U] = 3.5 * acceleration
-    rate[_WZ] = -math.copysign(params[SPIN_DECAY], ball.row[WZ]) if ball.row[WZ] else 0.0
+    rate[_WZ] = -math.copysign(numbers.spin_decay, ball.row[WZ]) if ball.row[WZ] else 0.0
     return rate
 
 
-def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
+def _fly(ball: _Ball, now: Time, numbers: Numbers) -> _Ball:
     """Returns the ball and its tangent at a time within its phase."""
     dt = (now.hi - ball.row[T0]) + (now.lo - ball.row[T0_LO])
     row, tangent = ball.row.copy(), ball.tangent.copy()
@@ -192,16 +186,16 @@ def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
         row[[VX, VY]] += dt * acceleration
         d_acceleration = 0.0
         if ball.phase == SLIDING:
-            d_acceleration = -params[SLIDE] * d_unit(row[[UX, UY]]) @ tangent[_U]
+            d_acceleration = -numbers.slide * d_unit(row[[UX, UY]]) @ tangent[_U]
             row[[UX, UY]] += 3.5 * dt * acceleration
             tangent[_U] += 3.5 * dt * d_acceleration
         elif ball.phase == ROLLING:
-            d_acceleration = -params[ROLL] * d_unit(velocity) @ tangent[_V]
+            d_acceleration = -numbers.roll * d_unit(velocity) @ tangent[_V]
         tangent[_R] += dt * (tangent[_V] + 0.5 * dt * d_acceleration)
         tangent[_V] += dt * d_acceleration
     spin = row[WZ]
     if spin:
-        left = abs(spin) - params[SPIN_DECAY] * dt
+        left = abs(spin) - numbers.spin_decay * dt
         row[WZ] = math.copysign(max(left, 0.0), spin)
         if left <= 0.0:
             tangent[_WZ] = 0.0
@@ -211,7 +205,7 @@ def _fly(ball: _Ball, now: Time, params: Floats) -> _Ball:
 def _impact(before: list[_Ball], after: list[_Ball], concerned: list[int], arrays: SceneArrays) -> list[_Ball]:
     """Returns two balls with their tangents after an impact."""
     first, second = before
-    params, inv_mass, radius = arrays.params, arrays.inv_mass[concerned], arrays.radius[concerned]
+    numbers, inv_mass, radius = arrays.numbers, arrays.inv_mass[concerned], arrays.radius[concerned]
     d = second.row[[X, Y]] - first.row[[X, Y]]
     w = second.row[[VX, VY]] - first.row[[VX, VY]]
     distance = math.hypot(*d)
@@ -219,10 +213,10 @@ def _impact(before: list[_Ball], after: list[_Ball], concerned: list[int], array
     closing = float(n @ w)
     # The time of the perturbed impact changes such that the gap is zero there.
     shift = -(n @ (second.tangent[_R] - first.tangent[_R])) / closing if closing else np.zeros(first.tangent.shape[1])
-    first_at, second_at = (ball.tangent + np.outer(_rate(ball, params), shift) for ball in before)
+    first_at, second_at = (ball.tangent + np.outer(_rate(ball, numbers), shift) for ball in before)
     d_d, d_w = second_at[_R] - first_at[_R], second_at[_V] - first_at[_V]
     d_n = (d_d - np.outer(n, n @ d_d)) / distance
-    gain = (1.0 + params[E_BALL]) / inv_mass.sum()
+    gain = (1.0 + numbers.e_ball) / inv_mass.sum()
     d_normal = -gain * (w @ d_n + n @ d_w)
     d_impulse = -np.outer(n, d_normal) + gain * closing * d_n  # on the first ball
     d_roll, d_turn = np.zeros_like(d_n), np.zeros_like(d_normal)
@@ -234,33 +228,31 @@ def _impact(before: list[_Ball], after: list[_Ball], concerned: list[int], array
         turn = sum(r * ball.row[WZ] for r, ball in zip(radius, before, strict=True))
         d_turning = radius[0] * first_at[_WZ] + radius[1] * second_at[_WZ]
         # The slip belongs to the speed of separation after the normal impulse.
-        slip = np.array([cosine * turn - sine * (t @ roll) - t @ w, n @ roll - sine * params[E_BALL] * closing])
+        slip = np.array([cosine * turn - sine * (t @ roll) - t @ w, n @ roll - sine * numbers.e_ball * closing])
         d_slip = np.stack(
             (
                 cosine * d_turning - sine * (roll @ d_t + t @ d_rolls) - w @ d_t - t @ d_w,
-                roll @ d_n + n @ d_rolls - sine * params[E_BALL] * (w @ d_n + n @ d_w),
+                roll @ d_n + n @ d_rolls - sine * numbers.e_ball * (w @ d_n + n @ d_w),
             )
         )
         mobility = 3.5 * float(inv_mass.sum())
-        push, d_push = friction_push(
-            arrays.ball_friction, slip, d_slip, -gain * closing / cosine, d_normal / cosine, mobility
-        )
+        push, d_push = friction_push(numbers, slip, d_slip, -gain * closing / cosine, d_normal / cosine, mobility)
         d_across, d_up = np.outer(t, d_push[0]) + push[0] * d_t, np.outer(n, d_push[1]) + push[1] * d_n
         d_impulse = d_impulse + d_across - sine * d_up
         d_roll, d_turn = d_up - sine * d_across, cosine * d_push[0]
     tangents = []
     for k, (tangent, ball, sign) in enumerate(((first_at, after[0], 1.0), (second_at, after[1], -1.0))):
         tangent[_V] += sign * inv_mass[k] * d_impulse
-        if params[MOTION] == SLIDING_AND_ROLLING:
+        if numbers.motion == SLIDING_AND_ROLLING:
             tangent[_U] += inv_mass[k] * (sign * d_impulse + 2.5 * d_roll)
             tangent[_WZ] += 2.5 * inv_mass[k] / radius[k] * d_turn
-        tangents.append(_Ball(ball.row, ball.phase, tangent - np.outer(_rate(ball, params), shift)))
+        tangents.append(_Ball(ball.row, ball.phase, tangent - np.outer(_rate(ball, numbers), shift)))
     return tangents
 
 
 def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, arrays: SceneArrays) -> _Ball:
     """Returns a ball with its tangent after a cushion, a pocket or a change of phase."""
-    row, tangent, params = before.row, before.tangent, arrays.params
+    row, tangent, numbers = before.row, before.tangent, arrays.numbers
     v, normal, curvature = row[[VX, VY]], np.zeros(2), 0.0
     if kind == BALL_POCKET:  # the ball ends at the pocket's centre, wherever it enters
         return _Ball(after.row, after.phase, np.zeros_like(tangent))
@@ -270,14 +262,14 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, a
         shift = -(normal @ tangent[_R]) / speed if speed else np.zeros(tangent.shape[1])
     elif kind == SLIDING_ROLLING:
         # |u| falls at 7/2 mu_s g to zero. The direction of u is constant, so it is that at the start of the slide.
-        direction = -row[[AX, AY]] / params[SLIDE]
-        shift = direction @ tangent[_U] / (3.5 * params[SLIDE])
+        direction = -row[[AX, AY]] / numbers.slide
+        shift = direction @ tangent[_U] / (3.5 * numbers.slide)
     elif kind == ROLLING_REST:
-        direction = -row[[AX, AY]] / params[ROLL]
-        shift = direction @ tangent[_V] / params[ROLL]
+        direction = -row[[AX, AY]] / numbers.roll
+        shift = direction @ tangent[_V] / numbers.roll
     else:
         shift = np.zeros(tangent.shape[1])
-    at = tangent + np.outer(_rate(before, params), shift)
+    at = tangent + np.outer(_rate(before, numbers), shift)
     if kind == BALL_CUSHION:
         jump = _cushion_jump(row, normal, radius, arrays)
         # At a tip the normal turns with the point of contact.
@@ -290,7 +282,7 @@ def _single(before: _Ball, after: _Ball, kind: int, other: int, radius: float, a
         at[_V] = 0.0
     else:
         at[_WZ] = 0.0
-    return _Ball(after.row, after.phase, at - np.outer(_rate(after, params), shift))
+    return _Ball(after.row, after.phase, at - np.outer(_rate(after, numbers), shift))
 
 
 def _wall(position: Floats, wall: int, radius: float, outline: Outline | None) -> tuple[Floats, float]:
@@ -313,13 +305,13 @@ def _turned(row: Floats) -> Floats:
 
 def _cushion_jump(row: Floats, normal: Floats, radius: float, arrays: SceneArrays) -> Floats:
     """Returns the derivative of the state after a cushion with respect to the state before it, (7, 7)."""
-    params = arrays.params
-    if params[CUSHION] == RESTITUTION:
+    numbers = arrays.numbers
+    if not numbers.cushion_rubs:
         jump, speed = np.eye(_SIZE), float(normal @ row[[VX, VY]])
-        gain = 1.0 + cushion_restitution(speed, params) + speed * restitution_slope(speed, params)
+        gain = 1.0 + cushion_restitution(speed, numbers) + speed * restitution_slope(speed, numbers)
         back = gain * np.outer(normal, normal)
         jump[_V, _V] -= back
-        if params[MOTION] == SLIDING_AND_ROLLING:
+        if numbers.motion == SLIDING_AND_ROLLING:
             jump[_U, _V] -= back
         return jump
     # Transformation to the variables of a `cushion.CushionMotion`.

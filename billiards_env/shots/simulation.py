@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import flag, numbers, short, whole
 from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
-from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_arrays
+from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_fields
 from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene, check_scene
@@ -111,13 +111,13 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    arrays, engine = scene_arrays(scene, dt, fix), engine_of(mode, n)
+    arrays, engine = scene_fields(scene, dt, fix), engine_of(mode, n)
     room = 256 if record else 0
     while True:
         log, shots = empty_log(room, 4 * room), empty_shots(1, n)
         for out, array in zip(shots, shot[:4], strict=False):
             out[0] = array
-        engine(0, 1, tuple(arrays), shot.limit, max_events, tuple(shots), tuple(log))
+        engine(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used)))  # the log was too small: the shot runs again
@@ -242,7 +242,7 @@ def simulate_batch(
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
     limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
-    engine, arrays, plain = engine_of(mode, scene.n_balls), tuple(scene_arrays(scene, dt, fix)), tuple(shots)
+    engine, arrays, plain = engine_of(mode, scene.n_balls), scene_fields(scene, dt, fix), tuple(shots)
     spread(lambda begin, end: engine(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict()
     return BatchResult(potted=~outcome.pop("in_play"), **outcome)

@@ -26,7 +26,7 @@ from billiards_env.engine.log import (
     Log,
     empty_log,
 )
-from billiards_env.engine.modes import MAX_EVENTS, scene_arrays
+from billiards_env.engine.modes import MAX_EVENTS, scene_fields
 from billiards_env.engine.pic import run_shots
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
@@ -35,9 +35,6 @@ from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
     AY,
-    HALF_LENGTH,
-    HALF_WIDTH,
-    MOTION,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
@@ -45,7 +42,6 @@ from billiards_env.physics.state import (
     ROLLING,
     SLIDING,
     SLIDING_AND_ROLLING,
-    SPIN_DECAY,
     T0,
     T0_LO,
     UX,
@@ -54,6 +50,7 @@ from billiards_env.physics.state import (
     VY,
     WIDTH,
     WZ,
+    Numbers,
     SceneArrays,
     Time,
     X,
@@ -88,7 +85,7 @@ def _at(row, phase, t):
 @kernel
 def _energy(now, rows, phases, mass, scene, scale):
     """Returns the kinetic energy of all balls with velocities in units of `scale`, J."""
-    radius, params = scene.radius, scene.params
+    radius, numbers = scene.radius, scene.numbers
     total = 0.0
     for i in range(len(phases)):
         if phases[i] == POTTED or math.isinf(mass[i]):
@@ -97,13 +94,13 @@ def _energy(now, rows, phases, mass, scene, scale):
         _, _, vx, vy = _at(rows[i], phases[i], t)
         vx, vy = vx / scale, vy / scale
         twice = vx * vx + vy * vy
-        if params[MOTION] == SLIDING_AND_ROLLING:
+        if numbers.motion == SLIDING_AND_ROLLING:
             ux, uy = rows[i, UX], rows[i, UY]
             if phases[i] == SLIDING:
                 ux += 3.5 * t * rows[i, AX]
                 uy += 3.5 * t * rows[i, AY]
             ux, uy = ux / scale, uy / scale
-            wz = radius[i] * max(0.0, abs(rows[i, WZ]) - params[SPIN_DECAY] * t) / scale
+            wz = radius[i] * max(0.0, abs(rows[i, WZ]) - numbers.spin_decay * t) / scale
             twice += 0.4 * ((vx - ux) * (vx - ux) + (vy - uy) * (vy - uy) + wz * wz)
         total += 0.5 * mass[i] * twice
     return total
@@ -136,17 +133,17 @@ def beyond_outline(x, y, radius, outline):
 
 
 @kernel
-def _outside(x, y, radius, params, outline):
+def _outside(x, y, radius, numbers, outline):
     """Returns the distance by which a ball at (x, y) is beyond a cushion, m; negative if it is beyond none."""
     if outline is None:
-        return max(abs(x) - (params[HALF_LENGTH] - radius), abs(y) - (params[HALF_WIDTH] - radius))
+        return max(abs(x) - (numbers.half_length - radius), abs(y) - (numbers.half_width - radius))
     return beyond_outline(x, y, radius, outline)
 
 
 @kernel
 def _check_positions(now, rows, phases, scene, xy, found):
     """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
-    params, radius, pockets = scene.params, scene.radius, scene.pockets
+    numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
     n = len(phases)
     for i in range(n):
         if phases[i] == POTTED:
@@ -156,7 +153,7 @@ def _check_positions(now, rows, phases, scene, xy, found):
         if not math.isfinite(x + y + vx + vy):
             found[BROKEN] = 1.0
         xy[i, X], xy[i, Y] = x, y
-        out = _outside(x, y, radius[i], params, scene.outline)
+        out = _outside(x, y, radius[i], numbers, scene.outline)
         for k in range(len(pockets)):
             out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
         found[OUTSIDE] = max(found[OUTSIDE], out)
@@ -241,7 +238,7 @@ def _check(log, scene, mass, acts, found):
 
 @allocating_entry_point
 def _run_checked(scene, limit, max_events, shots, log, found):
-    arrays, record = SceneArrays(*scene), Log(*log)
+    arrays, record = SceneArrays(Numbers(*scene[0]), *scene[1:]), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(found)):
         run_shots(k, k + 1, scene, limit, max_events, shots, log)
@@ -315,17 +312,17 @@ def check_shots(
     m, n = given.positions.shape[:2]
     shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     found = np.zeros((m, N_FOUND))
-    arrays = scene_arrays(scene)
+    arrays = scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n)
     start = [array.copy() for array in given[:4]]
-    _run_checked(tuple(arrays), given.limit, max_events, tuple(shots), tuple(log), found)
+    _run_checked(arrays, given.limit, max_events, tuple(shots), tuple(log), found)
     for k in np.flatnonzero(found[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n)
         found[k] = 0.0
         one = slice(k, k + 1)
         again = *(array[one] for array in start), *(array[one] for array in shots[4:])
-        _run_checked(tuple(arrays), given.limit, max_events, again, tuple(log), found[one])
+        _run_checked(arrays, given.limit, max_events, again, tuple(log), found[one])
     p = scene.physics
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(

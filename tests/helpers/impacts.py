@@ -8,13 +8,12 @@ from billiards_env.engine.modes import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 
 
 @allocating_entry_point
 def collide_pair(rows, nx, ny, closing, rebound, scene):
     """Runs `exchange` on balls 0 and 1 with these rows."""
-    scene = SceneArrays(*scene)
     contacts = empty_contacts(1)
     contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0] = 0, 1, closing, rebound
     contacts.nx[0], contacts.ny[0] = nx, ny
@@ -46,7 +45,7 @@ def impact(velocities, spins, angle, scene, rebound=0.0):
     n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
     closing = (velocities[0] - velocities[1]) @ n
     assert closing >= 0
-    collide_pair(rows, n[0], n[1], closing, rebound, tuple(scene_arrays(scene)))
+    collide_pair(rows, n[0], n[1], closing, rebound, scene_arrays(scene))
     return motion_of(rows, radius)
 
 

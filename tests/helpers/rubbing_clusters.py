@@ -8,7 +8,7 @@ from billiards_env.engine.modes import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, SceneArrays, State
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster
 
@@ -16,7 +16,6 @@ from tests.helpers.clusters import cluster
 @allocating_entry_point
 def collide(first, second, nx, ny, closing, rebound, rows, scene):
     """Runs `exchange` on balls with these rows."""
-    scene = SceneArrays(*scene)
     contacts = empty_contacts(len(first))
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
@@ -42,7 +41,7 @@ def collided(places, rows, pairs, arrays, rebound=0.0):
     rows = rows.copy()
     if contacts:
         first, second, nx, ny, closing = (np.array(column) for column in zip(*contacts, strict=True))
-        collide(first, second, nx, ny, closing, np.full(len(first), rebound), rows, tuple(arrays))
+        collide(first, second, nx, ny, closing, np.full(len(first), rebound), rows, arrays)
     return rows, len(contacts)
 
 

@@ -50,11 +50,11 @@ def summed(first, second, nx, ny, impulse, inv_mass):
 
 
 @allocating_entry_point
-def collide(first, second, nx, ny, closing, rebound, rows, params, inv_mass):
+def collide(first, second, nx, ny, closing, rebound, rows, numbers, inv_mass):
     """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
     state = State(rows, np.zeros(len(rows), np.int8))
     scene = SceneArrays(
-        params, inv_mass, inv_mass, np.empty((0, 3)), None, None, None
+        numbers, inv_mass, inv_mass, np.empty((0, 3)), None, None, None
     )  # `exchange` does not use the radii
     contacts = fill(first, second, nx, ny, closing, rebound)
     return exchange(len(first), contacts, state, scene, empty_scratch(len(inv_mass), len(first), None))
@@ -199,10 +199,10 @@ def collided(places, velocities, inverse, pairs, e, rebound):
     if not rows:
         return velocities
     first, second, nx, ny, closing, least = (np.array(column) for column in zip(*rows, strict=True))
-    params = scene_arrays(
+    numbers = scene_arrays(
         Scene(Balls.uniform(1), physics=Physics(motion="rolling", cushion="restitution", e_ball=e))
-    ).params
-    collide(first, second, nx, ny, closing, least, state, params, inverse)
+    ).numbers
+    collide(first, second, nx, ny, closing, least, state, numbers, inverse)
     return state[:, [VX, VY]]
 
 

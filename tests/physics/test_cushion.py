@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.modes import CUSHIONS, Cushion, scene_arrays
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution, han2005
-from billiards_env.physics.state import CUSHION_HEIGHT, E_CUSHION, MU_CUSHION
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene import scene as scenes
 from billiards_env.scene.table import Table
@@ -18,7 +17,7 @@ from billiards_env.shots.simulation import simulate
 R = 0.03
 
 
-def bounce(vn, vt, spin, params, rebound=0.0):
+def bounce(vn, vt, spin, numbers, rebound=0.0):
     """Computes the impact of Han (2005), equations 14 to 23, by the mechanics of a rigid sphere.
 
     An impulse P at the contact point changes v by P / m and the spin, rad/s, by r x P / I. The axes are x into the
@@ -28,7 +27,7 @@ def bounce(vn, vt, spin, params, rebound=0.0):
     Returns:
         The normal and tangential velocity, m/s, the spin (3,), and whether the contact point sticks.
     """
-    e, mu, height = params[E_CUSHION], params[MU_CUSHION], params[CUSHION_HEIGHT]
+    e, mu, height = numbers.e_cushion, numbers.mu_cushion, numbers.cushion_height
     theta = math.asin(height / R - 1)
     into = np.array([math.cos(theta), 0.0, math.sin(theta)])  # from the centre to the contact point
     up = np.array([-math.sin(theta), 0.0, math.cos(theta)])  # tangents of the contact
@@ -54,14 +53,14 @@ def bounce(vn, vt, spin, params, rebound=0.0):
     return vn + impulse[0], vt + impulse[1], spin, slip * 2 / 7 <= mu * squeeze
 
 
-def run_han(vn, vt, spin, params, rebound=0.0):
+def run_han(vn, vt, spin, numbers, rebound=0.0):
     un, ut = vn - R * spin[1], vt + R * spin[0]
-    (vn, vt, un, ut, rwz), _ = han2005(CushionMotion(vn, vt, un, ut, R * spin[2]), R, rebound, params)
+    (vn, vt, un, ut, rwz), _ = han2005(CushionMotion(vn, vt, un, ut, R * spin[2]), R, rebound, numbers)
     return vn, vt, np.array([(ut - vt) / R, (vn - un) / R, rwz / R])
 
 
 def cushion(height=1.27 * R, **physics):
-    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics))).params
+    return scene_arrays(Scene(Balls((R,), (0.2,)), Table(cushion_height=height), Physics(**physics))).numbers
 
 
 @given(
@@ -74,9 +73,9 @@ def cushion(height=1.27 * R, **physics):
     st.sampled_from([0.0, 0.01, 1.0, 10.0]),
 )
 def test_han2005_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu, rebound):
-    params = cushion(height * R, e_cushion=e, mu_cushion=mu)
-    expected = bounce(vn, vt, np.array(spin), params, rebound)
-    found = run_han(vn, vt, np.array(spin), params, rebound)
+    numbers = cushion(height * R, e_cushion=e, mu_cushion=mu)
+    expected = bounce(vn, vt, np.array(spin), numbers, rebound)
+    found = run_han(vn, vt, np.array(spin), numbers, rebound)
     assert found[:2] == pytest.approx(expected[:2], abs=1e-12)
     assert found[2] == pytest.approx(expected[2], abs=1e-9)
     assert found[0] <= -rebound
@@ -84,9 +83,9 @@ def test_han2005_is_the_impact_of_a_rigid_sphere(vn, vt, spin, height, e, mu, re
 
 @pytest.mark.parametrize("sticks", [True, False])
 def test_the_contact_point_sticks_or_slides(sticks):
-    params = cushion(e_cushion=0.8, mu_cushion=2.0 if sticks else 0.01)
-    assert bounce(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)[3] == sticks
-    vn, vt, spin = run_han(1.0, 0.5, np.array([3.0, 4.0, 5.0]), params)
+    numbers = cushion(e_cushion=0.8, mu_cushion=2.0 if sticks else 0.01)
+    assert bounce(1.0, 0.5, np.array([3.0, 4.0, 5.0]), numbers)[3] == sticks
+    vn, vt, spin = run_han(1.0, 0.5, np.array([3.0, 4.0, 5.0]), numbers)
     theta = math.asin(0.27)
     up = np.array([-math.sin(theta), 0.0, math.cos(theta)])
     surface = np.array([vn, vt, 0.0]) + np.cross(spin, R * np.array([math.cos(theta), 0.0, math.sin(theta)]))
@@ -319,7 +318,7 @@ def test_a_ball_leaves_a_cushion_at_the_least_speed_or_faster(law, state, reboun
 def test_the_restitution_of_cushions_may_fall_with_the_speed(law):
     scene = pool_cushion(law, e_cushion=0.93, e_cushion_loss=0.093, e_cushion_onset=2.0, e_cushion_floor=0.6)
     for speed, e in ((0.0, 0.93), (2.0, 0.93), (2.5, 0.8835), (3.0, 0.837), (10.0, 0.6)):
-        assert cushion_restitution(speed, scene.params) == pytest.approx(e)
+        assert cushion_restitution(speed, scene.numbers) == pytest.approx(e)
     plain = pool_cushion(law, e_cushion=0.837)
     if law != "restitution":
         before = CushionMotion(3.0, 1.0, 0.5, 0.25, 0.125)
@@ -471,4 +470,13 @@ def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     monkeypatch.setattr(scenes, names, (*getattr(scenes, names), "new"))
     scene = Scene(Balls.uniform(1), physics=Physics(**physics))
     with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
+        simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
+
+
+def test_a_cushion_that_is_entered_without_a_law_is_an_error(monkeypatch):
+    """Such a cushion once ran as han2005."""
+    monkeypatch.setattr(scenes, "CUSHIONS", (*scenes.CUSHIONS, "new"))
+    monkeypatch.setitem(CUSHIONS, "new", Cushion("new"))
+    scene = Scene(Balls.uniform(1), physics=Physics(cushion="new"))
+    with pytest.raises(ValueError, match=r"physics.cushion = 'new': expected one of 'restitution', "):
         simulate(scene, [[0.0, 0.0]], [1.0, 0.0])

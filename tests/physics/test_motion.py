@@ -37,10 +37,10 @@ from billiards_env.scene import Balls, Physics, Scene
 SLIDE, ROLL = 0.2 * 9.81, 0.01 * 9.81
 
 
-def params(**physics):
+def numbers(**physics):
     if physics.get("motion", "sliding") != "sliding":
         physics |= {"cushion": "restitution", "max_time": 1.0}
-    return scene_arrays(Scene(Balls.uniform(1), physics=Physics(**physics))).params
+    return scene_arrays(Scene(Balls.uniform(1), physics=Physics(**physics))).numbers
 
 
 def ball(constants, **columns):
@@ -68,59 +68,59 @@ def test_norm_is_correct_if_squares_underflow(x, y, size):
 
 
 def test_a_slipping_ball_slides_until_its_slip_is_zero():
-    state, row = ball(params(), vx=1.0, vy=2.0, ux=3.0, uy=-4.0)
+    state, row = ball(numbers(), vx=1.0, vy=2.0, ux=3.0, uy=-4.0)
     assert state.phase[0] == SLIDING
     assert row[[AX, AY]] == pytest.approx([-SLIDE * 0.6, SLIDE * 0.8])
     assert row[LASTS] == pytest.approx(2 * 5 / (7 * SLIDE))
 
 
 def test_a_ball_without_slip_rolls_until_it_stops():
-    state, row = ball(params(), vx=0.3, vy=-0.4, wz=1.0)
+    state, row = ball(numbers(), vx=0.3, vy=-0.4, wz=1.0)
     assert state.phase[0] == ROLLING
     assert row[[AX, AY]] == pytest.approx([-ROLL * 0.6, ROLL * 0.8])
     assert row[LASTS] == pytest.approx(0.5 / ROLL)
 
 
 def test_a_ball_with_spin_alone_spins_until_its_spin_is_zero():
-    state, row = ball(params(spin_decay=4.0), wz=-8.0)
+    state, row = ball(numbers(spin_decay=4.0), wz=-8.0)
     assert state.phase[0] == SPINNING
     assert row[LASTS] == 2.0
     assert not row[[AX, AY]].any()
 
 
 def test_a_ball_with_slip_and_no_velocity_slides():
-    state, row = ball(params(), ux=1.0)
+    state, row = ball(numbers(), ux=1.0)
     assert state.phase[0] == SLIDING
     assert row[AX] < 0
 
 
 def test_a_ball_without_velocity_slip_and_spin_rests():
-    state, row = ball(params())
+    state, row = ball(numbers())
     assert state.phase[0] == REST
     assert row[LASTS] == math.inf
 
 
 def test_other_laws_of_motion_ignore_slip_and_spin():
-    state, row = ball(params(motion="rolling"), vx=1.0, ux=1.0, wz=0.0)
+    state, row = ball(numbers(motion="rolling"), vx=1.0, ux=1.0, wz=0.0)
     assert state.phase[0] == ROLLING
     assert row[AX] == pytest.approx(-ROLL)
-    state, row = ball(params(motion="ideal"), vx=1.0)
+    state, row = ball(numbers(motion="ideal"), vx=1.0)
     assert state.phase[0] == FREE
     assert (row[AX], row[LASTS]) == (0.0, math.inf)
-    assert ball(params(motion="ideal"))[0].phase[0] == REST
+    assert ball(numbers(motion="ideal"))[0].phase[0] == REST
 
 
 def test_a_potted_ball_does_not_change():
     state = empty_state(1)
     state.rows[:], state.phase[:] = 1.0, POTTED
-    begin_phase(state, 0, params())
+    begin_phase(state, 0, numbers())
     assert state.phase[0] == POTTED
     assert (state.rows == 1).all()
     assert motion_after(state, 0, 5.0) == (1.0, 1.0, 0.0, 0.0)
 
 
 def test_several_advances_equal_one():
-    constants = params()
+    constants = numbers()
     state, one = ball(constants, x=0.1, vx=1.0, vy=2.0, ux=3.0, uy=-4.0, wz=5.0)
     stepped = State(state.rows.copy(), state.phase)
     advance(state, 0, Time(0.3, 0.0), constants)
@@ -135,7 +135,7 @@ def test_several_advances_equal_one():
 
 
 def test_after_sliding_a_ball_rolls_exactly():
-    constants = params()
+    constants = numbers()
     state, row = ball(constants, vx=1.0, vy=0.5, ux=1.0, uy=0.5)
     finish(state, constants)
     assert state.phase[0] == ROLLING
@@ -144,7 +144,7 @@ def test_after_sliding_a_ball_rolls_exactly():
 
 
 def test_after_rolling_a_ball_rests_or_spins_exactly():
-    constants = params()
+    constants = numbers()
     for spin, after in ((0.0, REST), (1e4, SPINNING)):
         state, row = ball(constants, vx=1.0, vy=0.5, wz=spin)
         finish(state, constants)
@@ -158,7 +158,7 @@ def test_after_rolling_a_ball_rests_or_spins_exactly():
 
 @pytest.mark.parametrize(("wz", "t", "after"), [(5.0, 0.2, 3.0), (-5.0, 0.2, -3.0), (5.0, 0.5, 0.0), (-5.0, 9.0, 0.0)])
 def test_spin_decays_to_zero(wz, t, after):
-    assert spin_after(wz, t, params()) == pytest.approx(after)
+    assert spin_after(wz, t, numbers()) == pytest.approx(after)
 
 
 def test_times_are_sums_of_two_doubles():
@@ -171,7 +171,7 @@ def test_times_are_sums_of_two_doubles():
 
 
 def test_the_second_part_of_a_time_changes_the_position():
-    constants = params(motion="ideal")
+    constants = numbers(motion="ideal")
     state, row = ball(constants, vx=1.0)
     row[T0], row[T0_LO] = 10.0, -1e-17
     advance(state, 0, Time(10.0, 2e-17), constants)

@@ -100,24 +100,24 @@ def test_the_speeds_of_a_ball_agree_with_the_engine(motion, slip, distance):
         }
     )
 
-    params = scene_arrays(scene).params
+    numbers = scene_arrays(scene).numbers
 
     def run(speed, time=None):
         spins = [[0.0, (1.0 - slip) * speed / 0.03, 0.0]] if motion == "sliding" else None
         return simulate(scene, [[0.0, 0.0]], [speed, 0.0], spins=spins, max_time=time)
 
-    start = launch(params, distance, 0.0, slip)
+    start = launch(numbers, distance, 0.0, slip)
     assert run(start).positions[0, 0] == pytest.approx(distance, rel=1e-12)
     for speed in (0.1, 1.0, 5.0):
-        start = launch(params, distance, speed, slip)
+        start = launch(numbers, distance, speed, slip)
         low, high = 0.0, 100.0
         for _ in range(100):  # bisection for the time of arrival
             middle = (low + high) / 2
             low, high = (middle, high) if run(start, middle).positions[0, 0] < distance else (low, middle)
         shot = run(start, low)
         assert shot.velocities[0, 0] == pytest.approx(speed, rel=1e-9)
-        assert travel_time(params, distance, start, slip) == pytest.approx(low, rel=1e-9)
-        left, rest = arrival(params, distance, start, slip)
+        assert travel_time(numbers, distance, start, slip) == pytest.approx(low, rel=1e-9)
+        left, rest = arrival(numbers, distance, start, slip)
         assert left == pytest.approx(speed, rel=1e-12)
         assert rest == pytest.approx(left - 0.03 * shot.spins[0, 1] if motion == "sliding" else 0.0, abs=1e-9)
 
