@@ -6,6 +6,7 @@ Geometry gives the aim and the path of the cue ball for each of them.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Generator, Sequence
 from typing import Any, NamedTuple
@@ -28,9 +29,6 @@ from billiards_env.players import pots
 Floats = NDArray[np.float64]
 
 _S = len(pots.SPEEDS)
-_FIRST_INPUT = 3 + 3 * _S  # first column of a pot's features that is an input of the networks
-_FIRST_SPEED = 8  # the first input that is a speed
-N_GOAL = 10 + 3 * _S  # numbers of `PotFeatures._goal`
 _FARTHEST = 1.5  # m; larger distances from the goal are inputs of this size
 
 TASKS = ("pot", "clear", "position")
@@ -44,10 +42,6 @@ because the cue ball would then swerve, which geometry ignores."""
 _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large gap
 
 
-OFFSET_INPUTS = 2
-"""Number of inputs that describe the offset of the tip. Only policies of strikes have them."""
-
-
 def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
     """Returns the offsets of the tip at which each pot has components, over the miscue offset."""
     return OFFSETS if cue is not None else OFFSETS[:1]
@@ -56,6 +50,60 @@ def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
 def _hand(rows: Floats) -> Floats:
     """Returns 1 for pots that cut the object ball to the left, and -1 for the others, for `Pots.rows`."""
     return np.where(rows[..., pots.CUT_SIN] < 0, -1.0, 1.0)
+
+
+class Columns(NamedTuple):
+    """The columns of a pot's features, as slices. `ease` and those after it are inputs of the networks.
+
+    The inputs are numbers of the order of 1 that reflections of the table do not change.
+
+    Attributes:
+        exists: 1 if the pot exists.
+        turn: 1 if the object ball goes to the left of the cue ball's direction, else -1.
+        tolerance: The largest error of the direction, radians.
+        dx, dy: The cue ball's direction at each speed.
+        speed: The speeds, over the largest speed; 0 if the pot is not possible at this speed.
+        ease: The logarithm of the tolerance.
+        geometry: The mouth, the angle of the cut, the ways of both balls, the room, and whether it is a bank.
+        pace: The same as `speed`.
+        gaps: The gaps along the path of the cue ball after the hit, for each speed.
+        rest: The share of the balls that are left, and the rest of the observation after the goal.
+        goal: The goal, see `PotFeatures._goal`; no columns without a goal.
+        distances: The distance from the goal for each speed; no columns without a goal.
+        offset: The offset of the tip, to the side of the cut and above; no columns if actions are velocities.
+    """
+
+    exists: Any
+    turn: Any
+    tolerance: Any
+    dx: Any
+    dy: Any
+    speed: Any
+    ease: Any
+    geometry: Any
+    pace: Any
+    gaps: Any
+    rest: Any
+    goal: Any
+    distances: Any
+    offset: Any
+
+    @property
+    def width(self) -> int:
+        """The number of columns."""
+        return self.offset.stop
+
+    @property
+    def inputs(self) -> slice:
+        """The inputs of the networks."""
+        return slice(self.ease.start, None)
+
+
+def columns(rest: int, goals: int, strikes: bool) -> Columns:
+    """Returns the columns of a pot for `rest` numbers after the goal, 0 or 1 goals, and actions that may be strikes."""
+    with_goal = (10 + 2 * _S) * goals, _S * goals
+    widths = (1, 1, 1, _S, _S, _S, 1, 7, _S, _S * pots.N_GAPS, 1 + rest, *with_goal, 2 * strikes)
+    return Columns(*(slice(end - width, end) for width, end in zip(widths, itertools.accumulate(widths), strict=True)))
 
 
 class Layouts(NamedTuple):
@@ -99,12 +147,10 @@ class PotFeatures(BaseFeaturesExtractor):
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
         self.banks = banks
         self.goals, self.cue = len(env.goals), cue_of(env)
-        others = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals) + N_GOAL * self.goals
-        if self.cue is not None:
-            others += OFFSET_INPUTS
+        rest = int(np.prod(space.shape)) - 2 * (self.scene.n_balls + self.goals)
+        self.at = columns(rest, self.goals, self.cue is not None)
         self.n_rows = most * len(offsets(self.cue))
-        width = _FIRST_INPUT + _FIRST_SPEED + (1 + pots.N_GAPS) * _S + 1 + others
-        super().__init__(space, self.n_rows * width)
+        super().__init__(space, self.n_rows * self.at.width)
         self.scale = np.array(self.scene.half_extents)
         self.last: tuple[Tensor, Tensor] = torch.empty(0), torch.empty(0)
 
@@ -123,7 +169,7 @@ class PotFeatures(BaseFeaturesExtractor):
         """Returns the features of observations (m, size)."""
         layouts = self._layouts(observations.numpy().astype(np.float64))
         features = np.concatenate([self._pots(layouts, offset) for offset in offsets(self.cue)], axis=1)
-        alone = ~features[..., 0].any(1)  # the first feature of a pot is 1 if the pot exists
+        alone = ~features[..., self.at.exists].any((1, 2))
         if alone.any():
             features[alone, 0] = self._full_hits(layouts.positions[alone], layouts.potted[alone])
         return torch.from_numpy(features).flatten(1)
@@ -152,41 +198,48 @@ class PotFeatures(BaseFeaturesExtractor):
         tolerance = np.where(exists, rows[..., pots.TOLERANCE], 1.0)
         speed, gaps = shots[..., pots.SPEED] / self.max_speed, shots[..., pots.GAPS :]
         hand = _hand(rows)
-        columns = (
-            exists,
-            hand,
-            tolerance,
-            shots[..., pots.DX],
-            shots[..., pots.DY],
-            speed,
-            # The inputs of the networks: numbers of the order of 1 that reflections of the table do not change.
-            np.log(tolerance) + 4.0,
-            np.log(np.where(exists, rows[..., pots.MOUTH], 1.0)) + 3.0,
-            rows[..., pots.CUT_COS],
-            np.abs(rows[..., pots.CUT_SIN]),
-            rows[..., pots.APPROACH],
-            rows[..., pots.RUN],
-            rows[..., pots.ROOM] / pots.FAR,
-            rows[..., pots.WALL] >= 0,
-            speed,
-            gaps / (np.abs(gaps) + _NEAR),
-            # The same for all pots: the share of the balls left, and the rest of the observation after the goal.
-            np.broadcast_to((~potted[:, self.targets]).mean(1)[:, None, None], (m, k, 1)),
-            np.broadcast_to(rest[:, None], (m, k, rest.shape[1])),
-            *(self._goal(rows, shots, positions[:, 0], goals[:, i]) for i in range(self.goals)),
-            *(() if self.cue is None else (offset[0] * hand, np.full((m, k), offset[1]))),
+        left, none = (~potted[:, self.targets]).mean(1), np.empty((m, k, 0))
+        goal, distances = self._goal(rows, shots, positions[:, 0], goals[:, 0]) if self.goals else (none, none)
+        pot = Columns(
+            exists=exists,
+            turn=hand,
+            tolerance=tolerance,
+            dx=shots[..., pots.DX],
+            dy=shots[..., pots.DY],
+            speed=speed,
+            ease=np.log(tolerance) + 4.0,
+            geometry=np.stack(
+                (
+                    np.log(np.where(exists, rows[..., pots.MOUTH], 1.0)) + 3.0,
+                    rows[..., pots.CUT_COS],
+                    np.abs(rows[..., pots.CUT_SIN]),
+                    rows[..., pots.APPROACH],
+                    rows[..., pots.RUN],
+                    rows[..., pots.ROOM] / pots.FAR,
+                    rows[..., pots.WALL] >= 0,
+                ),
+                axis=-1,
+            ),
+            pace=speed,
+            gaps=gaps / (np.abs(gaps) + _NEAR),
+            rest=np.broadcast_to(np.column_stack((left, rest))[:, None], (m, k, 1 + rest.shape[1])),
+            goal=goal,
+            distances=distances,
+            offset=none if self.cue is None else np.stack((offset[0] * hand, np.full((m, k), offset[1])), -1),
         )
-        features = np.concatenate([np.asarray(column, np.float32).reshape(m, k, -1) for column in columns], axis=-1)
+        features = np.empty((m, k, self.at.width), np.float32)
+        for at, values in zip(self.at, pot, strict=True):
+            features[..., at] = values.reshape(m, k, at.stop - at.start)
         features *= exists[..., None]
         return features
 
-    def _goal(self, rows: Floats, shots: Floats, cue_ball: Floats, goals: Floats) -> Floats:
-        """Returns the inputs about the goals (m, 2), (m, k, N_GOAL), for `Pots.rows` and `Pots.shots`.
+    def _goal(self, rows: Floats, shots: Floats, cue_ball: Floats, goals: Floats) -> tuple[Floats, Floats]:
+        """Returns the inputs about the goals (m, 2) for `Pots.rows` and `Pots.shots`.
 
         They are the same for reflected tables: the goal as seen from the hit, ahead and on the side of the cut; the
         places of the hit and the goal, the direction of the cue ball and the side of the cut on a table that is
         reflected so that the direction is positive; and, for each speed, the way from the goal to the place where
-        geometry expects the cue ball to come to rest, on this table, and its length.
+        geometry expects the cue ball to come to rest, on this table. The second array is the length of this way.
         """
         ghost = rows[..., pots.GHOST_X : pots.GHOST_Y + 1]
         hand = _hand(rows)[..., None]
@@ -196,7 +249,7 @@ class PotFeatures(BaseFeaturesExtractor):
         signs = np.where(ahead < 0, -1.0, 1.0)
         missing = shots[..., pots.END_X : pots.END_Y + 1] - goals[:, None, None]
         missing = np.where(shots[..., pots.SPEED, None] > 0, missing * signs[:, :, None], _FARTHEST)
-        return np.concatenate(
+        goal = np.concatenate(
             (
                 (way * ahead).sum(-1, keepdims=True),
                 (way * left).sum(-1, keepdims=True) * hand,
@@ -206,20 +259,21 @@ class PotFeatures(BaseFeaturesExtractor):
                 np.abs(ahead),
                 hand * signs.prod(-1, keepdims=True),
                 missing.clip(-_FARTHEST, _FARTHEST).reshape(*rows.shape[:2], -1),
-                np.linalg.norm(missing, axis=-1).clip(max=_FARTHEST),
             ),
             axis=-1,
         )
+        return goal, np.linalg.norm(missing, axis=-1).clip(max=_FARTHEST)
 
     def _full_hits(self, positions: Floats, potted: NDArray[np.bool_]) -> Any:
         """Returns the features of full hits on the nearest ball at the largest speed, one for each table."""
         ways = positions - positions[:, :1]
         lengths = np.where(self.targets & ~potted, np.hypot(ways[..., 0], ways[..., 1]), np.inf)
         nearest = ways[np.arange(len(ways)), lengths.argmin(1)]
-        hits = np.zeros((len(ways), self.features_dim // self.n_rows), np.float32)
-        hits[:, 0] = hits[:, 1] = hits[:, 2] = 1.0
-        hits[:, 3 : 3 + 2 * _S] = (nearest / np.hypot(*nearest.T).clip(1e-9)[:, None]).repeat(_S, axis=1)
-        hits[:, 3 + 2 * _S : 3 + 3 * _S] = 1.0
+        nearest /= np.hypot(*nearest.T).clip(1e-9)[:, None]
+        hits = np.zeros((len(ways), self.at.width), np.float32)
+        for at in (self.at.exists, self.at.turn, self.at.tolerance, self.at.speed):
+            hits[:, at] = 1.0
+        hits[:, self.at.dx], hits[:, self.at.dy] = nearest[:, :1], nearest[:, 1:]
         return hits
 
 
@@ -263,25 +317,6 @@ class FeatureBuffer(RolloutBuffer):
         return samples._replace(observations=self.flat_features[torch.from_numpy(batch_inds)])
 
 
-class PotColumns(NamedTuple):
-    """Columns of r pots in the features of `PotFeatures`, each (r, columns).
-
-    Attributes:
-        turn: 1 if the object ball goes to the left of the cue ball's direction, else -1.
-        tolerance: The largest error of the direction, radians.
-        dx, dy: The cue ball's direction at each speed.
-        speed: The speeds, over the largest speed; 0 if the pot is not possible at this speed.
-        inputs: The inputs of the networks.
-    """
-
-    turn: Tensor
-    tolerance: Tensor
-    dx: Tensor
-    dy: Tensor
-    speed: Tensor
-    inputs: Tensor
-
-
 class PotHead(nn.Module):
     """Networks with the same weights for every pot.
 
@@ -313,12 +348,11 @@ class PotHead(nn.Module):
         super().__init__()
         others = 0 if cue is None else NUMBERS
         self.n_rows, self.cue, self.others = components * len(offsets(cue)), cue, others
-        self.width = features_dim // self.n_rows
+        rest = features_dim // self.n_rows - columns(0, goals, cue is not None).width
+        self.at = columns(rest, goals, cue is not None)
         last = hidden[-1]
-        layers = create_mlp(self.width - _FIRST_INPUT, -1, list(hidden), activation)
+        layers = create_mlp(self.at.width - self.at.inputs.start, -1, list(hidden), activation)
         self.layers, self.value_net = nn.Sequential(*layers), nn.Sequential(nn.Linear(2 * last, last), activation())
-        end = self.width - _FIRST_INPUT - (OFFSET_INPUTS if cue is not None else 0)
-        self.distances = slice(end - _S, end)  # the inputs that are distances from the goal, if there is one
         self.output = nn.Linear(last, (3 + others) * _S)
         nn.init.zeros_(self.output.weight)
         nn.init.zeros_(self.output.bias)
@@ -333,20 +367,20 @@ class PotHead(nn.Module):
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Returns the components of the mixtures, see `Components.flat`, and the input of the value function."""
-        table = features.view(-1, self.width)
-        places = table[:, 0].nonzero()[:, 0]
-        pot = PotColumns(*table[places, 1:].split((1, 1, _S, _S, _S, self.width - _FIRST_INPUT), 1))
-        hidden = self.layers(pot.inputs)
+        table = features.view(-1, self.at.width)
+        places = table[:, self.at.exists].nonzero()[:, 0]
+        pots_found = table[places]
+        pot = Columns(*(pots_found[:, at] for at in self.at))
+        hidden = self.layers(pots_found[:, self.at.inputs])
         weight, faster, aside, *others = self.output(hidden).chunk(3 + self.others, 1)
-        gaps = pot.inputs[:, _FIRST_SPEED + _S :][:, : _S * pots.N_GAPS].unflatten(1, (_S, pots.N_GAPS))
-        logit = weight + self.ease * pot.inputs[:, :1] - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
+        gaps = pot.gaps.unflatten(1, (_S, pots.N_GAPS))
+        logit = weight + self.ease * pot.ease - self.scratch * (gaps[..., 0] < 0) - self.haste * pot.speed
         if self.near is not None:
-            logit = logit - self.near * pot.inputs[:, self.distances]
+            logit = logit - self.near * pot.distances
         angle, speed = aside * pot.tolerance * pot.turn, pot.speed * torch.exp(0.5 * faster.tanh())
         if self.cue is not None and self.spin is not None:
-            offset = pot.inputs[:, -OFFSET_INPUTS:]
-            logit = logit - self.spin * offset.norm(dim=1, keepdim=True)
-            left, above = torch.atanh(offset / MOST).split(1, 1)
+            logit = logit - self.spin * pot.offset.norm(dim=1, keepdim=True)
+            left, above = torch.atanh(pot.offset / MOST).split(1, 1)
             cue = cue_parts(self.cue, others[0] + left, others[1] + above, others[2])
             side = cue.side * pot.turn  # a reflection changes the side
             angle, speed = angle + cue.turn * pot.turn, speed / cue.gain
