@@ -35,7 +35,7 @@ from agents.ppo import evaluation_seeds, load_policy
 from agents.runs import train_all
 from agents.train import learning_curve, versions
 from benchmarks import IMAGES
-from billiards_env.engine.modes import check_mode
+from billiards_env.engine.modes import checked_engine
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
 from billiards_env.files import write_json
@@ -81,7 +81,7 @@ class Study(Checked):
                 arguments = world_arguments(world, self.fix)
             except ValueError as error:
                 raise ValueError(f"worlds[{i}] = {world!r}: {error}") from error
-            check_mode(**arguments)
+            checked_engine(**arguments)
         if EXACT not in self.worlds:
             raise ValueError(f"worlds = {list(self.worlds)!r}: expected {EXACT!r} among them, to compare with")
 

@@ -2,7 +2,7 @@
 
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.log import KINDS, NO_LOG
-from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_fields
+from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import spread
 
@@ -10,12 +10,14 @@ __all__ = [
     "KINDS",
     "MAX_EVENTS",
     "NO_LOG",
+    "PIC",
     "STATUS",
+    "Engine",
     "ShotInput",
     "Shots",
-    "check_mode",
+    "checked_engine",
     "empty_shots",
-    "engine_of",
+    "run_shots_of",
     "scene_fields",
     "spread",
 ]

@@ -16,8 +16,8 @@ from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
-"""The function that runs shots for each mode. `engine_of` returns other functions of PIC for at most two and for many
-balls. All have the same arguments."""
+"""The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
+of PIC. All have the same arguments."""
 
 MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
 """`Numbers.motion` for each motion of a scene."""
@@ -60,15 +60,33 @@ A break has hundreds of events, at most thousands; a heap of balls pressed into 
 """
 
 
-def engine_of(mode: str, n_balls: int) -> Callable[..., None]:
-    """Returns the function that runs shots of a number of balls in a mode."""
-    if mode == "pic" and n_balls <= 2:
-        return pic.run_shots_of_two
-    return pic.run_shots_of_many if mode == "pic" and n_balls >= MANY_BALLS else MODES[mode]
+class Engine(NamedTuple):
+    """An engine and its settings, as `checked_engine` returns it.
+
+    Attributes:
+        mode: "pic" or "pit".
+        dt: Timestep of "pit", s; None for "pic".
+        fix: One of `FIXES`, the treatment of overlaps in "pit"; None for the first of them and for "pic".
+    """
+
+    mode: str = "pic"
+    dt: float | None = None
+    fix: str | None = None
+
+    def __str__(self) -> str:
+        timestep = "" if self.dt is None else f", dt = {1000 * self.dt:.4g} ms"
+        return self.mode.upper() + timestep + (f", {self.fix}" if self.fix else "")
 
 
-def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
-    """Raises a ValueError unless `mode` is an engine, and `dt` and `fix` are valid for it."""
+PIC = Engine()
+
+
+def checked_engine(mode: str, dt: float | None, fix: str | None) -> Engine:
+    """Returns an engine with its settings.
+
+    Raises:
+        ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
+    """
     choose("mode", mode, tuple(MODES))
     if mode == "pic":
         if dt is not None:
@@ -77,8 +95,8 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
             )
         if fix is not None:
             raise ValueError(f"fix = {short(fix)} with mode='pic': expected None, PIC has no overlaps to fix")
-        return
-    if not fits(dt, "dt"):
+        return PIC
+    if dt is None or not fits(dt, "dt"):
         least, most, unit, _ = RANGES["dt"]
         raise ValueError(
             f"dt = {short(dt)} with mode='pit': expected the timestep, a number from {least:g} to {most:g} {unit}, "
@@ -86,23 +104,31 @@ def check_mode(mode: str, dt: float | None, fix: str | None) -> None:
         )
     if fix is not None:
         choose("fix", fix, FIXES)
+    return Engine(mode, float(dt), fix)
 
 
-def scene_fields(scene: Scene, dt: float | None = None, fix: str | None = None) -> tuple[Any, ...]:
-    """Returns a scene as the argument of an entry point, see `SceneArrays`, with the settings of PIT.
+def run_shots_of(engine: Engine, n_balls: int) -> Callable[..., None]:
+    """Returns the function that runs shots of a number of balls by an engine."""
+    if engine.mode == "pic" and n_balls <= 2:
+        return pic.run_shots_of_at_most_two
+    return pic.run_shots_of_many if engine.mode == "pic" and n_balls >= MANY_BALLS else MODES[engine.mode]
+
+
+def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
+    """Returns a scene and the settings of an engine as the argument of an entry point, see `SceneArrays`.
 
     The same arguments return the same tuple.
     """
     global _latest
-    for_scene, for_dt, for_fix, fields = _latest
-    if for_scene is scene and for_dt == dt and for_fix == fix:
+    for_scene, for_engine, fields = _latest
+    if for_scene is scene and for_engine == engine:
         return fields  # faster than the cache, which hashes the scene in a microsecond
-    fields = _scene_fields(scene, dt, fix)
-    _latest = scene, dt, fix, fields
+    fields = _scene_fields(scene, engine)
+    _latest = scene, engine, fields
     return fields
 
 
-_latest: tuple[Any, Any, Any, Any] = None, None, None, None  # the arguments and the result of the last call
+_latest: tuple[Any, Any, Any] = None, None, ()  # the arguments and the result of the last call
 
 
 def scene_arrays(scene: Scene) -> SceneArrays:
@@ -112,7 +138,7 @@ def scene_arrays(scene: Scene) -> SceneArrays:
 
 
 @functools.lru_cache(maxsize=256)
-def _scene_fields(scene: Scene, dt: float | None, fix: str | None) -> tuple[Any, ...]:
+def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table, mass = scene.physics, scene.table, scene.balls.mass
     cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
     for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
@@ -143,8 +169,8 @@ def _scene_fields(scene: Scene, dt: float | None, fix: str | None) -> tuple[Any,
         tau=CONTACT_TIME,
         weak_speed=weak_speed(motion, slide, roll),
         longest_run=longest_run(mass),
-        dt=0.0 if dt is None else dt,
-        fix=FIXES.index(FIXES[0] if fix is None else fix),
+        dt=engine.dt or 0.0,
+        fix=FIXES.index(engine.fix or FIXES[0]),
     )
     pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
     outline = None

@@ -170,7 +170,7 @@ def run_shots(begin, end, scene, limit, max_events, shots, log):
 
 
 @allocating_entry_point
-def run_shots_of_two(begin, end, scene, limit, max_events, shots, log):
+def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):
     """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
 
     With more balls it would write outside the arrays.

@@ -12,7 +12,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import choose, finite, flag, real, whole
-from billiards_env.engine import STATUS, check_mode
+from billiards_env.engine import STATUS, checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, make_scene
@@ -268,10 +268,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.scene = make_scene(scene, n_object_balls)
         self.targets = task_targets(task, self.scene)
         self.task = task
-        check_mode(mode, dt, fix)
-        self.mode = mode
-        self.dt = dt
-        self.fix = fix
+        self.engine = checked_engine(mode, dt, fix)
         self.action = check_action(action, self.scene)
         self.max_shots = whole("max_shots", TASKS[task].max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
@@ -285,7 +282,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
+        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, self.engine)
 
         self._episodes = self.episodes(1)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
@@ -309,9 +306,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             max_shots=self.max_shots,
             max_speed=self.max_speed,
             scratch_penalty=self.scratch_penalty,
-            mode=self.mode,
-            dt=self.dt,
-            fix=self.fix,
+            engine=self.engine,
         )
         return Episodes(count, settings)
 

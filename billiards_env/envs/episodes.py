@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, empty_shots, engine_of, scene_fields
+from billiards_env.engine import MAX_EVENTS, NO_LOG, Engine, empty_shots, run_shots_of, scene_fields
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, judge_pot, write_on
 from billiards_env.jit import entry_point, kernel
@@ -42,9 +42,7 @@ class Settings:
         max_shots: Number of shots after which an episode ends.
         max_speed: Speed of an action of length 1, m/s.
         scratch_penalty: Reward subtracted for a scratch.
-        mode: The engine, "pic" or "pit".
-        dt: Timestep of "pit", s; None for "pic".
-        fix: Treatment of overlaps in "pit".
+        engine: The engine.
     """
 
     scene: Scene
@@ -55,9 +53,7 @@ class Settings:
     max_shots: int
     max_speed: float
     scratch_penalty: float
-    mode: str
-    dt: float | None
-    fix: str | None
+    engine: Engine
 
 
 class Rules(NamedTuple):
@@ -164,8 +160,8 @@ class Episodes:
         # The arguments of the kernels, as plain tuples: numba unpacks them faster than NamedTuples. The arrays are
         # those of the attributes above, also after a deep copy.
         shots = self.shots
-        self._engine = engine_of(settings.mode, n)
-        self._scene, self._shots = scene_fields(scene, settings.dt, settings.fix), tuple(shots)
+        self._run_shots = run_shots_of(settings.engine, n)
+        self._scene, self._shots = scene_fields(scene, settings.engine), tuple(shots)
         self._limit = scene.physics.max_time or math.inf
         self._max_speed = settings.max_speed
         self._rules = (
@@ -243,7 +239,7 @@ class Episodes:
         if self._cue is not None:
             strike_balls(begin, end, skip, actions, self._cue, self._struck)
         try:
-            self._engine(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+            self._run_shots(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         except BaseException:
             self.shots.positions[begin:end] = self.start[begin:end]
             self.shots.in_play[begin:end] = ~self.potted_before[begin:end]

@@ -19,7 +19,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.engine import ShotInput
+from billiards_env.engine import PIC, Engine, ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
 from billiards_env.envs.tasks import TASKS
@@ -127,9 +127,7 @@ class Renderer:
     Args:
         scene: The scene of the environments.
         render_mode: One of `RENDER_MODES`.
-        mode: The engine, "pic" or "pit".
-        dt: Timestep of "pit", s.
-        fix: Treatment of overlaps in "pit".
+        engine: The engine.
         count: Number of environments.
 
     Attributes:
@@ -140,14 +138,12 @@ class Renderer:
         self,
         scene: Scene,
         render_mode: str,
-        mode: str = "pic",
-        dt: float | None = None,
-        fix: str | None = None,
+        engine: Engine = PIC,
         count: int = 1,
     ) -> None:
         self.render_mode = render_mode
         self._scene = scene
-        self._engine = (mode, dt, fix)
+        self._engine = engine
         self._count = count
         self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
@@ -233,7 +229,7 @@ class Renderer:
             self._canvas = Canvas(self._scene, WIDTH_OF_MANY if tiled else WIDTH)
         films = []
         for shot, left, right, circles in shots:
-            recording = run_shot(self._scene, shot, *self._engine, record=True).recording()
+            recording = run_shot(self._scene, shot, self._engine, record=True).recording()
             films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
         return films
 

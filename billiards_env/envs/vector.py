@@ -114,9 +114,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
         self._renderer = (
-            None
-            if env.render_mode is None
-            else Renderer(env.scene, env.render_mode, env.mode, env.dt, env.fix, self.num_envs)
+            None if env.render_mode is None else Renderer(env.scene, env.render_mode, env.engine, self.num_envs)
         )
         self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space

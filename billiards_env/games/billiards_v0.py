@@ -217,7 +217,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, mode, dt, fix)
+        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, self.setup.engine)
 
         n, players = self.setup.scene.n_balls, self.setup.n_players
         self.possible_agents = [f"player_{i}" for i in range(players)]

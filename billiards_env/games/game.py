@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
-from billiards_env.engine.modes import check_mode
+from billiards_env.engine.modes import Engine, checked_engine
 from billiards_env.games.facts import Facts, facts_of
 from billiards_env.games.placement import Point, cue_ball_point, rack_again
 from billiards_env.games.rules import RULES, Rules
@@ -112,9 +112,14 @@ class Setup:
         for name, possible in (("called", rules.can_call), ("miss", "replace" in rules.choices)):
             if flag(name, getattr(self, name)) and not possible:
                 raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
-        check_mode(self.mode, self.dt, self.fix)
+        checked_engine(self.mode, self.dt, self.fix)
         if self.dt is not None:
             object.__setattr__(self, "dt", float(self.dt))
+
+    @property
+    def engine(self) -> Engine:
+        """The engine."""
+        return Engine(self.mode, self.dt, self.fix)
 
     @property
     def game_rules(self) -> Rules:
@@ -350,7 +355,7 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     lying = state.object_balls if no_shot and state.in_hand != "no" else state.on_table
     in_play = np.isin(np.arange(n), sorted(lying))
     shot_input = ShotInput(positions, velocities, spins, in_play, scene.physics.max_time or math.inf)
-    shot = run_shot(scene, shot_input, setup.mode, setup.dt, setup.fix, record=True)
+    shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
         return PlayedShot(_without_shot(game, stroke.call), shot_input, shot, Facts(), Verdict())
     assert shot.events is not None

@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 
 from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
 from billiards_env.engine.inputs import check_shot
-from billiards_env.engine.modes import MAX_EVENTS, check_mode
+from billiards_env.engine.modes import MAX_EVENTS, checked_engine
 from billiards_env.engine.shots import STATUS
 from billiards_env.files import replacing
 from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
@@ -188,7 +188,7 @@ def record_shot(
         ValueError: As `simulate` does.
     """
     check_scene(scene)
-    check_mode(mode, dt, fix)
+    checked_engine(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     checked = check_shot(
         scene, shaped("positions", positions, (scene.n_balls, 2)), velocities, spins, in_play, max_time
@@ -579,5 +579,5 @@ def _head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None
     whole("number of balls", scene.n_balls, Range(1, MAX_BALLS))
     mode, dt, fix = data["mode"], data["dt"], data["fix"]
     dt = None if dt is None else real("dt", dt)
-    check_mode(mode, dt, fix)
+    checked_engine(mode, dt, fix)
     return scene, mode, dt, fix

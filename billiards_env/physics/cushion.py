@@ -189,6 +189,7 @@ def _by_law(is_rigid, is_stronge, is_mathavan, before, radius, rebound, numbers)
         return stronge(before, radius, rebound, numbers)
     if is_mathavan is not None:
         return mathavan2010(before, radius, rebound, numbers)
+    raise NotImplementedError
 
 
 @inlined

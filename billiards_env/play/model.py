@@ -25,6 +25,7 @@ from billiards_env.checks import MAX_SPEED, Range, real
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
+from billiards_env.engine import PIC, Engine
 from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, play
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
@@ -444,8 +445,8 @@ def _replay(model: Model) -> Model:
         return model
     comparison = model.comparison
     if comparison is None:
-        mode, dt = ("pit", model.ghost_dt) if model.setup.mode == "pic" else ("pic", None)
-        comparison = run_shot(model.setup.scene, model.last_shot.shot_input, mode, dt, record=True)
+        engine = Engine("pit", model.ghost_dt) if model.setup.mode == "pic" else PIC
+        comparison = run_shot(model.setup.scene, model.last_shot.shot_input, engine, record=True)
     return dataclasses.replace(model, comparison=comparison, phase="replaying", preview=None, clock=0.0)
 
 

@@ -29,7 +29,7 @@ from billiards_env.engine.log import (
     TIME,
     Log,
 )
-from billiards_env.engine.modes import scene_arrays
+from billiards_env.engine.modes import Engine, scene_arrays
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.sensitivity import Sensitivity, sensitivity_along
@@ -284,7 +284,7 @@ def _recording(shot: ShotResult | None, method: str) -> Recording | None:
     return None if shot is None else shot.recording(method)
 
 
-def read_log(log: Log, scene: Scene, mode: str, dt: float | None, fix: str | None) -> dict[str, Any]:
+def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:
     """Returns the fields of a `ShotResult` that only a recorded shot has."""
     rows, segments = log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
     events = np.empty(len(rows), EVENT_DTYPE)
@@ -296,14 +296,10 @@ def read_log(log: Log, scene: Scene, mode: str, dt: float | None, fix: str | Non
         segments[:, SEGMENT_PHASE].astype(np.intp),
         segments[:, SEGMENT_ROW:].copy(),
     )
-    engine = mode.upper()
-    if dt is not None:
-        engine += f", dt = {1000 * dt:.4g} ms" + (f", {fix}" if fix else "")
-    exact = mode == "pic"
     return {
         "events": events,
         "trajectory": trajectory,
         "scene": scene,
-        "engine": engine,
-        "_log": rows.copy() if exact else None,
+        "engine": str(engine),
+        "_log": rows.copy() if engine.mode == "pic" else None,
     }

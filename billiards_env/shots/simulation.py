@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import flag, numbers, short, whole
 from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
-from billiards_env.engine.modes import MAX_EVENTS, check_mode, engine_of, scene_fields
+from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import spread
 from billiards_env.scene import Scene, check_scene
@@ -68,14 +68,14 @@ def simulate(
         ('max_time', 1, [[0.0, 0.0], [1.0, 0.0]])
     """
     check_scene(scene)
-    check_mode(mode, dt, fix)
+    engine = checked_engine(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     flag("record", record)
     positions = numbers("positions", positions)
     if positions.ndim != 2:
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
-    return run_shot(scene, checked, mode, dt, fix, record, max_events)
+    return run_shot(scene, checked, engine, record, max_events)
 
 
 def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[ArrayLike, ArrayLike | None]:
@@ -90,9 +90,7 @@ def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[Ar
 def run_shot(
     scene: Scene,
     shot: ShotInput,
-    mode: str = "pic",
-    dt: float | None = None,
-    fix: str | None = None,
+    engine: Engine = PIC,
     record: bool = False,
     max_events: int = MAX_EVENTS,
 ) -> ShotResult:
@@ -101,9 +99,7 @@ def run_shot(
     Args:
         scene: Table, balls and physics.
         shot: Valid input, such as the end of another shot.
-        mode: As in `simulate`.
-        dt: As in `simulate`.
-        fix: As in `simulate`.
+        engine: The engine.
         record: As in `simulate`.
         max_events: As in `simulate`.
 
@@ -111,13 +107,13 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    arrays, engine = scene_fields(scene, dt, fix), engine_of(mode, n)
+    arrays, run_shots = scene_fields(scene, engine), run_shots_of(engine, n)
     room = 256 if record else 0
     while True:
         log, shots = empty_log(room, 4 * room), empty_shots(1, n)
         for out, array in zip(shots, shot[:4], strict=False):
             out[0] = array
-        engine(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
+        run_shots(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used)))  # the log was too small: the shot runs again
@@ -133,7 +129,7 @@ def run_shot(
         cushions=shots.cushions[0],
         cushions_before_hit=shots.cushions_before_hit[0],
         n_contact_rule=shots.n_contact_rule.item(),
-        **(read_log(log, scene, mode, dt, fix) if record else {}),
+        **(read_log(log, scene, engine) if record else {}),
     )
 
 
@@ -232,7 +228,7 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_scene(scene)
-    check_mode(mode, dt, fix)
+    engine = checked_engine(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     positions = numbers("positions", positions)
     if positions.ndim != 3:
@@ -242,7 +238,7 @@ def simulate_batch(
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
     limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
-    engine, arrays, plain = engine_of(mode, scene.n_balls), scene_fields(scene, dt, fix), tuple(shots)
-    spread(lambda begin, end: engine(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+    run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
+    spread(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict()
     return BatchResult(potted=~outcome.pop("in_play"), **outcome)

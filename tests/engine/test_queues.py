@@ -90,6 +90,6 @@ def test_shots_of_balls_in_contact_at_rest_are_equal():
 
 
 def test_the_number_of_balls_selects_the_engine():
-    assert modes.engine_of("pic", 1) is modes.engine_of("pic", 2) is pic.run_shots_of_two
-    assert modes.engine_of("pic", 3) is modes.engine_of("pic", modes.MANY_BALLS - 1) is pic.run_shots
-    assert modes.engine_of("pic", modes.MANY_BALLS) is pic.run_shots_of_many
+    assert modes.run_shots_of(modes.PIC, 1) is modes.run_shots_of(modes.PIC, 2) is pic.run_shots_of_at_most_two
+    assert modes.run_shots_of(modes.PIC, 3) is modes.run_shots_of(modes.PIC, modes.MANY_BALLS - 1) is pic.run_shots
+    assert modes.run_shots_of(modes.PIC, modes.MANY_BALLS) is pic.run_shots_of_many

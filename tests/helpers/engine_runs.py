@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.log import empty_log
-from billiards_env.engine.modes import scene_fields
+from billiards_env.engine.modes import PIC, Engine, scene_fields
 from billiards_env.engine.shots import Shots, empty_shots
 
 LOG_EVENTS = 2_000
@@ -19,5 +19,13 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
     shots = Shots(*given[:4], *empty_shots(m, n)[4:])
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS) if record else empty_log()
     log.events[:], log.segments[:] = 0.0, 0.0
-    run_shots(0, m, scene_fields(scene, dt, fix), given.limit, max_events, tuple(shots), tuple(log))
+    run_shots(
+        0,
+        m,
+        scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix)),
+        given.limit,
+        max_events,
+        tuple(shots),
+        tuple(log),
+    )
     return [*shots, *log]
