@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from billiards_env.scene import Scene, layouts
 from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.outline import Circle, Point, circle_intersections
 
-Point = tuple[float, float]
-Circle = tuple[float, float, float]
 
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
@@ -82,20 +81,6 @@ def _line_intersections(centre: float, radius: float, offset: float) -> list[flo
     return [centre - half, centre + half]
 
 
-def _circle_intersections(first: Circle, second: Circle) -> list[Point]:
-    (x, y, r), (x2, y2, r2) = first, second
-    dx, dy = x2 - x, y2 - y
-    square = dx * dx + dy * dy
-    if square == 0.0:
-        return []
-    along = (square + r * r - r2 * r2) / (2.0 * square)
-    across = r * r / square - along * along
-    if across < 0.0:
-        return []
-    side = math.sqrt(across)
-    return [(x + along * dx - s * dy, y + along * dy + s * dx) for s in (side, -side)]
-
-
 def nearest_free_point(
     point: Point, area: tuple[float, float, float, float], circles: list[Circle], within: Circle | None = None
 ) -> Point:
@@ -135,7 +120,7 @@ def nearest_free_point(
     for i, circle in enumerate(circles):
         cx, cy, radius = circle
         for other in circles[i + 1 :] + ([within] if within else []):
-            candidates += _circle_intersections(circle, other)
+            candidates += circle_intersections(circle, other)
         for edge in (x_low, x_high):
             candidates += [(edge, v) for v in _line_intersections(cy, radius, edge - cx)]
         for edge in (y_low, y_high):

@@ -292,22 +292,27 @@ def _within(tip: Tip, x: Floats, y: Floats) -> NDArray[np.bool_]:
     return (sx * py - sy * px <= 0.0) & (px * ey - py * ex <= 0.0)
 
 
+def circle_intersections(a: Circle, b: Circle) -> list[Point]:
+    """Returns the points at which two circles (x, y, radius) meet; none if they have the same centre."""
+    (ax, ay, ar), (bx, by, br) = a, b
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return []
+    along = (square + ar * ar - br * br) / (2.0 * square)
+    across = ar * ar / square - along * along
+    if across < 0.0:
+        return []
+    side = math.sqrt(across)
+    return [(ax + along * dx - s * dy, ay + along * dy + s * dx) for s in (side, -side)]
+
+
 def _intersections(a: Line | Circle, b: Line | Circle) -> list[Point]:
     """Returns the points at which two curves meet; a line has no ends here. Parallel lines do not meet."""
     if not isinstance(a, Line):
         if isinstance(b, Line):
             return _intersections(b, a)
-        (ax, ay, ar), (bx, by, br) = a, b
-        dx, dy = bx - ax, by - ay
-        square = dx * dx + dy * dy
-        if square == 0.0:
-            return []
-        along = (square + ar * ar - br * br) / (2.0 * square)
-        across = ar * ar / square - along * along
-        if across < 0.0:
-            return []
-        side = math.sqrt(across)
-        return [(ax + along * dx - s * dy, ay + along * dy + s * dx) for s in (side, -side)]
+        return circle_intersections(a, b)
     dx, dy = a.x1 - a.x0, a.y1 - a.y0
     length = math.hypot(dx, dy)
     dx, dy = dx / length, dy / length
