@@ -42,7 +42,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
+from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
@@ -365,7 +365,7 @@ def _hit_cushion(i, wall, scene, work):
     if fix == PUSH_APART:
         here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, numbers, scene.outline)
     elif fix == MOVE_BACK:
-        t = min(overlap_time(x, y, vx, vy, radius, wall, beyond, speed, scene.outline), numbers.dt)
+        t = min(overlap_time(Path(x, y, vx, vy, 0.0, 0.0), radius, wall, beyond, speed, scene.outline), numbers.dt)
         here[i, X] -= t * vx
         here[i, Y] -= t * vy
     work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]

@@ -16,7 +16,6 @@ from billiards_env.scene import Scene, layouts
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.outline import Circle, Point, circle_intersections
 
-
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.compliance import friction_impulse
-from billiards_env.physics.mathavan import integrate_impact
+from billiards_env.physics.mathavan import CushionNose, integrate_impact
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
 
 
@@ -174,8 +174,9 @@ def mathavan2010(before, radius, rebound, numbers):
     """Returns a ball's motion after an impact by `mathavan.integrate_impact`, as `stronge` does."""
     vn, vt, _, _, rwz = before
     nose = _nose(before, radius, numbers)
-    mu, mu_cloth, e = numbers.mu_cushion, numbers.mu_cloth, cushion_restitution(vn, numbers)
-    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, nose.sin, nose.cos, mu, mu_cloth, e)
+    contact = CushionNose(nose.sin, nose.cos, numbers.mu_cushion, numbers.mu_cloth)
+    e = cushion_restitution(vn, numbers)
+    vx, vy, rwx, rwy, rwz = integrate_impact(-vt, vn, -nose.rwt, nose.rwn, rwz, contact, e)
     raised = vy > -rebound
     vn = -rebound if raised else vy
     return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised

@@ -23,6 +23,7 @@ belongs to the slip after the normal impulse, so it never raises the energy.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters import quantum
@@ -105,22 +106,36 @@ def contact_slip(tilt, i, j, nx, ny, state, radius):
     return side + (cosine * turn - sine * (lean_i + lean_j)), (up_i + up_j) - sine * along
 
 
+class FrictionImpulse(NamedTuple):
+    """The impulse of friction on the first ball of a contact.
+
+    Attributes:
+        nx: Horizontal unit vector h from the first to the second ball along x.
+        ny: The same along y.
+        across: Impulse across, kg m/s.
+        up: Impulse up, kg m/s.
+    """
+
+    nx: Any
+    ny: Any
+    across: Any
+    up: Any
+
+
 @kernel
-def rub_ball(tilt, i, sign, nx, ny, across, up, state, scene):
+def rub_ball(i, sign, push, tilt, state, scene):
     """Changes velocity, slip and spin of a ball by the friction of an impact.
 
     Args:
-        tilt: The result of `tilt_of`.
         i: The ball.
         sign: 1.0 if i is the first ball of the contact, -1.0 if it is the second.
-        nx: Horizontal unit vector h from the first to the second ball along x.
-        ny: The same along y.
-        across: Impulse on the first ball across, kg m/s.
-        up: Impulse on the first ball up, kg m/s.
+        push: The `FrictionImpulse` on the first ball.
+        tilt: The result of `tilt_of`.
         state: The `State`.
         scene: The `SceneArrays`.
     """
     s, inverse = state.rows[i], scene.inv_mass[i]
+    nx, ny, across, up = push
     if tilt is not None:
         cosine, sine = tilt
         dv_across, dv_along = sign * across * inverse, -(sign * up * inverse) * sine
@@ -165,8 +180,9 @@ def rub_pair(ball_friction, i, j, nx, ny, p, state, scene):
         stop = 1.0 / (3.5 * inverse)  # impulse per slip that stops it
         limit = friction_coefficient(scene.numbers, slip) * _along_normal(tilt, p)
         ratio = -(limit / slip if limit < stop * slip else stop)
-        rub_ball(tilt, i, 1.0, nx, ny, ratio * across, ratio * up, state, scene)
-        rub_ball(tilt, j, -1.0, nx, ny, ratio * across, ratio * up, state, scene)
+        push = FrictionImpulse(nx, ny, ratio * across, ratio * up)
+        rub_ball(i, 1.0, push, tilt, state, scene)
+        rub_ball(j, -1.0, push, tilt, state, scene)
 
 
 @inlined

@@ -17,6 +17,7 @@ The axes are x along the cushion, y into it and z up. Impulses are per mass; spi
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 
@@ -34,6 +35,22 @@ _A7 = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
 _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 
 
+class CushionNose(NamedTuple):
+    """The nose of a cushion, at an angle above the ball's centre, and the friction.
+
+    Attributes:
+        sin: Sine of the angle.
+        cos: Its cosine.
+        mu: Friction at the cushion.
+        mu_cloth: Friction at the cloth.
+    """
+
+    sin: Any
+    cos: Any
+    mu: Any
+    mu_cloth: Any
+
+
 @inlined
 def _at_most(x, y, limit):
     """Returns the vector (x, y), shortened to the length `limit` if it is longer."""
@@ -44,23 +61,21 @@ def _at_most(x, y, limit):
 
 
 @inlined
-def _slips(y, sin, cos):
+def _slips(y, nose):
     """Returns the slips (x, y) at the cushion and (x, y) at the cloth."""
-    return y[0] + y[3] * sin - y[4] * cos, y[2] - y[1] * sin, y[0] - y[3], y[1] + y[2]
+    return y[0] + y[3] * nose.sin - y[4] * nose.cos, y[2] - y[1] * nose.sin, y[0] - y[3], y[1] + y[2]
 
 
 @inlined
-def _begin_slip(ex, ey, sin, cos, mu, mu_cloth):
+def _begin_slip(ex, ey, nose):
     """Returns the friction at the cushion when its slip begins there, against the direction of the slip.
 
     Args:
         ex: Direction of the slip on the cloth along x.
         ey: The same along y.
-        sin: Sine of the angle of the nose.
-        cos: Cosine of that angle.
-        mu: Friction at the cushion.
-        mu_cloth: Friction at the cloth.
+        nose: The `CushionNose`.
     """
+    sin, cos, mu, mu_cloth = nose
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
     # Without friction the slip changes at the rate r. With friction mu along -(x, y) the rate is lam (x, y).
     rx, ry = -d * mu_cloth * ex * sin, sin * cos - g * mu_cloth * ey * sin
@@ -79,18 +94,16 @@ def _begin_slip(ex, ey, sin, cos, mu, mu_cloth):
 
 
 @kernel
-def _rates(y, sin, cos, mu, mu_cloth, tiny):
+def _rates(y, nose, tiny):
     """Returns the derivatives of (vx, vy, R wx, R wy, R wz, work) with respect to P.
 
     Args:
         y: These quantities.
-        sin: Sine of the angle of the nose above the ball's centre.
-        cos: Cosine of that angle.
-        mu: Friction at the cushion.
-        mu_cloth: Friction at the cloth.
+        nose: The `CushionNose`.
         tiny: A slip of this size is zero, m/s.
     """
-    xi, yi, xc, yc = _slips(y, sin, cos)
+    sin, cos, mu, mu_cloth = nose
+    xi, yi, xc, yc = _slips(y, nose)
     at_nose, at_cloth = math.sqrt(xi * xi + yi * yi), math.sqrt(xc * xc + yc * yc)
     # A unit impulse along y at one contact changes the slip at the other one by g, that along x by d.
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
@@ -111,7 +124,7 @@ def _rates(y, sin, cos, mu, mu_cloth, tiny):
             ax = mu_cloth * max(0.0, sin - ay * cos) * ex * d / 3.5
         if ax * ax + ay * ay > mu * mu:
             if ex != 0.0 or ey != 0.0:
-                ax, ay = _begin_slip(ex, ey, sin, cos, mu, mu_cloth)
+                ax, ay = _begin_slip(ex, ey, nose)
             else:
                 ax, ay = _at_most(ax, ay, mu)
     press = mu_cloth * max(0.0, sin - ay * cos)  # limit of the friction on the cloth
@@ -145,15 +158,15 @@ def _combine(y, h, k, weights):
 
 
 @kernel
-def _step(y, h, k1, sin, cos, mu, mu_cloth, tiny):
+def _step(y, h, k1, nose, tiny):
     """Returns (y after a step h, its derivative, error of the velocities); k1 is the derivative at y."""
-    k2 = _rates(_combine(y, h, (k1,), _A2), sin, cos, mu, mu_cloth, tiny)
-    k3 = _rates(_combine(y, h, (k1, k2), _A3), sin, cos, mu, mu_cloth, tiny)
-    k4 = _rates(_combine(y, h, (k1, k2, k3), _A4), sin, cos, mu, mu_cloth, tiny)
-    k5 = _rates(_combine(y, h, (k1, k2, k3, k4), _A5), sin, cos, mu, mu_cloth, tiny)
-    k6 = _rates(_combine(y, h, (k1, k2, k3, k4, k5), _A6), sin, cos, mu, mu_cloth, tiny)
+    k2 = _rates(_combine(y, h, (k1,), _A2), nose, tiny)
+    k3 = _rates(_combine(y, h, (k1, k2), _A3), nose, tiny)
+    k4 = _rates(_combine(y, h, (k1, k2, k3), _A4), nose, tiny)
+    k5 = _rates(_combine(y, h, (k1, k2, k3, k4), _A5), nose, tiny)
+    k6 = _rates(_combine(y, h, (k1, k2, k3, k4, k5), _A6), nose, tiny)
     after = _combine(y, h, (k1, k2, k3, k4, k5, k6), _A7)
-    k7 = _rates(after, sin, cos, mu, mu_cloth, tiny)
+    k7 = _rates(after, nose, tiny)
     zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     off = _combine(zero, h, (k1, k2, k3, k4, k5, k6, k7), _ERROR)
     error = max(max(abs(off[0]), abs(off[1])), max(max(abs(off[2]), abs(off[3])), abs(off[4])))
@@ -161,10 +174,10 @@ def _step(y, h, k1, sin, cos, mu, mu_cloth, tiny):
 
 
 @inlined
-def _longest_step(y, rate, sin, cos, tiny):
+def _longest_step(y, rate, nose, tiny):
     """Returns the longest step in which no falling slip changes by more than half of its size."""
-    xi, yi, xc, yc = _slips(y, sin, cos)
-    dxi, dyi, dxc, dyc = _slips(rate, sin, cos)
+    xi, yi, xc, yc = _slips(y, nose)
+    dxi, dyi, dxc, dyc = _slips(rate, nose)
     longest = math.inf
     for x, z, dx, dz in ((xi, yi, dxi, dyi), (xc, yc, dxc, dyc)):
         size = math.sqrt(x * x + z * z)
@@ -174,21 +187,21 @@ def _longest_step(y, rate, sin, cos, tiny):
 
 
 @inlined
-def _clear_slips(y, sin, cos, tiny):
+def _clear_slips(y, nose, tiny):
     """Returns y with spins that make slips of less than `tiny` zero."""
     vx, vy, rwx, rwy, rwz, work = y
-    xi, yi, xc, yc = _slips(y, sin, cos)
+    xi, yi, xc, yc = _slips(y, nose)
     if xc * xc + yc * yc < tiny * tiny:
         rwx, rwy = -vy, vx
     elif xi * xi + yi * yi < tiny * tiny:
-        rwx = vy * sin
+        rwx = vy * nose.sin
     if xi * xi + yi * yi < tiny * tiny:
-        rwz = (vx + rwy * sin) / cos
+        rwz = (vx + rwy * nose.sin) / nose.cos
     return vx, vy, rwx, rwy, rwz, work
 
 
 @kernel
-def integrate_impact(vx, vy, rwx, rwy, rwz, sin, cos, mu, mu_cloth, e):
+def integrate_impact(vx, vy, rwx, rwy, rwz, nose, e):
     """Returns (vx, vy, rwx, rwy, rwz) after an impact, m/s.
 
     Args:
@@ -197,10 +210,7 @@ def integrate_impact(vx, vy, rwx, rwy, rwz, sin, cos, mu, mu_cloth, e):
         rwx: Spin about x times the radius, m/s.
         rwy: Spin about y times the radius, m/s.
         rwz: Spin about z times the radius, m/s.
-        sin: Sine of the angle of the nose above the ball's centre.
-        cos: Cosine of that angle.
-        mu: Friction at the cushion.
-        mu_cloth: Friction at the cloth.
+        nose: The `CushionNose`.
         e: Restitution.
     """
     y = (vx, vy, rwx, rwy, rwz, 0.0)
@@ -210,10 +220,10 @@ def integrate_impact(vx, vy, rwx, rwy, rwz, sin, cos, mu, mu_cloth, e):
     tiny = 100.0 * most
     compresses, work, last_work = True, 0.0, 0.0
     h = 0.1 * vy
-    rate = _rates(y, sin, cos, mu, mu_cloth, tiny)
+    rate = _rates(y, nose, tiny)
     for _ in range(_MOST_STEPS):
-        h = min(h, _longest_step(y, rate, sin, cos, tiny))
-        after, rate_after, error = _step(y, h, rate, sin, cos, mu, mu_cloth, tiny)
+        h = min(h, _longest_step(y, rate, nose, tiny))
+        after, rate_after, error = _step(y, h, rate, nose, tiny)
         if error > most and h > most:
             h *= max(0.1, 0.9 * math.sqrt(math.sqrt(most / error)))
             continue
@@ -224,7 +234,7 @@ def integrate_impact(vx, vy, rwx, rwy, rwz, sin, cos, mu, mu_cloth, e):
         if left_after < -close and h > 0.0:
             h *= max(0.1, left / (left - left_after))
             continue
-        y, rate = _clear_slips(after, sin, cos, tiny), rate_after
+        y, rate = _clear_slips(after, nose, tiny), rate_after
         if left_after <= close:
             if not compresses or e == 0.0:
                 break

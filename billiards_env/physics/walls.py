@@ -478,14 +478,11 @@ def _piece_overlap(x, y, radius, wall, outside, outline):
 
 
 @inlined
-def overlap_time(x, y, vx, vy, radius, wall, beyond, speed, outline):
-    """Returns the time since a ball that is beyond a cushion touched it on its straight path, s.
+def overlap_time(path, radius, wall, beyond, speed, outline):
+    """Returns the time since a ball that is beyond a cushion touched it, s.
 
     Args:
-        x: Position of the ball along x, m.
-        y: The same along y.
-        vx: Its velocity along x, m/s.
-        vy: The same along y.
+        path: The straight `Path` of the ball.
         radius: m.
         wall: The number of the cushion.
         beyond: Distance beyond the cushion, m.
@@ -495,8 +492,11 @@ def overlap_time(x, y, vx, vy, radius, wall, beyond, speed, outline):
     if outline is None or wall < len(outline.lines):
         return beyond / speed
     tip = outline.tips[wall - len(outline.lines)]
-    dx, dy, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius
-    dw, vv = dx * vx + dy * vy, vx * vx + vy * vy  # the distance t seconds ago was |d + v t|
+    dx, dy, reach = tip[TIP_X] - path.x, tip[TIP_Y] - path.y, tip[TIP_RADIUS] + radius
+    dw, vv = (
+        dx * path.vx + dy * path.vy,
+        path.vx * path.vx + path.vy * path.vy,
+    )  # |d + v t| t seconds ago
     return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (dx * dx + dy * dy)))) - dw) / vv
 
 
