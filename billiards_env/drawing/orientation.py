@@ -95,7 +95,7 @@ def turning(recording: Recording, faces: ArrayLike | None = None, error: float =
     ends = np.append(start[1:], 0.0)
     ends[np.append(ball[1:] != ball[:-1], True)] = recording.time
     radius = np.array(recording.scene.balls.radius)[ball]
-    moves, slides = paths.moves[order], phase == SLIDING
+    moves, slides = paths.moving[order], phase == SLIDING
     lasts = np.where((phase > 0) & (phase != POTTED), np.clip(ends - start, 0.0, rows[:, LASTS]), 0.0)
     velocity, slip = np.where(moves, rows[:, [VX, VY]].T, 0.0), np.where(slides, rows[:, [UX, UY]].T, 0.0)
     roll, decay = (velocity - slip) / radius, recording.scene.physics.spin_decay

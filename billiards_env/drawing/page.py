@@ -151,7 +151,7 @@ def _view(table: Table) -> tuple[float, float, float]:
 
 def _run(recording: Recording) -> dict[str, Any]:
     paths = recording.trajectory
-    lasts = np.minimum(paths.lasts, recording.time)
+    lasts = np.minimum(paths.duration, recording.time)
     rows = np.column_stack((paths.start, lasts, paths.position, paths.velocity, paths.acceleration))
     return {
         "label": recording.label,

@@ -34,7 +34,7 @@ class Recording(NamedTuple):
     @property
     def gone(self) -> Floats:
         """(n,) s, the time at which each ball was potted; 0 if it was not in play, inf if it was not potted."""
-        return self.trajectory.gone
+        return self.trajectory.potted_at
 
     def path(self, ball: int, times: ArrayLike) -> Floats:
         """Returns the positions of a ball at some times (s), (m, 2) m."""
@@ -45,7 +45,7 @@ class Recording(NamedTuple):
         at, paths = numbers("times", times), self.trajectory
         mine = np.flatnonzero(paths.ball == ball)
         pieces = mine[np.maximum(np.searchsorted(paths.start[mine], at, side="right") - 1, 0)]
-        since = np.clip(at - paths.start[pieces], 0.0, paths.lasts[pieces])[:, None]
+        since = np.clip(at - paths.start[pieces], 0.0, paths.duration[pieces])[:, None]
         return np.hypot(*(paths.velocity[pieces] + since * paths.acceleration[pieces]).T)
 
     def corners(self, ball: int) -> Floats:
@@ -56,7 +56,7 @@ class Recording(NamedTuple):
         """Returns whether a ball is in play and moves during the shot."""
         paths = self.trajectory
         pieces = paths.ball == ball
-        return bool(self.gone[ball] > 0 and ((paths.velocity[pieces] != 0) & (paths.lasts[pieces, None] > 0)).any())
+        return bool(self.gone[ball] > 0 and ((paths.velocity[pieces] != 0) & (paths.duration[pieces, None] > 0)).any())
 
 
 def check_pair(recording: Recording, other: Recording) -> None:

@@ -4,7 +4,7 @@ from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.log import KINDS, NO_LOG
 from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
-from billiards_env.engine.threads import spread
+from billiards_env.engine.threads import parallel_for
 
 __all__ = [
     "KINDS",
@@ -17,7 +17,7 @@ __all__ = [
     "Shots",
     "checked_engine",
     "empty_shots",
+    "parallel_for",
     "run_shots_of",
     "scene_fields",
-    "spread",
 ]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, short
 from billiards_env.engine.modes import scene_fields
 from billiards_env.engine.shots import Shots
-from billiards_env.engine.threads import spread
+from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import entry_point
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance
@@ -200,7 +200,7 @@ def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
         if not is_valid_fast(begin, end, arrays, *balls):
             doubtful.append(begin)
 
-    spread(work, len(balls[0]), threads)
+    parallel_for(work, len(balls[0]), threads)
     return not doubtful
 
 

@@ -19,7 +19,7 @@ _PIECE = 4e-4
 _WAIT = 0.2  # s; on Windows a wait reacts to Ctrl-C only when it ends
 
 
-def spread(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
+def parallel_for(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
     """Calls `work(begin, end)` on consecutive pieces of range(m), on several threads if this saves time.
 
     Shots differ in duration, so pieces become smaller towards the end to let all threads end together (guided

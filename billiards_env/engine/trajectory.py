@@ -35,14 +35,14 @@ class Trajectory(NamedTuple):
         return self.rows[:, T0]
 
     @property
-    def moves(self) -> NDArray[np.bool_]:
+    def moving(self) -> NDArray[np.bool_]:
         """(k,) Whether the ball moves on the piece."""
         return (self.phase >= ROLLING) & (self.phase < POTTED)
 
     @property
-    def lasts(self) -> Floats:
+    def duration(self) -> Floats:
         """(k,) Longest time for which the ball moves on the piece, s; it may be infinite."""
-        return np.where(self.moves, self.rows[:, LASTS], 0.0)
+        return np.where(self.moving, self.rows[:, LASTS], 0.0)
 
     @property
     def position(self) -> Floats:
@@ -52,20 +52,20 @@ class Trajectory(NamedTuple):
     @property
     def velocity(self) -> Floats:
         """(k, 2) Velocity at the beginning of each piece, m/s."""
-        return np.where(self.moves[:, None], self.rows[:, [VX, VY]], 0.0)
+        return np.where(self.moving[:, None], self.rows[:, [VX, VY]], 0.0)
 
     @property
     def acceleration(self) -> Floats:
         """(k, 2) Acceleration on each piece, m/s^2."""
-        return np.where(self.moves[:, None], self.rows[:, [AX, AY]], 0.0)
+        return np.where(self.moving[:, None], self.rows[:, [AX, AY]], 0.0)
 
     @property
-    def gone(self) -> Floats:
+    def potted_at(self) -> Floats:
         """(n,) Time at which each ball was potted, s: 0 if it was not in play, infinite if it stayed on the table."""
-        gone = np.full(int(self.ball.max()) + 1, np.inf)
+        times = np.full(int(self.ball.max()) + 1, np.inf)
         for k in np.flatnonzero(self.phase == POTTED)[::-1]:
-            gone[self.ball[k]] = self.start[k]
-        return gone
+            times[self.ball[k]] = self.start[k]
+        return times
 
     def path(self, ball: int, times: ArrayLike, before: bool = False) -> Floats:
         """Returns the positions of a ball.
@@ -94,7 +94,7 @@ class Trajectory(NamedTuple):
     def _evaluate(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
         rows = self.rows[pieces]
         since = (times - rows[:, T0]) - rows[:, T0_LO]
-        t = np.where(self.moves[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]
+        t = np.where(self.moving[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]
         return position_after(rows, t)
 
 

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import choose, shaped, short, whole
-from billiards_env.engine import STATUS, spread
+from billiards_env.engine import STATUS, parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options
@@ -210,7 +210,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             episodes.begin(begin, end, mask, observations)
 
         self._begun &= ~mask  # an interrupted reset has to be repeated
-        spread(work, self.num_envs, self.threads)
+        parallel_for(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, k) for k in range(self.num_envs)])
@@ -268,7 +268,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if resets or same_step:
             before += [(array, array.copy()) for array in (self._streams, episodes.goals)]
         try:
-            spread(work, m, self.threads)
+            parallel_for(work, m, self.threads)
         except BaseException:
             episodes.over[...] = skip
             for array, values in before:

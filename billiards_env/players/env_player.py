@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.threads import spread
+from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.players.strategies import Situation
@@ -58,5 +58,5 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     def work(begin: int, end: int) -> None:
         episodes.shoot(begin, end, no_skip, actions, found, off, observations)
 
-    spread(work, m)
+    parallel_for(work, m)
     return found

@@ -13,7 +13,7 @@ from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shots import STATUS, empty_shots
-from billiards_env.engine.threads import spread
+from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.result import ShotResult, read_log
 from billiards_env.shots.strikes import Strike
@@ -239,6 +239,6 @@ def simulate_batch(
     shots = empty_shots(m, scene.n_balls)
     limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
     run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
-    spread(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+    parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict()
     return BatchResult(potted=~outcome.pop("in_play"), **outcome)

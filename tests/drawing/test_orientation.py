@@ -93,7 +93,7 @@ def test_the_error_of_an_orientation_is_below_the_limit():
         shot = simulate(scene, [[-0.5, 0.0]], velocity, spins=spins, record=True)
         recording = shot.recording()
         turns.append(turning(recording))
-        ends.append(min(recording.trajectory.lasts[0], abs(spins[2]) / 10))
+        ends.append(min(recording.trajectory.duration[0], abs(spins[2]) / 10))
         rough = turning(recording, error=VISIBLE)
         assert len(rough.start) < len(turns[-1].start) / 3
         times = np.linspace(0.0, shot.time, 50)

@@ -292,7 +292,7 @@ def test_the_page_contains_the_trajectories_with_all_digits(shot):
     paths = shot.recording().trajectory
     for ball, rows in enumerate(data["runs"][0]["pieces"]):
         assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
-    assert data["runs"][0]["gone"][2] == paths.gone[2]
+    assert data["runs"][0]["gone"][2] == paths.potted_at[2]
     assert data["runs"][0]["gone"][0] is None
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
-from billiards_env.engine.threads import spread
+from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import SCENES
 from tests.helpers.shots import check_batch, draw_starts
 
@@ -123,14 +123,14 @@ def test_the_error_for_a_velocity_that_is_not_finite_names_the_shot():
 
 @pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
 @pytest.mark.parametrize("threads", [None, 1, 2, 7])
-def test_spread_covers_every_shot_once(m, threads):
+def test_pieces_cover_every_shot_once(m, threads):
     done = np.zeros(m, np.int64)
 
     def work(begin, end):
         done[begin:end] += 1
 
     for _ in range(20):
-        spread(work, m, threads)
+        parallel_for(work, m, threads)
     assert (done == 20).all()
 
 
@@ -146,7 +146,7 @@ def threads_at_work(wanted):
             met.add(threading.get_ident())
             meeting.wait()
 
-    spread(work, 1000, wanted)
+    parallel_for(work, 1000, wanted)
     return len(met)
 
 
@@ -164,7 +164,7 @@ def pieces_of(m, seconds_per_shot, monkeypatch):
         pieces.append((begin, end - begin))
         takers.add(threading.get_ident())
 
-    spread(work, m, 2)
+    parallel_for(work, m, 2)
     return [size for _, size in sorted(pieces)], len(takers)
 
 
@@ -211,7 +211,7 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
 
     for _ in range(10):
         with pytest.raises(ValueError, match="piece of 500"):
-            spread(work, 1000, 3)
+            parallel_for(work, 1000, 3)
     assert (
         simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3).first_hit.tolist()
         == [1] * 100
