@@ -28,7 +28,7 @@ play: $(INSTALLED)  ## play against the computer in a window, e.g. make play ARG
 	$(BIN)/python -m billiards_env.play $(ARGS)
 
 test: lint  ## lint, type check, then run the fast tests and the doctests
-	$(BIN)/pytest -n 2 -q
+	$(BIN)/pytest -n 2 --dist worksteal -q
 
 pythons:  ## test the core (shots, batches, the environment, commands) on each installed Python from 3.10 to 3.13
 	@for v in $(PYTHONS); do \
@@ -40,8 +40,8 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-stress: $(INSTALLED)  ## ten million random shots and very long runs, every event checked (15 minutes)
-	$(BIN)/pytest -n 2 -q -m slow tests/stress
+stress: $(INSTALLED)  ## the slow tests, and ten million random shots, every event checked (20 minutes)
+	$(BIN)/pytest -n 2 --dist worksteal -q -m slow
 	$(BIN)/python -m benchmarks.stress
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design

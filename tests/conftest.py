@@ -1,5 +1,27 @@
+import hashlib
+import os
+from typing import Any
+
+from filelock import FileLock
 from hypothesis import settings
+
+from billiards_env.jit import decorators
 
 # The examples are the same in every run. No test fails because a machine is slow or a kernel is compiled.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+_compile: Any = decorators.EntryPoint.compile
+
+
+def _compile_once(self: Any, signature: Any) -> Any:
+    """Compiles a function, or loads the code of another worker that compiles it at the same time."""
+    name = hashlib.sha256(repr((self.py_func.__module__, self.__qualname__, signature)).encode()).hexdigest()[:16]
+    if decorators._FOLDER is None:
+        return _compile(self, signature)
+    with FileLock(decorators._FOLDER / f"{name}.lock"):
+        return _compile(self, signature)
+
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    decorators.EntryPoint.compile = _compile_once

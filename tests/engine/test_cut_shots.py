@@ -14,7 +14,7 @@ from reference import plain
 from reference.stress import families
 from tests.helpers.engine_runs import run
 
-KINDS = ("pool, 1 object ball", "real pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")
+KINDS = ("pool, 1 object ball", "UK pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")
 PIC = {"all_pairs": pic.run_shots, "cell_grid": pic.run_shots_of_many, "plain": plain.run_shots}
 
 

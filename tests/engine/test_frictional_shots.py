@@ -31,7 +31,7 @@ def names(events):
 
 @pytest.mark.parametrize(
     "scene",
-    [real("pool", 1), real("pool", 5), real("carom", 2, mu_ball_factor=2.5), real("carom", 2, **FALLING)],
+    [real("pool", 2), real("pool", 5), real("carom", 2, mu_ball_factor=2.5), real("carom", 2, **FALLING)],
     ids=["pool", "pool of six", "carom with cling", "carom with falling restitution"],
 )
 def test_random_shots_have_the_error_of_their_condition(scene):

@@ -155,7 +155,7 @@ def test_random_shots_agree_with_the_high_precision_simulator(name, n):
 
 
 @pytest.mark.parametrize("name", [*TABLES, "pool_8ft"])
-@pytest.mark.parametrize("n", [1, 3])
+@pytest.mark.parametrize("n", [1, 2])
 def test_random_shots_on_outlines_agree_with_the_high_precision_simulator(name, n):
     """Half of the shots start in the mouth of a pocket, or near one."""
     table = TABLES.get(name) or Table.named(name)

@@ -16,7 +16,7 @@ from billiards_env import simulate
 from billiards_env.envs import BilliardsEnv, episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.envs.wrappers import ActionFrame, VectorActionFrame
-from billiards_env.scene import Scene, check_positions
+from billiards_env.scene import SCENES, Scene, check_positions, layouts
 from tests.helpers.environments import VARIANTS
 
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values()))[:60])
@@ -77,6 +77,11 @@ def test_environment_checkers_pass(kwargs):
         sb3.check_env(make(**kwargs), warn=True)
 
 
+def test_every_task_scene_and_layout_is_in_a_variant():
+    for name, values in (("task", TASKS), ("scene", SCENES), ("layout", layouts.LAYOUTS)):
+        assert {str(variant.get(name, "pool")) for variant in VARIANTS} >= {*values} - {"pot"}
+
+
 @variants
 def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     env = BilliardsEnv(**kwargs)
@@ -89,7 +94,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
     env.action_space.seed(0)
     rng = np.random.default_rng(0)
-    for episode in range(10):
+    for episode in range(5):
         observation, info = env.reset(seed=episode)
         assert info == {}
         assert observation in env.observation_space
@@ -116,6 +121,8 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
                 assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]
         assert shots <= env.max_shots
+        if not info["potted"].any() and env.mode == "pic":
+            check_positions(env.scene, env.positions)
 
 
 def test_positions_are_observed_relative_to_half_the_table():
@@ -180,7 +187,7 @@ def test_earlier_episodes_do_not_affect_an_episode():
     assert play(env, 2, seed=1) == log
 
 
-@variants
+@pytest.mark.parametrize("kwargs", VARIANTS[::5])
 def test_the_spec_survives_json_and_pickle(kwargs):
     env = make(**kwargs)
     log = play(env, 2, seed=3)
@@ -378,7 +385,7 @@ def test_sum_to_three_counts_the_contacts_of_both_balls():
 
 def test_random_shots_of_sum_to_three_score_the_same_as_in_pooltool():
     """LightZero's engine, pooltool 0.3.1, scores 1.340 points in ten shots, standard error 0.019 (3,313 games)."""
-    games = 10_000
+    games = 4_000
     envs = VectorActionFrame(
         gym.make_vec("Billiards-v0", games, autoreset_mode="SameStep", **SUM_TO_THREE), "sum_to_three"
     )
@@ -635,13 +642,3 @@ def test_the_info_can_be_modified():
     *_, info = env.step([0.01, 0.0])
     assert not info["potted"].any()
     assert not info["cushions"].any()
-
-
-def test_final_positions_of_every_variant_are_valid():
-    for kwargs in VARIANTS:
-        env = BilliardsEnv(**kwargs)
-        for seed in range(5):
-            env.reset(seed=seed)
-            *_, info = env.step([0.7, 0.5])
-            if not info["potted"].any():
-                check_positions(env.scene, env._episodes.shots.positions[0])

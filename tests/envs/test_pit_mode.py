@@ -1,19 +1,14 @@
 """Billiards-v0 with mode="pit", the engine with a fixed timestep."""
 
-import warnings
-
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
 
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
 from billiards_env.physics.state import FIXES
 from studies.failures import FAILURES
-from tests.helpers.environments import VARIANTS
-from tests.helpers.shots import LAWS
 
 TIMESTEP = 1 / 60
 FEW = (
@@ -27,21 +22,11 @@ def name(kwargs):
     return ",".join(map(str, kwargs.values()))[:60]
 
 
-scenes = pytest.mark.parametrize("kwargs", [kw for kw in VARIANTS if kw.get("scene") in LAWS], ids=name)
 few = pytest.mark.parametrize("kwargs", FEW, ids=name)
-fixes = pytest.mark.parametrize("fix", FIXES)
 
 
 def make(**kwargs):
     return gym.make("Billiards-v0", **{"mode": "pit", "dt": TIMESTEP, **kwargs})
-
-
-def check(**kwargs):
-    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(make(**kwargs).unwrapped)
-        sb3.check_env(make(**kwargs), warn=True)
 
 
 def episode(env, seed):
@@ -55,23 +40,11 @@ def episode(env, seed):
     return log, info
 
 
-@scenes
-def test_environment_checkers_pass(kwargs):
-    check(**kwargs)
-
-
 @few
-@fixes
-def test_environment_checkers_pass_for_each_fix(kwargs, fix):
-    check(**kwargs, fix=fix)
-
-
-@few
-@fixes
-@pytest.mark.parametrize("dt", [1 / 15, TIMESTEP, 1 / 240])
+@pytest.mark.parametrize(("fix", "dt"), zip(FIXES, (1 / 15, TIMESTEP, 1 / 240), strict=True))
 def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt):
     env = BilliardsEnv(**kwargs, mode="pit", fix=fix, dt=dt)
-    for seed in range(8):
+    for seed in range(4):
         log, info = episode(env, seed)
         assert all(observation in env.observation_space for observation, _ in log)
         assert info["status"] in ("rest", "max_time")
@@ -101,9 +74,8 @@ def test_without_a_fix_balls_may_overlap_before_the_next_shot():
 
 
 @few
-@fixes
-def test_equal_seeds_play_equal_episodes_bit_for_bit(kwargs, fix):
-    for seed in range(3):
+def test_equal_seeds_play_equal_episodes_bit_for_bit(kwargs):
+    for seed, fix in enumerate(FIXES):
         (first, info), (second, again) = (episode(make(**kwargs, fix=fix), seed) for _ in range(2))
         assert all(np.array_equal(a, b) and r == s for (a, r), (b, s) in zip(first, second, strict=True))
         assert (info["shot_time"], info["n_events"]) == (again["shot_time"], again["n_events"])
@@ -117,9 +89,9 @@ def test_equal_seeds_play_equal_episodes_bit_for_bit(kwargs, fix):
 def test_fast_shots_pass_through_the_ball_in_front_of_the_target_with_a_coarse_timestep(world, through):
     # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls overlap on 11 cm of the path.
     hidden = {"scene": "blocked_pool", "layout": "snookered", "max_speed": 8.0, **world}
-    envs = VectorActionFrame(gym.make_vec("Billiards-v0", num_envs=2000, **hidden), "cut")
+    envs = VectorActionFrame(gym.make_vec("Billiards-v0", num_envs=500, **hidden), "cut")
     envs.reset(seed=0)
-    actions = np.random.default_rng(0).uniform((-1, 0), 1, (2000, 2))
+    actions = np.random.default_rng(0).uniform((-1, 0), 1, (500, 2))
     infos = envs.step(actions)[4]["final_info"]
     share = (infos["first_hit"] == 1).mean()
     assert share > 0.05 if through else share == 0

@@ -16,29 +16,12 @@ from gymnasium.wrappers import vector as wrappers
 
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, episodes
 from billiards_env.envs.wrappers import VectorExecutionNoise
-from tests.helpers.environments import FITTING, FREE_LAYOUTS, LONG, RACKS
+from tests.helpers.environments import VARIANTS
 
 MODES = tuple(AutoresetMode)
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.value)
 
 
-def three_shots(task):
-    """Returns arguments for episodes of three shots with two object balls, or one if the task has only one."""
-    return {**LONG, "n_object_balls": 1 if task == "sum_to_three" else 2}
-
-
-VARIANTS = [
-    *({"scene": s, "task": t, **(three_shots(t) if k % 2 else {})} for k, (s, t) in enumerate(FITTING)),
-    {"task": "place", "n_object_balls": 0, "max_shots": 2},
-    *({"layout": layout, "max_shots": 2} for layout in (*FREE_LAYOUTS, None)),
-    *RACKS,
-    {"layout": "snooker", "scene": "snooker", "max_shots": 2},
-    {"layout": "snookered", "scene": "blocked_pool", "max_shots": 2},
-    {"n_object_balls": 9, "layout": "rack", "max_shots": 2},
-    {"mode": "pit", "dt": 1 / 60, "max_shots": 2, "n_object_balls": 2},
-    {"mode": "pit", "dt": 0.01, "fix": "move_back", "scene": "carom", "task": "carom"},
-    {"scene": {"base": "pool", "balls": {"radius": [0.02, 0.03], "mass": [0.1, 0.2]}}},
-]
 variants = pytest.mark.parametrize(
     ("kwargs", "mode"),
     [(kwargs, MODES[k % len(MODES)]) for k, kwargs in enumerate(VARIANTS)],
@@ -307,7 +290,7 @@ def test_by_default_every_step_plays_a_shot_in_every_environment():
         assert (infos["final_info"]["n_events"] > 0).all()
 
 
-@variants
+@pytest.mark.parametrize(("kwargs", "mode"), zip(VARIANTS[-3:], MODES, strict=True))
 def test_make_vec(kwargs, mode):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -1,4 +1,4 @@
-"""Impacts of two balls."""
+"""Impacts of balls."""
 
 import math
 
@@ -12,13 +12,32 @@ from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 
 
 @allocating_entry_point
-def collide_pair(rows, nx, ny, closing, rebound, scene):
-    """Runs `exchange` on balls 0 and 1 with these rows."""
-    contacts = empty_contacts(1)
-    contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0] = 0, 1, closing, rebound
-    contacts.nx[0], contacts.ny[0] = nx, ny
+def collide(first, second, nx, ny, closing, rebound, rows, scene):
+    """Runs `exchange` on balls with these rows."""
+    contacts = empty_contacts(len(first))
+    contacts.first[:], contacts.second[:] = first, second
+    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
     state = State(rows, np.zeros(len(rows), np.int8))
-    return exchange(1, contacts, state, scene, empty_scratch(len(rows), 1, scene.ball_friction))
+    return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
+
+
+def collide_pair(rows, normal, closing, scene):
+    """Runs `collide` on balls 0 and 1, which approach each other at a speed along a normal (2,)."""
+    first, second = np.array([0]), np.array([1])
+    collide(first, second, *np.reshape(normal, (2, 1)), np.array([closing]), np.zeros(1), rows, scene)
+
+
+def approaching(places, velocities, pairs):
+    """Returns the numbers in `pairs` of the pairs that approach, and `first` to `closing` of `collide` for them."""
+    found = []
+    for k, (i, j) in enumerate(pairs):
+        d, w = places[j] - places[i], velocities[j] - velocities[i]
+        n = d / math.sqrt(d[0] * d[0] + d[1] * d[1])
+        closing = -(n[0] * w[0] + n[1] * w[1])
+        if closing > 0:
+            found.append((k, i, j, n[0], n[1], closing))
+    chosen, *contacts = (np.array(column) for column in zip(*found, strict=True)) if found else ([], [])
+    return chosen, contacts
 
 
 def rows_of(velocities, spins, radius):
@@ -37,7 +56,7 @@ def motion_of(rows, radius):
     return rows[:, [VX, VY]], spins
 
 
-def impact(velocities, spins, angle, scene, rebound=0.0):
+def impact(velocities, spins, angle, scene):
     """Returns velocities and spins after the impact of two balls whose normal has this angle in degrees."""
     radius = np.array(scene.balls.radius)
     velocities, spins = np.array(velocities, float), np.array(spins, float)
@@ -45,7 +64,7 @@ def impact(velocities, spins, angle, scene, rebound=0.0):
     n = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
     closing = (velocities[0] - velocities[1]) @ n
     assert closing >= 0
-    collide_pair(rows, n[0], n[1], closing, rebound, scene_arrays(scene))
+    collide_pair(rows, n, closing, scene_arrays(scene))
     return motion_of(rows, radius)
 
 

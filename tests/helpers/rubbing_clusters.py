@@ -1,26 +1,12 @@
 """Impacts with friction of several pairs of balls at one instant."""
 
-import math
-
 import numpy as np
 
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.jit import allocating_entry_point
-from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import empty_contacts, empty_scratch
-from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
+from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster
-
-
-@allocating_entry_point
-def collide(first, second, nx, ny, closing, rebound, rows, scene):
-    """Runs `exchange` on balls with these rows."""
-    contacts = empty_contacts(len(first))
-    contacts.first[:], contacts.second[:] = first, second
-    contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
-    state = State(rows, np.zeros(len(rows), np.int8))
-    return exchange(len(first), contacts, state, scene, empty_scratch(len(rows), len(first), scene.ball_friction))
+from tests.helpers.impacts import approaching, collide
 
 
 def arrays_of(e=0.95, mu=None, radius=None, inverse=None, spheres=False):
@@ -31,18 +17,11 @@ def arrays_of(e=0.95, mu=None, radius=None, inverse=None, spheres=False):
 
 def collided(places, rows, pairs, arrays, rebound=0.0):
     """Returns the rows after the impacts of those pairs that approach, and whether there are any."""
-    contacts = []
-    for i, j in pairs:
-        d, w = places[j] - places[i], rows[j, VX : VY + 1] - rows[i, VX : VY + 1]
-        n = d / math.sqrt(d[0] * d[0] + d[1] * d[1])
-        closing = -(n[0] * w[0] + n[1] * w[1])
-        if closing > 0:
-            contacts.append((i, j, n[0], n[1], closing))
+    chosen, contacts = approaching(places, rows[:, VX : VY + 1], pairs)
     rows = rows.copy()
-    if contacts:
-        first, second, nx, ny, closing = (np.array(column) for column in zip(*contacts, strict=True))
-        collide(first, second, nx, ny, closing, np.full(len(first), rebound), rows, arrays)
-    return rows, len(contacts)
+    if len(chosen):
+        collide(*contacts, np.full(len(chosen), rebound), rows, arrays)
+    return rows, len(chosen)
 
 
 def energy(rows, arrays):

@@ -135,16 +135,10 @@ def run_until_alarm() -> None:
 SMALL_STEPS = {"mode": "pit", "dt": 1e-7}
 CALLS: dict[str, Callable[[], None]] = {
     "one shot": lambda: run_one(2),
-    "one recorded shot": lambda: run_one(2, record=True),
     "one shot of many balls": lambda: run_one(MANY_BALLS),
     "one shot of pit": lambda: run_one(30, **SMALL_STEPS),
-    "one recorded shot of pit": lambda: run_one(30, record=True, **SMALL_STEPS),
-    "long shots, 1 thread": lambda: run_batch(4, 2, 1, 1e9),
-    "long shots, 2 threads": lambda: run_batch(4, 2, 2, 1e9),
     "long shots, all threads": lambda: run_batch(40, 2, None, 1e9),
     "many shots, 1 thread": lambda: run_batch(100_000, 2, 1, 1e3),
-    "many shots, 2 threads": lambda: run_batch(100_000, 2, 2, 1e3),
-    "many shots of pit, 1 thread": lambda: run_batch(100_000, 2, 1, 10.0, mode="pit", dt=1e-3),
     "many shots of pit, 2 threads": lambda: run_batch(100_000, 2, 2, 10.0, mode="pit", dt=1e-3),
     "a step": step_one,
     "a step of many, 1 thread": lambda: step_many(4, 1, "NextStep"),

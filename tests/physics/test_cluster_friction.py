@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ
 from tests.helpers.clusters import triangle
-from tests.helpers.rubbing_clusters import arrays_of, collide, collided, drawn, energy
+from tests.helpers.impacts import collide
+from tests.helpers.rubbing_clusters import arrays_of, collided, drawn, energy
 
 CASES = {
     "seed": st.integers(0, 2**32),

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.jit import allocating, allocating_entry_point
-from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch, solve_plastic, sum_impulses
 from billiards_env.physics.complementarity import MOST
-from billiards_env.physics.state import VX, VY, WIDTH, SceneArrays, State
+from billiards_env.physics.state import VX, VY, WIDTH
 from billiards_env.scene import Balls, Physics, Scene
 from tests.helpers.clusters import cluster, triangle
+from tests.helpers.impacts import approaching, collide
 
 
 @allocating
@@ -47,17 +47,6 @@ def summed(first, second, nx, ny, impulse, inv_mass):
     dv, done = np.zeros((n, 2)), np.zeros(n, np.bool_)
     sum_impulses(count, contacts, impulse, np.ones(count), inv_mass, dv, done)
     return dv, done
-
-
-@allocating_entry_point
-def collide(first, second, nx, ny, closing, rebound, rows, numbers, inv_mass):
-    """Runs `exchange` on balls with these rows; returns the number of contacts that separate at `rebound`."""
-    state = State(rows, np.zeros(len(rows), np.int8))
-    scene = SceneArrays(
-        numbers, inv_mass, inv_mass, np.empty((0, 3)), None, None, None
-    )  # `exchange` does not use the radii
-    contacts = fill(first, second, nx, ny, closing, rebound)
-    return exchange(len(first), contacts, state, scene, empty_scratch(len(inv_mass), len(first), None))
 
 
 def solve(contacts, inverse):
@@ -189,20 +178,10 @@ def collided(places, velocities, inverse, pairs, e, rebound):
     """Returns the velocities after the impacts of those pairs that approach."""
     state = np.zeros((len(places), WIDTH))
     state[:, [VX, VY]] = velocities
-    rows = []
-    for (i, j), least in zip(pairs, rebound, strict=True):
-        d, w = places[j] - places[i], velocities[j] - velocities[i]
-        n = d / math.sqrt(d[0] * d[0] + d[1] * d[1])
-        closing = -(n[0] * w[0] + n[1] * w[1])
-        if closing > 0:
-            rows.append((i, j, n[0], n[1], closing, least))
-    if not rows:
-        return velocities
-    first, second, nx, ny, closing, least = (np.array(column) for column in zip(*rows, strict=True))
-    numbers = scene_arrays(
-        Scene(Balls.uniform(1), physics=Physics(motion="rolling", cushion="restitution", e_ball=e))
-    ).numbers
-    collide(first, second, nx, ny, closing, least, state, numbers, inverse)
+    chosen, contacts = approaching(places, velocities, pairs)
+    if len(chosen):
+        arrays = scene_arrays(Scene(Balls.uniform(1), physics=Physics(cushion="restitution", e_ball=e)))
+        collide(*contacts, rebound[chosen], state, arrays._replace(radius=inverse, inv_mass=inverse))
     return state[:, [VX, VY]]
 
 

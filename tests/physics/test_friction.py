@@ -289,7 +289,7 @@ def test_mirrored_and_renumbered_impacts_have_the_same_bits(case):
 
     def collided(rows, normal, arrays):
         rows = rows.copy()
-        collide_pair(rows, normal[0], normal[1], closing, 0.0, arrays)
+        collide_pair(rows, normal, closing, arrays)
         return rows
 
     found = collided(rows, n, arrays)

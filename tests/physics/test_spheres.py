@@ -152,8 +152,9 @@ def test_two_separate_impacts_at_one_instant_are_those_of_two_single_impacts(see
 def test_a_single_impact_has_no_preferred_order_or_side(seed, e):
     _, places, rows, _, arrays = clusters.drawn(seed, 3, e, None, False, spheres=True)
     found, _ = clusters.collided(places, rows, [(0, 1)], arrays)
-    swapped = arrays._replace(**{name: getattr(arrays, name)[::-1] for name in ("radius", "inv_mass", "spheres")})
-    assert np.array_equal(clusters.collided(places[::-1], rows[::-1], [(1, 2)], swapped)[0][::-1], found)
+    names = "radius", "inv_mass", "spheres"
+    swapped = arrays._replace(**{name: getattr(arrays, name)[::-1].copy() for name in names})  # contiguous
+    assert np.array_equal(clusters.collided(places[::-1], rows[::-1].copy(), [(1, 2)], swapped)[0][::-1], found)
     mirror = np.ones(rows.shape[1])
     mirror[[VY, UY, WZ]] = -1
     assert np.array_equal(clusters.collided(places * [1, -1], rows * mirror, [(0, 1)], arrays)[0], found * mirror)

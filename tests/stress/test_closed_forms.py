@@ -10,16 +10,6 @@ from reference.stress.scenes import R, ideal, kinds, rough, run
 G, SLIDE, ROLL = 9.81, 0.2, 0.01
 
 
-def test_an_elastic_rolling_ball_passes_its_velocity_to_another():
-    scene = rough(1.0, 1.0, motion="rolling", mu_roll=ROLL, e_ball=1.0)
-    gap, v = 0.5, 0.4
-    shot = run(scene, [[-gap - 2 * R, 0.0], [0.0, 0.0]], [v, 0.0])
-    left = v * v / (2 * ROLL * G) - gap  # distance that ball 1 rolls
-    assert kinds(shot) == [("ball_ball", 0, 1), ("rolling_rest", 1, -1)]
-    assert shot.positions[:, 0] == pytest.approx([-2 * R, left], rel=1e-14)
-    assert shot.time == pytest.approx(v / (ROLL * G), rel=1e-14)
-
-
 @pytest.mark.parametrize("e", [0.5, 0.9, 1.0])
 def test_a_collision_of_two_rolling_balls_with_restitution(e):
     scene = rough(1.0, 1.0, motion="rolling", mu_roll=ROLL, e_ball=e, length=8.0)
