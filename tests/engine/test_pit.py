@@ -426,17 +426,6 @@ def test_a_batch_equals_single_shots_bit_for_bit(name, threads, fix):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_the_default_fix_is_push_apart(name):
-    scene = Scene.named(name, 4)
-    places, starts, _ = draw_starts(scene, 100)
-    default, named, other = (
-        simulate_batch(scene, places, starts, mode="pit", dt=1 / 60, fix=fix) for fix in (None, "push_apart", "none")
-    )
-    assert np.array_equal(default.positions, named.positions)
-    assert not np.array_equal(default.positions, other.positions)
-
-
-@pytest.mark.parametrize("name", LAWS)
 def test_pit_converges_to_pic(name):
     scene = Scene.named(name, 2)
     rng = np.random.default_rng(0)

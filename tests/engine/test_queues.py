@@ -12,10 +12,7 @@ from billiards_env.engine import modes, pic
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
 from reference.stress import draw, families
-from tests.helpers.queues import CELL_GRID, check
-
-# UK pool has all features of scenes that the queues use: outlines, friction between balls, and spheres.
-ORDINARY = [name for name in families.FAMILIES if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws"))]
+from tests.helpers.queues import CELL_GRID, ORDINARY, check
 
 
 def lattice(n, seed, radii=(0.03,), motion="ideal", share=0.3, frozen=False):

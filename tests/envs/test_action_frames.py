@@ -164,7 +164,7 @@ def test_bad_frames_raise(arguments, message):
 
 
 def wrapped():
-    yield from (ActionFrame(make(), frame, ball) for frame in FRAMES for ball in ("nearest", "first", 2))
+    yield from (ActionFrame(make(), frame, ball) for frame, ball in zip(FRAMES, ("first", 2), strict=True))
     yield ExecutionNoise(make())
     yield ActionFrame(ExecutionNoise(make()), "cut")
 

@@ -138,19 +138,3 @@ def test_the_arguments_survive_json():
         again = gym.make(EnvSpec.from_json(spec.to_json())).unwrapped
         assert isinstance(again, BilliardsEnv)
         assert (again.mode, again.dt, again.fix) == ("pit", TIMESTEP, fix)
-
-
-@pytest.mark.parametrize(
-    ("kwargs", "message"),
-    [
-        ({"mode": "pit"}, "dt = None with mode='pit': expected the timestep, a number from 1e-09"),
-        ({"mode": "pit", "dt": 0}, "dt = 0 with mode='pit': expected the timestep, a number from 1e-09"),
-        ({"mode": "pit", "dt": "1/60"}, "dt = '1/60' with mode='pit': expected the timestep, a number from 1e-09"),
-        ({"mode": "pit", "dt": 0.1, "fix": "moveback"}, "fix = 'moveback': expected one of .*did you mean 'move_back'"),
-        ({"dt": 0.1}, "dt = 0.1 with mode='pic': expected None"),
-        ({"fix": "none"}, "fix = 'none' with mode='pic': expected None"),
-    ],
-)
-def test_bad_arguments_raise(kwargs, message):
-    with pytest.raises(ValueError, match=message):
-        BilliardsEnv(**kwargs)

@@ -55,9 +55,9 @@ def test_drawing_modules_are_loaded_only_when_needed():
     assert run(code % ("'rgb_array'", "env.render()")) == ["pygame"]  # and not before `render` is called
 
 
-@pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}, {"scene": "ideal", "task": "carom"}])
+@pytest.mark.parametrize("kwargs", [{}, {"mode": "pit", "dt": 0.01}])
 def test_a_render_mode_does_not_change_the_results(kwargs):
-    kwargs = {"max_shots": 3, "n_object_balls": 2, **kwargs}
+    kwargs = {"max_shots": 3, "n_object_balls": 2, "max_speed": 1.0, **kwargs}
     plain, *shown = [BilliardsEnv(render_mode=mode, **kwargs) for mode in (None, "rgb_array", "rgb_array_list")]
     rng = np.random.default_rng(0)
     for episode in range(2):
@@ -253,27 +253,16 @@ def test_human_rendering_of_gymnasium():
     for mode in ("rgb_array", "rgb_array_list"):
         env = gym.wrappers.HumanRendering(make("Billiards-v0", render_mode=mode, max_shots=2))
         env.reset(seed=0)
-        env.step(SLOWLY)
-        env.step(SLOWLY)
+        env.step(0.1 * SLOWLY)
+        env.step(0.1 * SLOWLY)
         assert env.render() is None
         env.close()
 
 
 def film_of(path):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    command = [
-        ffmpeg.get_ffmpeg_exe(),
-        "-loglevel",
-        "error",
-        "-i",
-        str(path),
-        "-f",
-        "rawvideo",
-        "-pix_fmt",
-        "rgb24",
-        "-",
-    ]
-    data = subprocess.run(command, capture_output=True, check=True).stdout
+    options = f"-loglevel error -i {path} -f rawvideo -pix_fmt rgb24 -".split()
+    data = subprocess.run([ffmpeg.get_ffmpeg_exe(), *options], capture_output=True, check=True).stdout
     return np.frombuffer(data, np.uint8).reshape(-1, 462, 800, 3)
 
 
@@ -288,12 +277,10 @@ def test_record_video_films_every_frame_of_every_shot(tmp_path):
         twin.reset(seed=episode)
         over = False
         while not over:
-            *_, over, _, info = env.step(0.4 * SLOWLY)
-            twin.step(0.4 * SLOWLY)
-            if episode != 1:
-                assert len(env.render()) == n_frames(
-                    info
-                )  # `render` returns the recorded frames, as in Gymnasium's wrapper
+            *_, over, _, info = env.step(0.2 * SLOWLY)
+            twin.step(0.2 * SLOWLY)
+            if episode != 1:  # `render` returns the recorded frames, as in Gymnasium's wrapper
+                assert len(env.render()) == n_frames(info)
         expected[episode] = twin.render()
     env.close()
     assert sorted(os.listdir(tmp_path / "films")) == ["rl-video-episode-0.mp4", "rl-video-episode-2.mp4"]
@@ -345,30 +332,21 @@ def test_metadata_and_environment_checker():
     check_env(make("Billiards-v0").unwrapped)
 
 
-def test_sync_vector_env_renders_one_frame_per_environment():
-    envs = make_vec("Billiards-v0", num_envs=3, vectorization_mode="sync", render_mode="rgb_array")
-    envs.reset(seed=0)
-    envs.step(np.tile(SLOWLY, (3, 1)))
-    assert len({frame.tobytes() for frame in envs.render()}) == 3
-    envs.close()
-
-
-@pytest.mark.parametrize("autoreset_mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("mode", ["rgb_array", "rgb_array_list"])
+@pytest.mark.parametrize(("autoreset_mode", "mode"), [("NextStep", "rgb_array"), ("SameStep", "rgb_array_list")])
 def test_the_vector_environment_renders_the_frames_of_each_environment(autoreset_mode, mode):
     game = {"render_mode": mode, "max_shots": 2, "n_object_balls": 2}
-    envs = make_vec("Billiards-v0", num_envs=6, autoreset_mode=autoreset_mode, **game)
+    envs = make_vec("Billiards-v0", num_envs=3, autoreset_mode=autoreset_mode, **game)
     single = BilliardsEnv(**game)
     envs.reset(seed=5)
     layouts = envs.render()
-    actions = np.random.default_rng(0).uniform(-0.06, 0.06, (4, 6, 2))
+    actions = np.random.default_rng(0).uniform(-0.06, 0.06, (4, 3, 2))
     steps = []
     for action in actions:
         envs.step(action)
         steps.append(envs.render())
     assert type(layouts) is tuple
-    assert {len(frames) for frames in (layouts, *steps)} == {6}
-    for k in (0, 3, 5):
+    assert {len(frames) for frames in (layouts, *steps)} == {3}
+    for k in range(3):
         single.reset(seed=5 + k)
         assert np.array_equal(single.render(), layouts[k])
         over = False

@@ -6,7 +6,11 @@ import numpy as np
 
 from billiards_env.engine import pic
 from reference import plain
+from reference.stress import families
 from tests.helpers.engine_runs import run
+
+# UK pool has all features of scenes that the queues use: outlines, friction between balls, and spheres.
+ORDINARY = [name for name in families.FAMILIES if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws"))]
 
 CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots
 

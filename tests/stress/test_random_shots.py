@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reference.stress import checks, draw, families
+from tests.helpers.queues import ORDINARY
 
 
-@pytest.mark.parametrize("name", list(families.FAMILIES))
+@pytest.mark.parametrize("name", ORDINARY)
 def test_ordinary_shots_pass_all_checks(name):
     found = families.run(name, seed=1, shots=20)
     assert found["bad"] == []
