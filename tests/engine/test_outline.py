@@ -334,22 +334,3 @@ def test_two_balls_in_the_mouth_of_one_pocket():
                 assert shot.status == "rest"
                 assert beyond(scene, shot, 300) < 1e-12
                 assert shot.first_hit == 1 or shot.cushions[0] > 0
-
-
-@pytest.mark.parametrize("offset", [-1e-15, 1e-15])
-@pytest.mark.parametrize("tip", range(12))
-def test_a_tip_grazed_at_the_rounding_of_the_coordinates(offset, tip):
-    """The path is tangential to the circle in which the centre touches the tip, a rounding inside or outside."""
-    a_table = Table.named("pool_7ft")
-    piece = tips_of(a_table)[tip]
-    chord = np.array([piece.x1 - piece.x0, piece.y1 - piece.y0])
-    along = chord / np.hypot(*chord)
-    outwards = np.array([-along[1], along[0]])
-    nearest = np.array([piece.x, piece.y]) + (piece.radius + R + offset) * outwards
-    scene, shot = in_jaws(nearest - 0.02 * along, 0.8 * along, physics=FREE, max_time=0.05)
-    assert beyond(scene, shot) < 1e-12
-    hits = shot.events[shot.events["kind"] == "cushion"]
-    assert len(hits) <= 2
-    if len(hits):  # a grazing contact hardly changes the velocity
-        assert hits["speed"][0] < 1e-6
-        assert shot.velocities[0] == pytest.approx(0.8 * along, abs=1e-6)

@@ -377,16 +377,6 @@ def test_the_wrappers_of_gymnasium_for_vectors_film_and_show_the_frames(tmp_path
     assert os.listdir(tmp_path / "films") == ["rl-video-episode-0.mp4"]
 
 
-def test_gymnasium_shows_the_frames_of_a_vector_in_a_window(pygame):
-    pytest.importorskip("cv2")
-    wrappers = pytest.importorskip("gymnasium.wrappers.vector.rendering")
-    envs = wrappers.HumanRendering(make_vec("Billiards-v0", num_envs=3, render_mode="rgb_array"))
-    envs.reset(seed=0)
-    envs.step(np.tile(SLOWLY, (3, 1)))
-    assert pygame.display.get_surface().get_size() == (800, 462)
-    envs.close()
-
-
 @pytest.mark.parametrize(("num_envs", "size"), [(2, (1124, 324)), (6, (1124, 652))])
 def test_a_window_shows_up_to_four_environments_side_by_side(pygame, num_envs, size):
     from billiards_env.drawing.window import LINE

@@ -11,12 +11,11 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine.threads import parallel_for
-from billiards_env.scene import SCENES
 from tests.helpers.shots import check_batch, draw_starts
 
 
 @pytest.mark.parametrize(
-    ("name", "threads"), [*((name, None) for name in SCENES), ("pool", 1), ("pool", 2), ("pool", 3)]
+    ("name", "threads"), [("ideal", None), ("uk_pool", None), ("pool", None), ("pool", 1), ("pool", 2), ("pool", 3)]
 )
 def test_a_batch_equals_single_shots_bit_for_bit(name, threads):
     scene = Scene.named(name, 4)
