@@ -17,7 +17,7 @@ from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots import simulation
 from reference.stress.draw import star
 from tests.helpers.outlines import TABLES, beyond, free_places, mirrored, table, with_corners
-from tests.helpers.queues import check
+from tests.helpers.queues import CELL_GRID, check
 from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
@@ -165,14 +165,15 @@ def test_all_queues_have_the_same_bits(name):
         scene, places, velocities, spins = draw(TABLES[name], rng, n)
         balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
         scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
-        check((scene, places[None], velocities[None], spins[None]), record=True)
+        check((scene, places[None], velocities[None], spins[None]), [CELL_GRID], record=True)
 
 
 # PIT
 
 
-@pytest.mark.parametrize("fix", FIXES)
-@pytest.mark.parametrize("name", ["octagon", "L", "pool_7ft", "throat"])
+@pytest.mark.parametrize(
+    ("name", "fix"), [("octagon", "none"), ("L", "push_apart"), ("pool_7ft", "move_back"), ("throat", "push_apart")]
+)
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
     errors = {1e-3: [], 1e-5: []}
@@ -240,7 +241,7 @@ def test_a_ball_rattles_between_the_tips_of_a_pocket_and_stays_out():
     """It enters the mouth of a side pocket across, hits both facings or tips in turn, and comes back."""
     n = len(Table.named("pool_7ft").outline)
     rattles = 0
-    for angle in np.linspace(0.2, 1.4, 200):
+    for angle in np.linspace(0.2, 1.4, 100):
         scene, shot = in_jaws([-0.3, 0.4], 2.0 * np.array([math.cos(angle), math.sin(angle) * 0.5]), pockets=True)
         walls = [o for k, _, o in kinds(shot) if k == "cushion"]
         tips = [a for a, b in itertools.pairwise(walls) if a >= n and b >= n and a != b]

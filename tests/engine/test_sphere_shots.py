@@ -18,7 +18,7 @@ from reference.oracle import run
 from reference.stress import checks, draw
 from tests.helpers.derivatives import aimed, differences
 from tests.helpers.outlines import with_corners
-from tests.helpers.queues import check
+from tests.helpers.queues import CELL_GRID, check
 from tests.helpers.shots import check_mirror_images, check_renumbering
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
@@ -27,8 +27,8 @@ UK = Scene.named("uk_pool", 4)
 APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
 """m. The distance of the cue ball and an object ball that touch."""
 MARBLES = Scene(
-    Balls((0.01, 0.04, 0.02, 0.03), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
-    with_corners(Table(1.0, 0.8, 0.015)),
+    Balls((0.024, 0.036, 0.028, 0.032), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
+    with_corners(Table(1.0, 0.8, 0.038)),
     UK.physics,  # the engines of `UK` are compiled already
 )
 
@@ -129,7 +129,7 @@ def test_shots_mirror_and_have_no_preferred_numbers_bit_for_bit(scene, mode):
 
 def test_both_queues_are_equal():
     places, velocities, spins = (np.stack(arrays) for arrays in zip(*(shot_of(UK, k) for k in range(20)), strict=True))
-    check((UK, places, velocities, spins), record=True)
+    check((UK, places, velocities, spins), [CELL_GRID], record=True)
 
 
 @pytest.mark.parametrize("scene", [UK, MARBLES], ids=["UK pool", "marbles"])
@@ -144,9 +144,8 @@ def test_every_event_keeps_the_rules(scene):
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_the_sensitivity_is_the_derivative_of_the_final_positions(seed):
-    scene = dataclasses.replace(
-        MARBLES, balls=dataclasses.replace(MARBLES.balls, radius=(0.01, 0.04, 0.02), mass=(0.05, 0.3, 0.1))
-    )
+    balls = MARBLES.balls
+    scene = dataclasses.replace(MARBLES, balls=dataclasses.replace(balls, radius=balls.radius[:3], mass=balls.mass[:3]))
     places, velocities = aimed(scene, seed)
     shot = simulate(scene, places, velocities, record=True)
     assert "ball_ball" in shot.events["kind"]
@@ -171,6 +170,7 @@ def test_a_cut_is_the_sine_of_the_cut_angle():
         assert (line[1] * way[0] - line[0] * way[1]) / APART == pytest.approx(cut, abs=1e-9)
 
 
+@pytest.mark.slow  # compiles the search for this scene
 def test_the_geometric_player_pots_with_a_smaller_cue_ball():
     scene = Scene.named("uk_pool", 2)
     places = np.array([[0.0, 0.0], [0.6, 0.2], [-0.6, 0.2]])
