@@ -27,8 +27,8 @@ UK = Scene.named("uk_pool", 4)
 APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])
 """m. The distance of the cue ball and an object ball that touch."""
 MARBLES = Scene(
-    Balls((0.024, 0.036, 0.028, 0.032), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
-    with_corners(Table(1.0, 0.8, 0.038)),
+    Balls((0.022, 0.03, 0.026, 0.028), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
+    with_corners(Table(1.0, 0.8, 0.034)),
     UK.physics,  # the engines of `UK` are compiled already
 )
 

@@ -41,7 +41,7 @@ def episode(env, seed):
 
 
 @few
-@pytest.mark.parametrize(("fix", "dt"), zip(FIXES, (1 / 15, TIMESTEP, 1 / 240), strict=True))
+@pytest.mark.parametrize(("fix", "dt"), list(zip(FIXES, (1 / 15, TIMESTEP, 1 / 240), strict=True)))
 def test_episodes_of_several_shots_stay_in_the_observation_space(kwargs, fix, dt):
     env = BilliardsEnv(**kwargs, mode="pit", fix=fix, dt=dt)
     for seed in range(4):

@@ -290,7 +290,7 @@ def test_by_default_every_step_plays_a_shot_in_every_environment():
         assert (infos["final_info"]["n_events"] > 0).all()
 
 
-@pytest.mark.parametrize(("kwargs", "mode"), zip(VARIANTS[-3:], MODES, strict=True))
+@pytest.mark.parametrize(("kwargs", "mode"), list(zip(VARIANTS[-3:], MODES, strict=True)))
 def test_make_vec(kwargs, mode):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -118,10 +118,8 @@ def test_an_impact_is_that_of_spheres_in_three_dimensions(first, second, seed, a
 @given(RADII, RADII, st.integers(0, 2**32), st.floats(-180, 180))
 def test_smooth_elastic_spheres_exchange_velocities_as_disks_do(first, second, seed, angle):
     v, w = motions(seed, angle)
-    found, disks = (
-        impact(v, w, angle, Scene(Balls((first, second), (0.1, 0.15), shape=shape), physics=Physics(e_ball=1.0)))
-        for shape in ("sphere", "disk")
-    )
+    scenes = (spheres((first, second), shape=shape, e_ball=1.0, mu_ball=0.0) for shape in ("sphere", "disk"))
+    found, disks = (impact(v, w, angle, scene) for scene in scenes)
     assert np.array_equal(found[0], disks[0])
     assert np.array_equal(found[1], disks[1])
     assert energy(*found, spheres((first, second))) == pytest.approx(energy(v, w, spheres((first, second))))
