@@ -1,7 +1,5 @@
 """Shots with friction between balls and compliant cushions agree with the high-precision simulator."""
 
-import dataclasses
-
 import mpmath
 import numpy as np
 import pytest
@@ -14,25 +12,23 @@ from billiards_env.shots.simulation import simulate
 from reference.oracle import laws, run
 from reference.oracle.laws import World
 from tests.helpers import rubbing_clusters as clusters
+from tests.helpers.outlines import MARBLES
+from tests.helpers.shots import kinds, real
 
 FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.5, "e_cushion_floor": 0.6}
 
 
-def real(name, n, **physics):
-    """Returns a named scene with friction between the balls and compliant cushions."""
-    scene = Scene.named(name, n)
-    physics = {"ball_ball": "frictional", "cushion": "stronge", **physics}
-    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **physics))
-
-
-def names(events):
-    return [(str(e["kind"]), int(e["ball"]), int(e["other"])) for e in events]
-
-
 @pytest.mark.parametrize(
     "scene",
-    [real("pool", 2), real("pool", 5), real("carom", 2, mu_ball_factor=2.5), real("carom", 2, **FALLING)],
-    ids=["pool", "pool of six", "carom with cling", "carom with falling restitution"],
+    [
+        real("pool", 2),
+        real("pool", 5),
+        real("carom", 2, mu_ball_factor=2.5),
+        real("carom", 2, **FALLING),
+        Scene.named("uk_pool", 4),
+        MARBLES,
+    ],
+    ids=["pool", "pool of six", "carom with cling", "carom with falling restitution", "UK pool", "marbles"],
 )
 def test_random_shots_have_the_error_of_their_condition(scene):
     ratios = []
@@ -46,7 +42,7 @@ def test_random_shots_have_the_error_of_their_condition(scene):
         if condition > 1e6:
             continue
         exact = run(scene, places, start, spins, digits=40)
-        assert names(shot.events) == [(e.kind, e.ball, e.other) for e in exact.events]
+        assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
         ratios.append(np.abs(shot.positions - np.array(exact.positions, float)).max() / (UNIT_ROUNDOFF * condition))
         assert shot.spins == pytest.approx(np.array(exact.spins, float), abs=1e-9)
     assert len(ratios) >= 8

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from billiards_env.scene import Balls, Scene
 from billiards_env.scene.outline import Corner, clearance, pieces
 from billiards_env.scene.table import Table
 from reference.stress.draw import outline_table as table
@@ -17,6 +18,13 @@ def with_corners(rectangle):
     corners = tuple(Corner(sx * x, sy * y) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
     return dataclasses.replace(rectangle, outline=corners)
 
+
+MARBLES = Scene(  # has the laws of "uk_pool", whose engines other tests compile too
+    Balls((0.022, 0.03, 0.026, 0.028), (0.05, 0.3, 0.1, 0.2), shape="sphere"),
+    with_corners(Table(1.0, 0.8, 0.034)),
+    Scene.named("uk_pool").physics,
+)
+"""Four spheres of different size."""
 
 RECTANGLE = table([(0, 0), (2, 0), (2, 1), (0, 1)])
 SPLIT = table([(0, 0), (0.7, 0), (2, 0), (2, 0.3), (2, 1), (1.1, 1), (0.3, 1), (0, 1)])

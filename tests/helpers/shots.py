@@ -41,6 +41,12 @@ def world(n, physics, table=SQUARE, mass=None, **changes):
     return Scene(Balls((R,) * n, mass or (0.2,) * n), table, Physics(**{**physics, **changes}))
 
 
+def real(name, n, **physics):
+    """Returns a named scene with friction between the balls, compliant cushions and other constants."""
+    physics = {"ball_ball": "frictional", "cushion": "stronge", **physics}
+    return dataclasses.replace(Scene.named(name, n), physics=Physics(**physics))
+
+
 def kinds(shot):
     """Returns (kind, ball, other) of each event of a recorded shot."""
     return [(e["kind"], e["ball"], e["other"]) for e in shot.events]

@@ -130,12 +130,6 @@ def test_racks_with_redundant_contacts_have_the_same_solution_in_any_order(rows,
         assert solve(other, renamed)[1][names] == pytest.approx(change, rel=1e-15, abs=1e-22)
 
 
-def test_two_contacts_have_a_closed_form():
-    # A ball hits two balls in contact symmetrically. The plastic impulse is p = m v cos(30) / 2.5.
-    contacts = [(0, 1, math.pi / 6, math.cos(math.pi / 6)), (0, 2, -math.pi / 6, math.cos(math.pi / 6))]
-    assert solve(contacts, [1.0] * 3)[0] == pytest.approx([math.cos(math.pi / 6) / 2.5] * 2, rel=1e-15)
-
-
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_one_of_two_contacts_may_open_without_an_impulse(order):
     # Ball 0 pushes ball 1 away from ball 2.

@@ -10,16 +10,12 @@ from billiards_env.scene.table import Table
 from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from tests.helpers.derivatives import aimed, differences
+from tests.helpers.outlines import MARBLES
+from tests.helpers.shots import real
 
 OBSTACLE = Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, float("inf"))), Table(2.0, 1.0), Physics(e_ball=0.9))
 ROLLING = Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(motion="rolling", cushion="restitution"))
 FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
-
-
-def real(name, n, **physics):
-    """Returns a named scene with friction between the balls, compliant cushions and other constants."""
-    physics = {"ball_ball": "frictional", "cushion": "stronge", **physics}
-    return dataclasses.replace(Scene.named(name, n), physics=Physics(**physics))
 
 
 @pytest.mark.parametrize(
@@ -35,8 +31,21 @@ def real(name, n, **physics):
         (real("carom", 2, **FALLING), None),
         (real("carom", 2, mu_ball=0.05, mu_cushion=0.5), None),
         (dataclasses.replace(Scene.named("carom", 2), physics=Physics(**FALLING)), None),
+        (dataclasses.replace(MARBLES, balls=Balls((0.022, 0.03, 0.026), (0.05, 0.3, 0.1), shape="sphere")), None),
     ],
-    ids=["pool", "carom", "pool of five", "ideal", "obstacle", "rolling", "real pool", "stronge", "grip", "falling"],
+    ids=[
+        "pool",
+        "carom",
+        "pool-of-five",
+        "ideal",
+        "obstacle",
+        "rolling",
+        "real-pool",
+        "stronge",
+        "grip",
+        "falling",
+        "marbles",
+    ],
 )
 @pytest.mark.parametrize("seed", [3, 4])
 def test_the_sensitivity_is_the_derivative_of_the_final_positions(scene, max_time, seed):
