@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from billiards_env.physics.state import FIXES
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots import simulation
+from tests.helpers.errors import rejected
 from tests.helpers.shots import (
     FREE,
     LAWS,
@@ -540,11 +540,6 @@ def test_a_shot_stops_at_its_limit_of_events():
         assert part.time == (whole.events["time"][part.n_events - 1] if part.n_events else 0.0)
         assert part.positions == pytest.approx(whole.at(part.time), abs=1e-13)
     assert pit(scene, places, [4.0, 3.0], max_events=whole.n_events).status == "rest"
-
-
-def rejected(message):
-    """Returns `pytest.raises` for a ValueError whose message contains this text."""
-    return pytest.raises(ValueError, match=re.escape(message))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@ import dataclasses
 import itertools
 import json
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,9 @@ import pytest
 from billiards_env.checks import short
 from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Physics, Scene, check_positions
 from billiards_env.scene.table import Pocket, Table, six_pockets
+from tests.helpers.errors import rejected
 
 R = 0.03125
-
-
-def rejected(message, kind: type[Exception] = ValueError):
-    """Returns `pytest.raises` for an error whose message contains this text."""
-    return pytest.raises(kind, match=re.escape(message))
 
 
 # Defaults and named scenes

@@ -1,7 +1,6 @@
 import dataclasses
 import json
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 from billiards_env.scene import CONTACT_GAP, SCENES, Balls, Scene, check_positions
 from billiards_env.scene.outline import Corner, clearance, pieces, polygon
 from billiards_env.scene.table import TABLES, Jaws, Pocket, Table, pool_table
+from tests.helpers.errors import rejected
 
 DATA = Path(__file__).parents[1] / "data"
 JAWS = [name for name in TABLES if Table.named(name).outline]
@@ -25,11 +25,6 @@ def outline(points, **radii):
 
 def custom(points, length=2.0, width=1.0, **radii):
     return Table(length, width, outline=outline(points, **radii))
-
-
-def rejected(message, kind: type[Exception] = ValueError):
-    """Returns `pytest.raises` for an error whose message contains this text."""
-    return pytest.raises(kind, match=re.escape(message))
 
 
 # Presets

@@ -1,5 +1,4 @@
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -10,16 +9,12 @@ from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots import simulation
+from tests.helpers.errors import rejected
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
-
-
-def rejected(message, kind: type[Exception] = ValueError):
-    """Returns `pytest.raises` for an error whose message contains this text."""
-    return pytest.raises(kind, match=re.escape(message))
 
 
 # Records
