@@ -19,7 +19,7 @@ def check(shots, engines=(CELL_GRID, PLAIN), **options):
     """Checks that these engines, and the one for two balls, have the same results and logs as `pic.run_shots`."""
     expected = run(pic.run_shots, shots, **options)
     if shots[0].n_balls <= 2:
-        engines = (*engines, pic.run_shots_of_two)
+        engines = (*engines, pic.run_shots_of_at_most_two)
     for engine in engines:
         for found, array in zip(run(engine, shots, **options), expected, strict=True):
             assert np.array_equal(found, array)

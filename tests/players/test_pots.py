@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.engine import scene_arrays
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.envs import BilliardsEnv
 from billiards_env.players.paths import arrival, launch, travel_time
 from billiards_env.players.pots import pot_shots
