@@ -102,8 +102,8 @@ def cause(exact: ShotResult, stepped: ShotResult, dt: float, ball: int) -> str:
 
     Example:
         >>> from billiards_env import simulate
-        >>> from studies import failures
-        >>> case = failures.named("wrong_bounce")
+        >>> from studies.failures import FAILURES
+        >>> case = FAILURES["wrong_bounce"]
         >>> shot = case.scene, case.positions, case.velocities
         >>> exact = simulate(*shot, record=True)
         >>> cause(exact, simulate(*shot, mode="pit", dt=case.dt, record=True), case.dt, ball=0)

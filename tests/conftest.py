@@ -14,13 +14,13 @@ settings.load_profile("repeatable")
 _compile: Any = decorators.EntryPoint.compile
 
 
-def _compile_once(self: Any, signature: Any) -> Any:
+def _compile_once(self: Any, sig: Any) -> Any:
     """Compiles a function, or loads the code of another worker that compiles it at the same time."""
-    name = hashlib.sha256(repr((self.py_func.__module__, self.__qualname__, signature)).encode()).hexdigest()[:16]
+    name = hashlib.sha256(repr((self.py_func.__module__, self.__qualname__, sig)).encode()).hexdigest()[:16]
     if decorators._FOLDER is None:
-        return _compile(self, signature)
+        return _compile(self, sig)
     with FileLock(decorators._FOLDER / f"{name}.lock"):
-        return _compile(self, signature)
+        return _compile(self, sig)
 
 
 if "PYTEST_XDIST_WORKER" in os.environ:

@@ -53,7 +53,7 @@ def test_a_cut_shot_is_a_prefix(kind, seed):
     if shot[0].balls.shape == "disk":  # for spheres it is not compiled
         engines.append(plain.run_shots)
     if shot[0].n_balls <= 2:
-        engines.append(pic.run_shots_of_two)
+        engines.append(pic.run_shots_of_at_most_two)
     for engine in engines:
         check_cuts(engine, shot, rng)
 

@@ -163,6 +163,7 @@ def test_all_queues_have_the_same_bits(name):
     rng = np.random.default_rng(3)
     for n in (3, 4):
         scene, places, velocities, spins = draw(TABLES[name], rng, n)
+        assert spins is not None
         balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
         scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
         check((scene, places[None], velocities[None], spins[None]), [CELL_GRID], record=True)

@@ -121,7 +121,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
                 assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]
         assert shots <= env.max_shots
-        if not info["potted"].any() and env.mode == "pic":
+        if not info["potted"].any() and env.engine.mode == "pic":
             check_positions(env.scene, env.positions)
 
 

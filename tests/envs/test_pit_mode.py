@@ -137,4 +137,4 @@ def test_the_arguments_survive_json():
         assert spec is not None
         again = gym.make(EnvSpec.from_json(spec.to_json())).unwrapped
         assert isinstance(again, BilliardsEnv)
-        assert (again.mode, again.dt, again.fix) == ("pit", TIMESTEP, fix)
+        assert again.engine == ("pit", TIMESTEP, fix)

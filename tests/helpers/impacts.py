@@ -23,8 +23,8 @@ def collide(first, second, nx, ny, closing, rebound, rows, scene):
 
 def collide_pair(rows, normal, closing, scene):
     """Runs `collide` on balls 0 and 1, which approach each other at a speed along a normal (2,)."""
-    first, second = np.array([0]), np.array([1])
-    collide(first, second, *np.reshape(normal, (2, 1)), np.array([closing]), np.zeros(1), rows, scene)
+    first, second, (nx, ny) = np.array([0]), np.array([1]), np.reshape(normal, (2, 1))
+    collide(first, second, nx, ny, np.array([closing]), np.zeros(1), rows, scene)
 
 
 def approaching(places, velocities, pairs):

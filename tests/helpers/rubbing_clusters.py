@@ -20,7 +20,8 @@ def collided(places, rows, pairs, arrays, rebound=0.0):
     chosen, contacts = approaching(places, rows[:, VX : VY + 1], pairs)
     rows = rows.copy()
     if len(chosen):
-        collide(*contacts, np.full(len(chosen), rebound), rows, arrays)
+        first, second, nx, ny, closing = contacts
+        collide(first, second, nx, ny, closing, np.full(len(chosen), rebound), rows, arrays)
     return rows, len(chosen)
 
 

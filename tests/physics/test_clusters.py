@@ -175,7 +175,9 @@ def collided(places, velocities, inverse, pairs, e, rebound):
     chosen, contacts = approaching(places, velocities, pairs)
     if len(chosen):
         arrays = scene_arrays(Scene(Balls.uniform(1), physics=Physics(cushion="restitution", e_ball=e)))
-        collide(*contacts, rebound[chosen], state, arrays._replace(radius=inverse, inv_mass=inverse))
+        arrays = arrays._replace(radius=inverse, inv_mass=inverse)
+        first, second, nx, ny, closing = contacts
+        collide(first, second, nx, ny, closing, rebound[chosen], state, arrays)
     return state[:, [VX, VY]]
 
 

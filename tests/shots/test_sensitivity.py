@@ -1,6 +1,7 @@
 """The derivative of the final positions agrees with finite differences of the high-precision simulator."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from tests.helpers.shots import real
 
 OBSTACLE = Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, float("inf"))), Table(2.0, 1.0), Physics(e_ball=0.9))
 ROLLING = Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(motion="rolling", cushion="restitution"))
-FALLING = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
+FALLING: dict[str, Any] = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
-from studies import failures
 from studies.causes import CAUSES, cause, contacts, history
 from studies.failures import FAILURES
 
@@ -31,20 +30,20 @@ def found(scene, positions, velocities, dt, ball=0, fix=None):
 @pytest.mark.parametrize("fix", ["push_apart", "none"])
 @pytest.mark.parametrize("ball", [0, 1])
 def test_each_of_the_four_failures_is_its_own_cause(name, fix, ball):
-    case = failures.named(name)
+    case = FAILURES[name]
     if name == "wrong_bounce" and ball == 1:
         return  # nothing moves it
     assert found(case.scene, case.positions, case.velocities, case.dt, ball, fix) == name
 
 
 def test_with_the_right_line_of_centres_a_late_hit_is_a_small_error():
-    case = failures.named("penetration")
+    case = FAILURES["penetration"]
     assert found(case.scene, case.positions, case.velocities, case.dt, fix="move_back") == "small_errors"
 
 
 @pytest.mark.parametrize("name", FAILURES)
 def test_a_fine_timestep_has_small_errors_only(name):
-    case = failures.named(name)
+    case = FAILURES[name]
     assert found(case.scene, case.positions, case.velocities, 2e-5) == "small_errors"
 
 
