@@ -39,7 +39,6 @@ from billiards_env.physics.state import (
     REST,
     ROLLING,
     SLIDING,
-    Numbers,
     SceneArrays,
     Time,
     before,
@@ -188,7 +187,7 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are those of `engine.pic.run_shots`."""
-    arrays = SceneArrays(Numbers(*scene[0]), *scene[1:])
+    arrays = SceneArrays(scene[0][0], *scene[1:])
     most = most_contacts(arrays)
     scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)

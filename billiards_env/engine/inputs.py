@@ -22,7 +22,6 @@ from billiards_env.physics.state import (
     SPIN_X,
     SPIN_Y,
     SPIN_Z,
-    Numbers,
     SceneArrays,
     X,
     Y,
@@ -73,7 +72,7 @@ def is_valid_fast(begin, end, scene, positions, velocities, spins, in_play):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = SceneArrays(Numbers(*scene[0]), *scene[1:])
+    arrays = SceneArrays(scene[0][0], *scene[1:])
     radius, inv_mass, pockets = arrays.radius, arrays.inv_mass, arrays.pockets
     half_length, half_width = half_sizes(arrays.numbers, arrays.outline)
     n = len(radius)

@@ -11,7 +11,7 @@ import numpy as np
 from billiards_env.checks import RANGES, choose, fits, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.physics.state import FIXES, IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
+from billiards_env.physics.state import FIXES, IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import Scene, ball_friction
 
@@ -134,7 +134,7 @@ _latest: tuple[Any, Any, Any] = None, None, ()  # the arguments and the result o
 def scene_arrays(scene: Scene) -> SceneArrays:
     """Returns the arrays of a scene."""
     numbers, *arrays = scene_fields(scene)
-    return SceneArrays(Numbers(*numbers), *arrays)
+    return SceneArrays(Numbers(*numbers[0]), *arrays)
 
 
 @functools.lru_cache(maxsize=256)
@@ -188,4 +188,4 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         ball_friction=BALL_BALL[p.ball_ball],
         **{cushion.law: True},
     )
-    return (tuple(numbers), *arrays[1:])
+    return (np.array([numbers], NUMBERS), *arrays[1:])

@@ -57,7 +57,6 @@ from billiards_env.physics.state import (
     SLIDING,
     VX,
     VY,
-    Numbers,
     SceneArrays,
     State,
     Time,
@@ -473,5 +472,5 @@ _run_all = for_all_shots(run)
 @allocating_entry_point
 def run_shots(begin, end, scene, limit, max_events, shots, log):
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(SceneArrays(Numbers(*scene[0]), *scene[1:]))
+    work = make_workspace(SceneArrays(scene[0][0], *scene[1:]))
     end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))

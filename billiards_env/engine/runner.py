@@ -8,7 +8,7 @@ from billiards_env.engine.log import Log
 from billiards_env.engine.shots import Shots, load, store
 from billiards_env.jit import inlined
 from billiards_env.jit.interrupt import interrupted
-from billiards_env.physics.state import Numbers, SceneArrays
+from billiards_env.physics.state import SceneArrays
 
 INTERRUPTED = -1
 """Result of a loop that was interrupted (see `physics.interrupt`). The shot has no outcome then."""
@@ -30,7 +30,7 @@ def for_all_shots(run: Any) -> Any:
 
         `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.
         """
-        scene, shots, log = SceneArrays(Numbers(*scene[0]), *scene[1:]), Shots(*shots), Log(*log)
+        scene, shots, log = SceneArrays(scene[0][0], *scene[1:]), Shots(*shots), Log(*log)
         pending = 0
         for k in range(begin, end):
             load(k, shots, scene, work.state)

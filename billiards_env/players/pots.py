@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import scene_fields
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.state import Numbers, SceneArrays, X, Y, empty_state
+from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
 from billiards_env.players.hits import Table, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
@@ -173,7 +173,7 @@ def pot_shots(
 @allocating_entry_point
 def search_tables(scene, cue, balls, positions, potted, stroke, banks, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last three fields of `Table`."""
-    scene, pots = SceneArrays(Numbers(*scene[0]), *scene[1:]), Pots(*pots)
+    scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
         table = Table(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])

@@ -50,7 +50,6 @@ from billiards_env.physics.state import (
     VY,
     WIDTH,
     WZ,
-    Numbers,
     SceneArrays,
     Time,
     X,
@@ -238,7 +237,7 @@ def _check(log, scene, mass, acts, found):
 
 @allocating_entry_point
 def _run_checked(scene, limit, max_events, shots, log, found):
-    arrays, record = SceneArrays(Numbers(*scene[0]), *scene[1:]), Log(*log)
+    arrays, record = SceneArrays(scene[0][0], *scene[1:]), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(found)):
         run_shots(k, k + 1, scene, limit, max_events, shots, log)
