@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from billiards_env.physics import walls
 from billiards_env.physics.motion import Path
+from billiards_env.physics.state import Numbers
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
 from billiards_env.scene.outline import Corner, clearance, pieces
 from reference.stress.draw import star
@@ -16,7 +17,7 @@ from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, 
 
 INF = math.inf
 R = 0.03
-NO_NUMBERS = np.zeros(1)  # only rectangles without an outline have their sides there
+NO_NUMBERS = Numbers(*[0.0] * len(Numbers._fields))  # only rectangles without an outline have their sides there
 
 tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
 
