@@ -7,17 +7,18 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics import walls
 from billiards_env.physics.motion import Path
-from billiards_env.physics.state import Numbers
 from billiards_env.physics.walls import BOX_X, HALF_LINE, outline_arrays
+from billiards_env.scene import Scene
 from billiards_env.scene.outline import Corner, clearance, pieces
 from reference.stress.draw import star
 from tests.helpers.outlines import OCTAGON, SPLIT, TABLES, THROAT, free_places, joint_of, table
 
 INF = math.inf
 R = 0.03
-NO_NUMBERS = Numbers(*[0.0] * len(Numbers._fields))  # only rectangles without an outline have their sides there
+NUMBERS = scene_arrays(Scene.named("pool", 0)).numbers  # only rectangles without an outline have their sides there
 
 tables = st.sampled_from(sorted(TABLES)).map(TABLES.__getitem__) | st.integers(0, 10**4).map(star)
 
@@ -28,7 +29,7 @@ def arrays(a_table):
 
 def wall_time(path, a_table, end=INF, radius=R):
     """Returns the time of the next contact and the number of the cushion."""
-    return walls.wall_time(Path(*map(float, path)), radius, end, NO_NUMBERS, arrays(a_table))
+    return walls.wall_time(Path(*map(float, path)), radius, end, NUMBERS, arrays(a_table))
 
 
 def position(path, t):
@@ -106,7 +107,7 @@ def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
     for place in free_places(a_table, R, rng, 300):
         path = Path(*map(float, place), *rng.normal(size=2), *(rng.normal(size=2) * rng.choice([0.0, 2.0])))
         end = INF if path.ax == 0.0 else 2.0
-        assert walls.wall_time(path, R, end, NO_NUMBERS, quick) == walls.any_wall_time(path, R, end, quick)
+        assert walls.wall_time(path, R, end, NUMBERS, quick) == walls.any_wall_time(path, R, end, quick)
 
 
 def test_a_table_with_a_corner_half_a_micrometre_inside_its_rectangle_has_no_short_cut():
@@ -262,13 +263,13 @@ def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, s
     for place in rng.uniform(-size, size, (20, 2)):
         room = float(clearance(a_table.outline, place))
         x, y = map(float, place)
-        assert (walls.next_overlap(x, y, 0.0, 0.0, R, 0, NO_NUMBERS, outline) >= 0) == (room < R)
+        assert (walls.next_overlap(x, y, 0.0, 0.0, R, 0, NUMBERS, outline) >= 0) == (room < R)
         for turn in range(walls.wall_turns(outline)):
-            wall = walls.next_overlap(x, y, 0.0, 0.0, R, turn, NO_NUMBERS, outline)
+            wall = walls.next_overlap(x, y, 0.0, 0.0, R, turn, NUMBERS, outline)
             if wall < 0:
                 break
             assert wall < count
-            x, y = walls.back_to_wall(x, y, R, wall, NO_NUMBERS, outline)
+            x, y = walls.back_to_wall(x, y, R, wall, NUMBERS, outline)
         # Outside a corner that is too acute for the ball its centre may remain outside by its radius.
         assert clearance(a_table.outline, (x, y)) > -R * (1 + 1e-9)
 
@@ -276,7 +277,7 @@ def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, s
 def test_a_ball_at_the_centre_of_an_arc_is_sent_to_the_middle_of_the_arc():
     tip = pieces(TABLES["L"].outline)[1][0]
     outline = arrays(TABLES["L"])
-    beyond, nx, ny = walls.wall_overlap(tip.x, tip.y, R, len(outline.lines), NO_NUMBERS, outline)
+    beyond, nx, ny = walls.wall_overlap(tip.x, tip.y, R, len(outline.lines), NUMBERS, outline)
     assert beyond == pytest.approx(R + tip.radius)
     assert (nx, ny) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))
 
