@@ -11,7 +11,8 @@ from billiards_env.jit import decorators
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
-_compile: Any = decorators.EntryPoint.compile
+_entry_point: Any = decorators.EntryPoint
+_compile = _entry_point.compile
 
 
 def _compile_once(self: Any, sig: Any) -> Any:
@@ -24,4 +25,4 @@ def _compile_once(self: Any, sig: Any) -> Any:
 
 
 if "PYTEST_XDIST_WORKER" in os.environ:
-    decorators.EntryPoint.compile = _compile_once
+    _entry_point.compile = _compile_once

@@ -166,7 +166,7 @@ def test_all_queues_have_the_same_bits(name):
         assert spins is not None
         balls = Balls((0.9 * R, *(R,) * (n - 1)), scene.balls.mass, shape="sphere")
         scene = dataclasses.replace(scene, balls=balls, physics=Scene.named("uk_pool").physics)
-        check((scene, places[None], velocities[None], spins[None]), [CELL_GRID], record=True)
+        check((scene, places[None], velocities[None], np.array([spins])), [CELL_GRID], record=True)
 
 
 # PIT
