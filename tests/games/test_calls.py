@@ -13,9 +13,9 @@ from tests.helpers.games import facts, state
 
 straight, eight_ball, nine_ball = (RULES[name].judge for name in ("straight", "eight_ball", "nine_ball"))
 
-POT_3 = facts(("hit", 0, 3), ("pocket", 3, 5))
-MISS = facts(("hit", 0, 3), ("cushion", 3))
-FOUL = facts(("cushion", 0))
+POT_3 = facts("hit 0 3, pocket 3 5")
+MISS = facts("hit 0 3, cushion 3")
+FOUL = facts("cushion 0")
 
 
 def called(rules, **fields):
@@ -39,17 +39,17 @@ def test_balls_potted_without_a_call_stay_down():  # 3.6
 
 
 def test_other_balls_may_drop_with_the_called_ball():  # 1.6
-    log = facts(("hit", 0, 3), ("pocket", 9, 0), ("pocket", 3, 5))
+    log = facts("hit 0 3, pocket 9 0, pocket 3 5")
     assert eight_ball(called("eight_ball", solids=0), log, Call(3, 5)).continues
 
 
 def test_a_ball_of_the_other_group_cannot_be_called():  # 3.5
-    log = facts(("hit", 0, 3), ("pocket", 9, 0))
+    log = facts("hit 0 3, pocket 9 0")
     assert not eight_ball(called("eight_ball", solids=0), log, Call(9, 0)).continues
 
 
 def test_the_called_ball_decides_the_group():  # 3.4
-    log = facts(("hit", 0, 3), ("pocket", 3, 5), ("pocket", 9, 0))
+    log = facts("hit 0 3, pocket 3 5, pocket 9 0")
     assert eight_ball(called("eight_ball"), log, Call(9, 0)) == Verdict(continues=True, solids=1)
     assert eight_ball(called("eight_ball"), log, Call(3, 5)) == Verdict(continues=True, solids=0)
     assert eight_ball(called("eight_ball"), log, Call(3, 0)) == Verdict()  # the table stays open
@@ -84,27 +84,27 @@ def test_without_called_shots_any_pocket_counts():
 
 
 def test_a_push_out_may_follow_a_legal_break():  # 2.4
-    legal = facts(("hit", 0, 1), ("pocket", 4, 0))
+    legal = facts("hit 0 1, pocket 4 0")
     before = state("nine_ball", break_shot=True)
     assert next_state(before, legal, nine_ball(before, legal)).choices == ("push_out",)
-    scratch = facts(("hit", 0, 1), ("pocket", 0, 0))
+    scratch = facts("hit 0 1, pocket 0 0")
     assert nine_ball(before, scratch).choices == ()
-    assert nine_ball(state("nine_ball", choices=("push_out",)), facts(("hit", 0, 1), ("cushion", 1))).choices == ()
+    assert nine_ball(state("nine_ball", choices=("push_out",)), facts("hit 0 1, cushion 1")).choices == ()
 
 
-@pytest.mark.parametrize("log", [facts(), facts(("hit", 0, 5)), facts(("hit", 0, 1), ("pocket", 1, 0))])
+@pytest.mark.parametrize("log", [facts(), facts("hit 0 5"), facts("hit 0 1, pocket 1 0")])
 def test_a_push_out_needs_no_hit_and_passes_the_turn(log):  # 2.4
     push = Call(kind="push_out")
     assert nine_ball(state("nine_ball", choices=("push_out",)), log, push) == Verdict(choices=("hand_back",))
 
 
 def test_a_scratch_on_a_push_out_is_a_foul():  # 2.4
-    verdict = nine_ball(state("nine_ball"), facts(("hit", 0, 5), ("pocket", 0, 1)), Call(kind="push_out"))
+    verdict = nine_ball(state("nine_ball"), facts("hit 0 5, pocket 0 1"), Call(kind="push_out"))
     assert verdict == Verdict("scratch", in_hand="anywhere")
 
 
 def test_the_nine_ball_is_spotted_after_a_push_out():  # 2.6
-    verdict = nine_ball(state("nine_ball"), facts(("hit", 0, 9), ("pocket", 9, 1)), Call(kind="push_out"))
+    verdict = nine_ball(state("nine_ball"), facts("hit 0 9, pocket 9 1"), Call(kind="push_out"))
     assert (verdict.spotted, verdict.over, verdict.foul) == ((9,), False, "")
 
 
@@ -121,7 +121,7 @@ def test_the_third_consecutive_foul_loses():  # 2.8, 6.14
 
 def test_a_legal_shot_clears_the_count_of_fouls():  # 6.14
     before = state("nine_ball", fouls=(2, 1))
-    legal = facts(("hit", 0, 1), ("cushion", 1))
+    legal = facts("hit 0 1, cushion 1")
     assert next_state(before, legal, nine_ball(before, legal)).fouls == (0, 1)
 
 
@@ -185,7 +185,7 @@ def test_only_eight_ball_and_straight_pool_are_called(rules):
     ],
 )
 def test_straight_pool_scores_only_with_the_called_ball(call, verdict):
-    log = facts(("hit", 0, 3), ("pocket", 4, 1), ("pocket", 3, 5))
+    log = facts("hit 0 3, pocket 4 1, pocket 3 5")
     assert straight(called("straight"), log, call) == verdict
 
 
@@ -193,8 +193,8 @@ def test_straight_pool_scores_only_with_the_called_ball(call, verdict):
     ("log", "foul", "in_hand", "spotted"),
     [
         (facts(), "no_hit", "no", ()),
-        (facts(("hit", 0, 3)), "no_cushion", "no", ()),
-        (facts(("hit", 0, 3), ("pocket", 3, 5), ("pocket", 0, 1)), "scratch", "behind", (3,)),
+        (facts("hit 0 3"), "no_cushion", "no", ()),
+        (facts("hit 0 3, pocket 3 5, pocket 0 1"), "scratch", "behind", (3,)),
     ],
 )
 def test_straight_pool_a_foul_costs_a_point(log, foul, in_hand, spotted):  # 4.9
@@ -204,20 +204,20 @@ def test_straight_pool_a_foul_costs_a_point(log, foul, in_hand, spotted):  # 4.9
 @pytest.mark.parametrize(
     ("log", "call", "verdict"),
     [
-        ((("hit", 0, 1), ("cushion", 0), ("cushion", 2), ("cushion", 3)), Call(), Verdict()),
-        ((("hit", 0, 1), ("cushion", 2), ("cushion", 3)), Call(), Verdict("breaking_foul", -2)),
-        ((("hit", 0, 1), ("cushion", 0), ("cushion", 2)), Call(), Verdict("breaking_foul", -2)),
-        ((("hit", 0, 1), ("pocket", 2, 0)), Call(2, 0), Verdict(points=1, continues=True)),
-        ((("hit", 0, 1), ("pocket", 2, 0)), Call(2, 1), Verdict("breaking_foul", -2, spotted=(2,))),
-        ((("hit", 0, 1), ("pocket", 0, 0)), Call(), Verdict("breaking_foul", -2, in_hand="behind")),
+        ("hit 0 1, cushion 0, cushion 2, cushion 3", Call(), Verdict()),
+        ("hit 0 1, cushion 2, cushion 3", Call(), Verdict("breaking_foul", -2)),
+        ("hit 0 1, cushion 0, cushion 2", Call(), Verdict("breaking_foul", -2)),
+        ("hit 0 1, pocket 2 0", Call(2, 0), Verdict(points=1, continues=True)),
+        ("hit 0 1, pocket 2 0", Call(2, 1), Verdict("breaking_foul", -2, spotted=(2,))),
+        ("hit 0 1, pocket 0 0", Call(), Verdict("breaking_foul", -2, in_hand="behind")),
         # A potted cue ball counts as driven to a cushion (8.4).
         (
-            (("hit", 0, 1), ("cushion", 2), ("cushion", 3), ("pocket", 0, 0)),
+            "hit 0 1, cushion 2, cushion 3, pocket 0 0",
             Call(),
             Verdict("scratch", -1, in_hand="behind"),
         ),
         (
-            (("hit", 0, 1), ("cushion", 0), ("cushion", 2), ("cushion", 3), ("pocket", 0, 0)),
+            "hit 0 1, cushion 0, cushion 2, cushion 3, pocket 0 0",
             Call(),
             Verdict("scratch", -1, in_hand="behind"),
         ),
@@ -237,7 +237,7 @@ def test_straight_pool_the_third_consecutive_foul():  # 4.11
 
 def test_straight_pool_a_breaking_foul_does_not_count():  # 4.11
     before = called("straight", target=50, break_shot=True, fouls=(0, 0))
-    log = facts(("hit", 0, 1))
+    log = facts("hit 0 1")
     assert next_state(before, log, straight(before, log)).fouls == (0, 0)
 
 
@@ -300,6 +300,6 @@ def test_straight_pool_three_fouls_on_the_table():
 
 
 def test_facts_hold_the_pocket_of_each_ball():
-    assert facts(("hit", 0, 1), ("pocket", 7, 2), ("pocket", 0, 4)) == Facts(
+    assert facts("hit 0 1, pocket 7 2, pocket 0 4") == Facts(
         (1,), ((1, 0),), (7, 0), True, frozenset({7}), (2, 4), True
     )

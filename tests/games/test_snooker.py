@@ -58,7 +58,7 @@ def test_after_a_turn_a_red_is_on_for_the_other_player():  # 3.3
 
 def test_each_red_scores_one_and_a_colour_follows():  # 3.3 d
     assert snooker(frame(), pot(4)) == Verdict(points=1, continues=True, colour=True)
-    two = facts(("hit", 0, 4), ("pocket", 4, 0), ("pocket", 9, 1))
+    two = facts("hit 0 4, pocket 4 0, pocket 9 1")
     assert snooker(frame(), two) == Verdict(points=2, continues=True, colour=True)
 
 
@@ -72,8 +72,8 @@ def test_a_colour_scores_its_value_and_is_spotted(ball, points):  # 3.3 e
 
 
 def test_a_miss_passes_the_turn():
-    assert snooker(frame(), facts(("hit", 0, 3))) == Verdict()  # no cushion is needed
-    assert snooker(frame(colour=True), facts(("hit", 0, BLUE))) == Verdict()
+    assert snooker(frame(), facts("hit 0 3")) == Verdict()  # no cushion is needed
+    assert snooker(frame(colour=True), facts(f"hit 0 {BLUE}")) == Verdict()
 
 
 def test_the_colour_after_the_last_red_is_spotted_and_the_yellow_follows():  # 3.3 e, f
@@ -101,25 +101,25 @@ def test_the_colours_are_potted_in_order_and_stay_down():  # 3.3 f
     ("fields", "log", "call", "foul", "penalty"),
     [
         ({}, (), Call(), "no_hit", 4),  # 3.10 a
-        ({}, (("hit", 0, 1), ("pocket", 0)), Call(), "scratch", 4),
-        ({}, (("hit", 0, YELLOW),), Call(), "wrong_ball", 4),
-        ({}, (("hit", 0, BLUE),), Call(), "wrong_ball", 5),  # 3.10 b
-        ({}, (("hit", 0, BLACK), ("pocket", 0)), Call(), "scratch", 7),
-        ({}, (("hit", 0, 1), ("pocket", PINK)), Call(), "wrong_pot", 6),
-        ({}, (("hit", 0, 1), ("pocket", 1), ("pocket", GREEN)), Call(), "wrong_pot", 4),
-        ({}, (("hit", 0, BLUE), ("pocket", BLACK)), Call(), "wrong_ball", 7),
-        ({"colour": True}, (("hit", 0, BLUE), ("pocket", 0)), Call(), "scratch", 5),
-        ({"colour": True}, (("hit", 0, YELLOW), ("pocket", 0)), Call(), "scratch", 4),
-        ({"colour": True}, (("hit", 0, BLUE), ("pocket", 3)), Call(), "wrong_pot", 5),
-        ({"colour": True}, (("hit", 0, BLUE),), Call(PINK), "wrong_ball", 6),
-        ({"colour": True}, (("hit", 0, BLACK),), Call(PINK), "wrong_ball", 7),
-        ({"colour": True}, (("hit", 0, PINK), ("pocket", BLUE)), Call(PINK), "wrong_pot", 6),
+        ({}, "hit 0 1, pocket 0", Call(), "scratch", 4),
+        ({}, f"hit 0 {YELLOW}", Call(), "wrong_ball", 4),
+        ({}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),  # 3.10 b
+        ({}, f"hit 0 {BLACK}, pocket 0", Call(), "scratch", 7),
+        ({}, f"hit 0 1, pocket {PINK}", Call(), "wrong_pot", 6),
+        ({}, f"hit 0 1, pocket 1, pocket {GREEN}", Call(), "wrong_pot", 4),
+        ({}, f"hit 0 {BLUE}, pocket {BLACK}", Call(), "wrong_ball", 7),
+        ({"colour": True}, f"hit 0 {BLUE}, pocket 0", Call(), "scratch", 5),
+        ({"colour": True}, f"hit 0 {YELLOW}, pocket 0", Call(), "scratch", 4),
+        ({"colour": True}, f"hit 0 {BLUE}, pocket 3", Call(), "wrong_pot", 5),
+        ({"colour": True}, f"hit 0 {BLUE}", Call(PINK), "wrong_ball", 6),
+        ({"colour": True}, f"hit 0 {BLACK}", Call(PINK), "wrong_ball", 7),
+        ({"colour": True}, f"hit 0 {PINK}, pocket {BLUE}", Call(PINK), "wrong_pot", 6),
         ({"colour": True}, (), Call(YELLOW), "no_hit", 4),
         ({"colour": True}, (), Call(), "no_hit", 7),  # 3.10 d: a foul before a colour is nominated
-        ({"colour": True}, (("hit", 0, 3),), Call(), "wrong_ball", 7),  # 3.10 d: two reds in succession
+        ({"colour": True}, "hit 0 3", Call(), "wrong_ball", 7),  # 3.10 d: two reds in succession
         ({"on_table": (PINK, BLACK)}, (), Call(), "no_hit", 6),
-        ({"on_table": (PINK, BLACK)}, (("hit", 0, PINK), ("pocket", BLACK)), Call(), "wrong_pot", 7),
-        ({"on_table": (BROWN, BLUE, PINK, BLACK)}, (("hit", 0, BLUE),), Call(), "wrong_ball", 5),
+        ({"on_table": (PINK, BLACK)}, f"hit 0 {PINK}, pocket {BLACK}", Call(), "wrong_pot", 7),
+        ({"on_table": (BROWN, BLUE, PINK, BLACK)}, f"hit 0 {BLUE}", Call(), "wrong_ball", 5),
     ],
 )
 def test_fouls_and_their_values(fields, log, call, foul, penalty):
@@ -137,7 +137,7 @@ def test_the_penalty_goes_to_the_other_player():  # 3.10
 
 
 def test_potted_reds_stay_down_after_a_foul_and_colours_are_spotted():  # 3.3 h, 3.7
-    log = facts(("hit", 0, BLUE), ("pocket", 2), ("pocket", BLUE), ("pocket", BLACK))
+    log = facts(f"hit 0 {BLUE}, pocket 2, pocket {BLUE}, pocket {BLACK}")
     before = frame()
     verdict = snooker(before, log)
     assert verdict.spotted == (BLACK, BLUE)
@@ -164,7 +164,7 @@ def test_a_free_ball_counts_as_a_red_and_is_spotted(call):  # 3.12 a, c
 
 
 def test_a_free_ball_and_reds_all_score():  # 3.12 e
-    log = facts(("hit", 0, GREEN), ("pocket", GREEN), ("pocket", 4))
+    log = facts(f"hit 0 {GREEN}, pocket {GREEN}, pocket 4")
     assert snooker(frame(free_ball=True), log) == Verdict(points=2, continues=True, spotted=(GREEN,), colour=True)
 
 
@@ -172,20 +172,20 @@ def test_a_free_ball_as_a_colour_scores_the_value_of_the_ball_on():  # 3.12 a, d
     before = frame(free_ball=True, on_table=(BLUE, PINK, BLACK))
     assert snooker(before, pot(BLACK)) == Verdict(points=5, continues=True, spotted=(BLACK,))
     assert snooker(before, pot(BLUE, first=BLACK)) == Verdict(points=5, continues=True)
-    both = facts(("hit", 0, BLACK), ("pocket", BLUE), ("pocket", BLACK))
+    both = facts(f"hit 0 {BLACK}, pocket {BLUE}, pocket {BLACK}")
     assert snooker(before, both) == Verdict(points=5, continues=True, spotted=(BLACK,))
 
 
 def test_a_nominated_free_ball_must_be_touched_first():  # 3.12 b
     before = frame(free_ball=True)
-    assert snooker(before, facts(("hit", 0, 1)), Call(BLUE)) == Verdict("wrong_ball", penalty=4, choices=("hand_back",))
-    assert snooker(before, facts(("hit", 0, 1))).foul == ""  # plays a red
+    assert snooker(before, facts("hit 0 1"), Call(BLUE)) == Verdict("wrong_ball", penalty=4, choices=("hand_back",))
+    assert snooker(before, facts("hit 0 1")).foul == ""  # plays a red
     assert snooker(before, facts()).penalty == 4
 
 
 def test_a_free_ball_lasts_for_one_shot():
     before = frame(free_ball=True)
-    assert not next_state(before, facts(("hit", 0, 1)), Verdict()).free_ball
+    assert not next_state(before, facts("hit 0 1"), Verdict()).free_ball
 
 
 # The end of the frame.
@@ -199,7 +199,7 @@ def test_a_free_ball_lasts_for_one_shot():
         ((30, 46), pot(BLACK), 1),
         ((50, 40), facts(), 0),
         ((43, 40), facts(), 1),
-        ((50, 40), facts(("hit", 0, BLACK), ("pocket", BLACK), ("pocket", 0)), 0),
+        ((50, 40), facts(f"hit 0 {BLACK}, pocket {BLACK}, pocket 0"), 0),
     ],
 )
 def test_the_first_pot_or_foul_on_the_last_black_ends_the_frame(scores, log, winner):  # 3.4 a
@@ -208,7 +208,7 @@ def test_the_first_pot_or_foul_on_the_last_black_ends_the_frame(scores, log, win
 
 
 def test_a_miss_of_the_last_black_goes_on():
-    assert not snooker(frame(on_table=(BLACK,)), facts(("hit", 0, BLACK))).over
+    assert not snooker(frame(on_table=(BLACK,)), facts(f"hit 0 {BLACK}")).over
 
 
 @pytest.mark.parametrize(("scores", "log"), [((40, 47), pot(BLACK)), ((47, 40), facts())])
@@ -427,12 +427,12 @@ def test_without_the_miss_rule_nothing_is_replaced():
     ("log", "miss"),
     [
         ((), True),
-        ((("pocket", 0),), True),  # a scratch does not hide the miss
-        ((("hit", 0, YELLOW),), True),
-        ((("hit", 0, YELLOW), ("pocket", 0)), True),
-        ((("hit", 0, YELLOW), ("pocket", BLUE)), True),
-        ((("hit", 0, 1), ("pocket", 0)), False),
-        ((("hit", 0, 1), ("pocket", BLUE)), False),
+        ("pocket 0", True),  # a scratch does not hide the miss
+        (f"hit 0 {YELLOW}", True),
+        (f"hit 0 {YELLOW}, pocket 0", True),
+        (f"hit 0 {YELLOW}, pocket {BLUE}", True),
+        ("hit 0 1, pocket 0", False),
+        (f"hit 0 1, pocket {BLUE}", False),
     ],
 )
 def test_a_shot_that_touches_no_ball_on_first_is_a_miss(log, miss):  # 3.14
@@ -450,7 +450,7 @@ def test_there_is_no_miss_if_a_player_needs_penalty_points():  # 3.14
 
 def test_a_nominated_ball_that_is_not_touched_first_is_a_miss():  # 3.14
     for before in (frame(colour=True), frame(free_ball=True)):
-        log = facts(("hit", 0, PINK))
+        log = facts(f"hit 0 {PINK}")
         assert is_miss(before, before, log, Call(BLUE))
         assert not is_miss(before, before, log, Call(PINK))
         assert not is_miss(before, before, log)

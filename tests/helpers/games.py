@@ -18,9 +18,10 @@ def events(*rows, times=None):
     return log
 
 
-def facts(*rows, cue=0):
-    """Returns the facts of a shot with these events."""
-    return facts_of(events(*rows), cue)
+def facts(text="", cue=0, times=None):
+    """Returns the facts of a shot with events such as "hit 0 1, cushion 1, pocket 1 5", see `events`."""
+    rows = [event.split() for event in text.split(",") if event]
+    return facts_of(events(*((kind, *map(int, balls)) for kind, *balls in rows), times=times), cue)
 
 
 def state(rules, *, on_table=None, players=2, **fields):
