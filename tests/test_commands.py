@@ -58,7 +58,8 @@ def without_compiling(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 
 def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
-    patch.setattr(module, "SHOTS", dict.fromkeys(("pool, 1 object ball", "ideal gas of 16 disks"), (0, 2)))
+    assert module.SHOTS.keys() == module.families.FAMILIES.keys()
+    patch.setattr(module, "SHOTS", dict.fromkeys(("pool, 1 object ball", "pool, 5 object balls"), (0, 2)))
     patch.setattr(module, "ProcessPoolExecutor", ThreadPoolExecutor)
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
-from billiards_env.games.facts import Facts
 from billiards_env.games.placement import rack_again
 from billiards_env.games.state import next_state
 from billiards_env.scene.layouts import plan
@@ -13,51 +12,81 @@ from tests.helpers.games import facts, state
 
 straight, eight_ball, nine_ball = (RULES[name].judge for name in ("straight", "eight_ball", "nine_ball"))
 
-POT_3 = facts("hit 0 3, pocket 3 5")
-MISS = facts("hit 0 3, cushion 3")
+POT_3 = "hit 0 3, pocket 3 5"
+TWO_GROUPS = "hit 0 3, pocket 3 5, pocket 9 0"
+SAFETY, PUSH_OUT = Call(3, 5, "safety"), Call(kind="push_out")
 FOUL = facts("cushion 0")
-
-
-def called(rules, **fields):
-    return state(rules, **{"called": True, **fields})
-
-
-# Eight ball.
+CALLED, SOLIDS = {"called": True}, {"called": True, "solids": 0}
+PUSH = {"choices": ("push_out",)}
 
 
 @pytest.mark.parametrize(
-    ("call", "continues"),
-    [(Call(3, 5), True), (Call(3, 4), False), (Call(4, 5), False), (Call(), False), (Call(3, 5, "safety"), False)],
+    ("rules", "fields", "log", "call", "verdict"),
+    [
+        # Eight ball: only the called ball in the called pocket continues (1.6, 3.5, 3.6).
+        ("eight_ball", SOLIDS, POT_3, Call(3, 5), Verdict(continues=True, solids=0)),
+        ("eight_ball", SOLIDS, POT_3, Call(3, 4), Verdict(solids=0)),
+        ("eight_ball", SOLIDS, POT_3, Call(4, 5), Verdict(solids=0)),
+        ("eight_ball", SOLIDS, POT_3, Call(), Verdict(solids=0)),
+        ("eight_ball", SOLIDS, POT_3, SAFETY, Verdict(solids=0)),
+        ("eight_ball", SOLIDS, "hit 0 3, pocket 9 0, pocket 3 5", Call(3, 5), Verdict(continues=True, solids=0)),
+        ("eight_ball", SOLIDS, "hit 0 3, pocket 9 0", Call(9, 0), Verdict(solids=0)),  # 3.5: of the other group
+        # The called ball decides the group (3.4).
+        ("eight_ball", CALLED, TWO_GROUPS, Call(9, 0), Verdict(continues=True, solids=1)),
+        ("eight_ball", CALLED, TWO_GROUPS, Call(3, 5), Verdict(continues=True, solids=0)),
+        ("eight_ball", CALLED, TWO_GROUPS, Call(3, 0), Verdict()),  # the table stays open
+        ("eight_ball", CALLED, TWO_GROUPS, SAFETY, Verdict()),
+        ("eight_ball", {**CALLED, "break_shot": True}, POT_3, Call(), Verdict(continues=True)),  # 3.3 b
+        ("eight_ball", {"solids": 0}, POT_3, Call(), Verdict(continues=True, solids=0)),  # without called shots
+        # Nine ball: a push out may follow a legal break. It needs no hit and passes the turn (2.4).
+        ("nine_ball", {"break_shot": True}, "hit 0 1, pocket 0 0", Call(), Verdict("scratch", in_hand="anywhere")),
+        ("nine_ball", PUSH, "hit 0 1, cushion 1", Call(), Verdict()),
+        ("nine_ball", PUSH, "", PUSH_OUT, Verdict(choices=("hand_back",))),
+        ("nine_ball", PUSH, "hit 0 5", PUSH_OUT, Verdict(choices=("hand_back",))),
+        ("nine_ball", PUSH, "hit 0 1, pocket 1 0", PUSH_OUT, Verdict(choices=("hand_back",))),
+        ("nine_ball", PUSH, "hit 0 5, pocket 0 1", PUSH_OUT, Verdict("scratch", in_hand="anywhere")),
+        ("nine_ball", PUSH, "hit 0 9, pocket 9 1", PUSH_OUT, Verdict(spotted=(9,), choices=("hand_back",))),  # 2.6
+        # Straight pool scores only with the called ball (4.5, 4.6, 4.7). A foul costs a point (4.9).
+        ("straight", CALLED, "hit 0 3, pocket 4 1, pocket 3 5", Call(3, 5), Verdict(points=2, continues=True)),
+        ("straight", CALLED, "hit 0 3, pocket 4 1, pocket 3 5", Call(3, 4), Verdict(spotted=(3, 4))),
+        ("straight", CALLED, "hit 0 3, pocket 4 1, pocket 3 5", Call(), Verdict(spotted=(3, 4))),
+        ("straight", CALLED, "hit 0 3, pocket 4 1, pocket 3 5", SAFETY, Verdict(spotted=(3, 4))),
+        ("straight", CALLED, "", Call(3, 5), Verdict("no_hit", -1)),
+        ("straight", CALLED, "hit 0 3", Call(3, 5), Verdict("no_cushion", -1)),
+        (
+            "straight",
+            CALLED,
+            "hit 0 3, pocket 3 5, pocket 0 1",
+            Call(3, 5),
+            Verdict("scratch", -1, in_hand="behind", spotted=(3,)),
+        ),
+    ],
 )
-def test_only_the_called_ball_in_the_called_pocket_continues(call, continues):  # 1.6, 3.5, 3.6
-    assert eight_ball(called("eight_ball", solids=0), POT_3, call) == Verdict(continues=continues, solids=0)
+def test_called_shots(rules, fields, log, call, verdict):
+    assert RULES[rules].judge(state(rules, **fields), facts(log), call) == verdict
+
+
+@pytest.mark.parametrize(
+    ("log", "call", "verdict"),
+    [
+        ("hit 0 1, cushion 0, cushion 2, cushion 3", Call(), Verdict()),
+        ("hit 0 1, cushion 2, cushion 3", Call(), Verdict("breaking_foul", -2)),
+        ("hit 0 1, cushion 0, cushion 2", Call(), Verdict("breaking_foul", -2)),
+        ("hit 0 1, pocket 2 0", Call(2, 0), Verdict(points=1, continues=True)),
+        ("hit 0 1, pocket 2 0", Call(2, 1), Verdict("breaking_foul", -2, spotted=(2,))),
+        ("hit 0 1, pocket 0 0", Call(), Verdict("breaking_foul", -2, in_hand="behind")),
+        # A potted cue ball counts as driven to a cushion (8.4).
+        ("hit 0 1, cushion 2, cushion 3, pocket 0 0", Call(), Verdict("scratch", -1, in_hand="behind")),
+        ("hit 0 1, cushion 0, cushion 2, cushion 3, pocket 0 0", Call(), Verdict("scratch", -1, in_hand="behind")),
+    ],
+)
+def test_straight_pool_opening_break(log, call, verdict):  # 4.3, 4.10
+    assert straight(state("straight", **CALLED, break_shot=True), facts(log), call) == verdict
 
 
 def test_balls_potted_without_a_call_stay_down():  # 3.6
-    before = called("eight_ball", solids=0)
-    assert 3 not in next_state(before, POT_3, eight_ball(before, POT_3, Call(4, 0))).on_table
-
-
-def test_other_balls_may_drop_with_the_called_ball():  # 1.6
-    log = facts("hit 0 3, pocket 9 0, pocket 3 5")
-    assert eight_ball(called("eight_ball", solids=0), log, Call(3, 5)).continues
-
-
-def test_a_ball_of_the_other_group_cannot_be_called():  # 3.5
-    log = facts("hit 0 3, pocket 9 0")
-    assert not eight_ball(called("eight_ball", solids=0), log, Call(9, 0)).continues
-
-
-def test_the_called_ball_decides_the_group():  # 3.4
-    log = facts("hit 0 3, pocket 3 5, pocket 9 0")
-    assert eight_ball(called("eight_ball"), log, Call(9, 0)) == Verdict(continues=True, solids=1)
-    assert eight_ball(called("eight_ball"), log, Call(3, 5)) == Verdict(continues=True, solids=0)
-    assert eight_ball(called("eight_ball"), log, Call(3, 0)) == Verdict()  # the table stays open
-    assert eight_ball(called("eight_ball"), log, Call(3, 5, "safety")) == Verdict()
-
-
-def test_nothing_is_called_on_the_break():  # 3.3 b
-    assert eight_ball(called("eight_ball", break_shot=True), POT_3).continues
+    before, log = state("eight_ball", **SOLIDS), facts(POT_3)
+    assert 3 not in next_state(before, log, eight_ball(before, log, Call(4, 0))).on_table
 
 
 @pytest.mark.parametrize(
@@ -71,63 +100,57 @@ def test_nothing_is_called_on_the_break():  # 3.3 b
     ],
 )
 def test_the_eight_ball_wins_only_in_the_called_pocket(on_table, call, winner):  # 3.8
-    log = facts(("hit", 0, min(on_table)), ("pocket", 8, 2))
-    verdict = eight_ball(called("eight_ball", solids=0, on_table=on_table), log, call)
+    log = facts(f"hit 0 {min(on_table)}, pocket 8 2")
+    verdict = eight_ball(state("eight_ball", **SOLIDS, on_table=on_table), log, call)
     assert (verdict.over, verdict.winner) == (True, winner)
 
 
-def test_without_called_shots_any_pocket_counts():
-    assert eight_ball(state("eight_ball", solids=0), POT_3).continues
-
-
-# Nine ball.
-
-
 def test_a_push_out_may_follow_a_legal_break():  # 2.4
-    legal = facts("hit 0 1, pocket 4 0")
-    before = state("nine_ball", break_shot=True)
+    before, legal = state("nine_ball", break_shot=True), facts("hit 0 1, pocket 4 0")
     assert next_state(before, legal, nine_ball(before, legal)).choices == ("push_out",)
-    scratch = facts("hit 0 1, pocket 0 0")
-    assert nine_ball(before, scratch).choices == ()
-    assert nine_ball(state("nine_ball", choices=("push_out",)), facts("hit 0 1, cushion 1")).choices == ()
-
-
-@pytest.mark.parametrize("log", [facts(), facts("hit 0 5"), facts("hit 0 1, pocket 1 0")])
-def test_a_push_out_needs_no_hit_and_passes_the_turn(log):  # 2.4
-    push = Call(kind="push_out")
-    assert nine_ball(state("nine_ball", choices=("push_out",)), log, push) == Verdict(choices=("hand_back",))
-
-
-def test_a_scratch_on_a_push_out_is_a_foul():  # 2.4
-    verdict = nine_ball(state("nine_ball"), facts("hit 0 5, pocket 0 1"), Call(kind="push_out"))
-    assert verdict == Verdict("scratch", in_hand="anywhere")
-
-
-def test_the_nine_ball_is_spotted_after_a_push_out():  # 2.6
-    verdict = nine_ball(state("nine_ball"), facts("hit 0 9, pocket 9 1"), Call(kind="push_out"))
-    assert (verdict.spotted, verdict.over, verdict.foul) == ((9,), False, "")
 
 
 def test_the_third_consecutive_foul_loses():  # 2.8, 6.14
     now = state("nine_ball", fouls=(0, 0))
     fouls = []
     for _ in range(5):  # both players foul in turn
-        verdict = nine_ball(now, FOUL)
-        now = next_state(now, FOUL, verdict)
+        now = next_state(now, FOUL, nine_ball(now, FOUL))
         fouls.append(now.fouls)
     assert fouls == [(1, 0), (1, 1), (2, 1), (2, 2), (3, 2)]
     assert (now.over, now.winner) == (True, 1)
-
-
-def test_a_legal_shot_clears_the_count_of_fouls():  # 6.14
-    before = state("nine_ball", fouls=(2, 1))
-    legal = facts("hit 0 1, cushion 1")
-    assert next_state(before, legal, nine_ball(before, legal)).fouls == (0, 1)
-
-
-def test_with_three_players_consecutive_fouls_do_not_lose():
     assert not nine_ball(state("nine_ball", players=3, fouls=(2, 0, 0)), FOUL).over
 
+
+@pytest.mark.parametrize(
+    ("rules", "fields", "log", "fouls"),
+    [
+        ("nine_ball", {"fouls": (2, 1)}, "hit 0 1, cushion 1", (0, 1)),  # 6.14
+        ("straight", {"fouls": (0, 0), "target": 50, "break_shot": True}, "hit 0 1", (0, 0)),  # 4.11: a breaking foul
+    ],
+)
+def test_consecutive_fouls_are_counted(rules, fields, log, fouls):
+    before = state(rules, **fields)
+    assert next_state(before, facts(log), RULES[rules].judge(before, facts(log))).fouls == fouls
+
+
+def test_straight_pool_the_third_consecutive_foul():  # 4.11
+    before = state("straight", **CALLED, target=50, scores=(3, 9), fouls=(2, 0))
+    verdict = straight(before, FOUL)
+    assert verdict == Verdict("no_hit", points=-16, continues=True, in_hand="behind", rack="all")
+    after = next_state(before, FOUL, verdict)
+    assert (after.player, after.scores, after.fouls, after.break_shot) == (0, (-13, 9), (0, 0), True)
+
+
+def test_straight_pool_is_racked_again_with_one_ball_left():  # 4.4
+    before, log = state("straight", **CALLED, target=50, on_table=(3, 8)), facts(POT_3)
+    assert straight(before, log, Call(3, 5)) == Verdict(points=1, continues=True, rack="rest")
+    assert straight(before._replace(on_table=frozenset({0, 3, 8, 9})), log, Call(3, 5)).rack == ""
+    assert straight(before._replace(scores=(49, 0)), log, Call(3, 5)).winner == 0
+    assert straight(before, facts("hit 0 3, cushion 3"), Call(3, 5)).rack == ""
+    assert straight(before._replace(target=0), log, Call(3, 5)).rack == ""
+
+
+# On the table.
 
 PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
 NINE = Setup("nine_ball", Scene.named("pool", 9))
@@ -170,84 +193,6 @@ def test_only_eight_ball_and_straight_pool_are_called(rules):
     scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
     with pytest.raises(ValueError, match=f"called = True with rules '{rules}'"):
         Setup(rules, scene, called=True)
-
-
-# Straight pool.
-
-
-@pytest.mark.parametrize(
-    ("call", "verdict"),
-    [
-        (Call(3, 5), Verdict(points=2, continues=True)),  # 4.7
-        (Call(3, 4), Verdict(spotted=(3, 4))),  # 4.6
-        (Call(), Verdict(spotted=(3, 4))),
-        (Call(3, 5, "safety"), Verdict(spotted=(3, 4))),  # 4.5, 4.6
-    ],
-)
-def test_straight_pool_scores_only_with_the_called_ball(call, verdict):
-    log = facts("hit 0 3, pocket 4 1, pocket 3 5")
-    assert straight(called("straight"), log, call) == verdict
-
-
-@pytest.mark.parametrize(
-    ("log", "foul", "in_hand", "spotted"),
-    [
-        (facts(), "no_hit", "no", ()),
-        (facts("hit 0 3"), "no_cushion", "no", ()),
-        (facts("hit 0 3, pocket 3 5, pocket 0 1"), "scratch", "behind", (3,)),
-    ],
-)
-def test_straight_pool_a_foul_costs_a_point(log, foul, in_hand, spotted):  # 4.9
-    assert straight(called("straight"), log, Call(3, 5)) == Verdict(foul, -1, in_hand=in_hand, spotted=spotted)
-
-
-@pytest.mark.parametrize(
-    ("log", "call", "verdict"),
-    [
-        ("hit 0 1, cushion 0, cushion 2, cushion 3", Call(), Verdict()),
-        ("hit 0 1, cushion 2, cushion 3", Call(), Verdict("breaking_foul", -2)),
-        ("hit 0 1, cushion 0, cushion 2", Call(), Verdict("breaking_foul", -2)),
-        ("hit 0 1, pocket 2 0", Call(2, 0), Verdict(points=1, continues=True)),
-        ("hit 0 1, pocket 2 0", Call(2, 1), Verdict("breaking_foul", -2, spotted=(2,))),
-        ("hit 0 1, pocket 0 0", Call(), Verdict("breaking_foul", -2, in_hand="behind")),
-        # A potted cue ball counts as driven to a cushion (8.4).
-        (
-            "hit 0 1, cushion 2, cushion 3, pocket 0 0",
-            Call(),
-            Verdict("scratch", -1, in_hand="behind"),
-        ),
-        (
-            "hit 0 1, cushion 0, cushion 2, cushion 3, pocket 0 0",
-            Call(),
-            Verdict("scratch", -1, in_hand="behind"),
-        ),
-    ],
-)
-def test_straight_pool_opening_break(log, call, verdict):  # 4.3, 4.10
-    assert straight(called("straight", break_shot=True), facts(*log), call) == verdict
-
-
-def test_straight_pool_the_third_consecutive_foul():  # 4.11
-    before = called("straight", target=50, scores=(3, 9), fouls=(2, 0))
-    verdict = straight(before, FOUL)
-    assert verdict == Verdict("no_hit", points=-16, continues=True, in_hand="behind", rack="all")
-    after = next_state(before, FOUL, verdict)
-    assert (after.player, after.scores, after.fouls, after.break_shot) == (0, (-13, 9), (0, 0), True)
-
-
-def test_straight_pool_a_breaking_foul_does_not_count():  # 4.11
-    before = called("straight", target=50, break_shot=True, fouls=(0, 0))
-    log = facts("hit 0 1")
-    assert next_state(before, log, straight(before, log)).fouls == (0, 0)
-
-
-def test_straight_pool_is_racked_again_with_one_ball_left():  # 4.4
-    before = called("straight", target=50, on_table=(3, 8))
-    assert straight(before, POT_3, Call(3, 5)) == Verdict(points=1, continues=True, rack="rest")
-    assert straight(before._replace(on_table=frozenset({0, 3, 8, 9})), POT_3, Call(3, 5)).rack == ""
-    assert straight(before._replace(scores=(49, 0)), POT_3, Call(3, 5)).winner == 0
-    assert straight(before, MISS, Call(3, 5)).rack == ""
-    assert straight(before._replace(target=0), POT_3, Call(3, 5)).rack == ""
 
 
 STRAIGHT = Setup("straight", Scene.named("pool", 15), target=50, called=True)
@@ -297,9 +242,3 @@ def test_straight_pool_three_fouls_on_the_table():
         assert (verdict.foul, game.state.player) == ("no_hit", (k + 1) % 2 if k < 4 else 0)
     assert (game.state.break_shot, game.state.in_hand, game.state.scores) == (True, "behind", (-18, -2))
     assert game.positions[1:].tolist() == RACK.tolist()
-
-
-def test_facts_hold_the_pocket_of_each_ball():
-    assert facts("hit 0 1, pocket 7 2, pocket 0 4") == Facts(
-        (1,), ((1, 0),), (7, 0), True, frozenset({7}), (2, 4), True
-    )
