@@ -40,7 +40,7 @@ from billiards_env.games.game import (
     opening_state,
     play,
 )
-from billiards_env.games.placement import Point, placement_area
+from billiards_env.games.placement import Point, cue_ball_area
 from billiards_env.games.rules import RULES
 from billiards_env.games.snooker import points_left
 from billiards_env.games.state import NO_CALL, Call
@@ -411,7 +411,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         (vx, vy), (wx, wy, wz) = struck.velocity.tolist(), struck.spin.tolist()
         place: Point | None = None
         if state.in_hand != "no":
-            x_low, x_high, y_low, y_high = placement_area(scene, state.cue_balls[0], state.in_hand == "behind")
+            x_low, x_high, y_low, y_high = cue_ball_area(scene, state)
             x, y = np.minimum(np.maximum(array[size : size + 2], -1.0), 1.0).tolist()
             place = (x_low + x_high) / 2 + (x_high - x_low) / 2 * x, (y_low + y_high) / 2 + (y_high - y_low) / 2 * y
         return Stroke((vx, vy), place, (wx, wy, wz), call), bool(struck.miscue)

@@ -346,9 +346,7 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     scene, cue, n = setup.scene, state.cue_balls[0], setup.scene.n_balls
     positions = game.positions.copy()
     if stroke.place is not None:
-        positions[cue] = cue_ball_point(
-            scene, positions, state.object_balls, cue, stroke.place, state.in_hand == "behind"
-        )
+        positions[cue] = cue_ball_point(scene, positions, state, stroke.place)
     velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
     velocities[cue], spins[cue] = stroke.velocity, stroke.spin
     no_shot = stroke.call.kind in ("hand_back", "replace")

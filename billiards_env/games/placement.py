@@ -2,6 +2,9 @@
 
 A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots of
 snooker. The computation uses only `+ - * /` and `sqrt` of doubles, so a point has the same bits on every machine.
+
+`scene` is the scene, and `positions` are those of all its balls, (n, 2) m. A function that finds no room on the table
+raises a ValueError.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from billiards_env.games.state import RuleState
 from billiards_env.scene import Scene, layouts
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.outline import Circle, Point, circle_intersections
@@ -26,17 +30,9 @@ _SLACK = 1e-9
 def obstacles(
     scene: Scene, positions: NDArray[Any], ball: int, others: Iterable[int], gap: float = MARGIN
 ) -> list[Circle]:
-    """Returns the circles that the centre of a ball must not enter.
+    """Returns the circles (x, y, radius), m, that the centre of a ball must not enter.
 
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        ball: The ball to be placed.
-        others: The other balls on the table.
-        gap: The smallest gap, m.
-
-    Returns:
-        One circle (x, y, radius), m, for each other ball and each pocket.
+    There is one for each of the `others` on the table and for each pocket; `gap` is the smallest gap, m.
     """
     radius = scene.balls.radius
     circles = [(*positions[i].tolist(), radius[i] + radius[ball] + gap) for i in sorted(others)]
@@ -44,15 +40,9 @@ def obstacles(
 
 
 def placement_area(scene: Scene, ball: int, behind: bool = False) -> tuple[float, float, float, float]:
-    """Returns the rectangle in which the centre of a ball may be placed.
+    """Returns the rectangle in which the centre of a ball may be placed: the limits of x and those of y, m.
 
-    Args:
-        scene: The scene.
-        ball: The ball.
-        behind: Whether the ball must be behind the head string. On a table with a D this is the rectangle around the D.
-
-    Returns:
-        The smallest x, largest x, smallest y and largest y, m.
+    With `behind` the ball must be behind the head string. On a table with a D this is the rectangle around the D.
     """
     x = scene.table.length / 2 - scene.balls.radius[ball] - MARGIN
     y = scene.table.width / 2 - scene.balls.radius[ball] - MARGIN
@@ -156,20 +146,8 @@ def spotted_point(scene: Scene, positions: NDArray[Any], on_table: Iterable[int]
 
     The ball is placed on the long string (the table's long axis), behind the foot spot and as close to it as possible.
     If there is no room behind the foot spot, it is placed in front of it. If the whole long string is blocked, it is
-    placed at the free point nearest to the foot spot. It keeps a gap of `MARGIN` to all other balls; WPA requires a gap
-    only to the cue ball.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        on_table: The balls on the table.
-        ball: The ball to be spotted.
-
-    Returns:
-        x and y, m.
-
-    Raises:
-        ValueError: If there is no room on the table.
+    placed at the free point nearest to the foot spot. It keeps a gap of `MARGIN` to the balls `on_table`; WPA requires
+    a gap only to the cue ball.
     """
     circles = obstacles(scene, positions, ball, on_table)
     return _beyond(scene, ball, (scene.table.foot_x, 0.0), circles)
@@ -192,17 +170,7 @@ def _beyond(scene: Scene, ball: int, spot: Point, circles: list[Circle]) -> Poin
 
 
 def spot_at_foot(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], balls: Iterable[int]) -> None:
-    """Spots balls of pool one after the other, see `spotted_point`. Changes `positions`.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        on_table: The other balls on the table.
-        balls: The balls to be spotted.
-
-    Raises:
-        ValueError: If there is no room on the table.
-    """
+    """Spots balls of pool one after the other, see `spotted_point`. Changes `positions`; other balls are `on_table`."""
     others = set(on_table)
     for ball in balls:
         positions[ball] = spotted_point(scene, positions, others, ball)
@@ -214,16 +182,7 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
 
     Each colour is placed on its spot. If that is occupied, it is placed on the highest free spot, the colour of the
     highest value first. If all spots are occupied, it is placed as near to its spot as possible on the line from there
-    to the top cushion, or, without room there, below the spot.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        on_table: The other balls on the table.
-        balls: The colours to be spotted.
-
-    Raises:
-        ValueError: If there is no room on the table.
+    to the top cushion, or, without room there, below the spot. The other balls are `on_table`.
     """
     spots = [(x, y) for x, y in layouts.plan("snooker", scene).spots.tolist()]
     others, waiting = set(on_table), []
@@ -241,22 +200,13 @@ def spot_colours(scene: Scene, positions: NDArray[Any], on_table: Iterable[int],
 
 
 def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], cue: int) -> str:
-    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`.
+    """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`, and returns one of `IN_HAND`.
 
     The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball
     is on the table. A ball is in the rack if it overlaps one of its places. If the last ball is in the rack, it is
     placed on the head spot, or on the centre spot if the cue ball blocks the head spot. If the cue ball is in the rack,
     it is in hand behind the head string; with the last ball there it is placed on the head spot, or on the centre spot
     if the last ball blocks the head spot. If both are in the rack, the last ball is placed at the apex.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        on_table: The balls on the table.
-        cue: The cue ball.
-
-    Returns:
-        One of `state.IN_HAND`.
     """
     places = layouts.plan("tight_rack", scene).spots[1:]
     radius = scene.balls.radius
@@ -281,25 +231,14 @@ def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], c
     return in_hand
 
 
-def cue_ball_point(
-    scene: Scene, positions: NDArray[Any], others: Iterable[int], cue: int, point: Point, behind: bool
-) -> Point:
-    """Returns the point at which a cue ball in hand is placed: the free point nearest to the requested one.
+def cue_ball_area(scene: Scene, state: RuleState) -> tuple[float, float, float, float]:
+    """Returns the rectangle in which the centre of a cue ball in hand may be placed, see `placement_area`."""
+    return placement_area(scene, state.cue_balls[0], state.in_hand == "behind")
 
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        others: The other balls on the table.
-        cue: The cue ball.
-        point: The requested x and y, m.
-        behind: Whether the cue ball must be behind the head string; on a table with a D, in the D.
 
-    Returns:
-        x and y, m; see `nearest_free_point`.
-
-    Raises:
-        ValueError: If there is no room.
-    """
-    table = scene.table
+def cue_ball_point(scene: Scene, positions: NDArray[Any], state: RuleState, point: Point) -> Point:
+    """Returns the free point nearest to a requested one, m, at which a cue ball in hand is placed."""
+    table, behind = scene.table, state.in_hand == "behind"
     d = (table.head_x, 0.0, table.d_radius) if behind and table.d_radius else None
-    return nearest_free_point(point, placement_area(scene, cue, behind), obstacles(scene, positions, cue, others), d)
+    circles = obstacles(scene, positions, state.cue_balls[0], state.object_balls)
+    return nearest_free_point(point, cue_ball_area(scene, state), circles, d)

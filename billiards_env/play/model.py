@@ -1,21 +1,24 @@
-"""The state of the game window as plain data: `update` and `tick` return a new `Model`.
+"""The state of the game window as plain data: each action, such as `go`, and `tick` return a new `Model`.
 
 The phases of a model are:
 
-* "placing": a person moves the cue ball in hand; `Command("go")` places it.
-* "aiming": a person sets the direction and the speed; `Command("go")` shoots.
+* "placing": a person moves the cue ball in hand; `go` places it.
+* "aiming": a person sets the direction and the speed; `go` shoots.
 * "thinking": it is a program's turn; the window calls the program and then `shoot`. Its clock is the time since then.
-* "rolling": the shot is shown; `Command("go")` skips to its end.
-* "replaying": the last shot is shown again, optionally with the same shot by the other engine as a ghost, until
-  `Command("go")`.
+* "rolling": the shot is shown; `go` skips to its end.
+* "replaying": the last shot is shown again, optionally with the same shot by the other engine as a ghost, until `go`.
 * "over": the game is over.
+
+An action that does not apply in the present phase returns the same model.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,77 +48,6 @@ LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 
 TIP_SHARE = 0.999
 """The largest offset of the cue's tip over that at which it slips."""
-
-
-class TurnAim(NamedTuple):
-    """Turns the aim counterclockwise by `degrees`."""
-
-    degrees: float
-
-
-class ChangeSpeed(NamedTuple):
-    """Increases the speed of the shot by `speed`, m/s."""
-
-    speed: float
-
-
-class SetSpeed(NamedTuple):
-    """Sets the speed of the shot to `share` of the fastest."""
-
-    share: float
-
-
-class SetTip(NamedTuple):
-    """Moves the cue's tip to an offset from the centre of the ball to the left and up, in ball radii."""
-
-    side: float
-    top: float
-
-
-class MoveTip(NamedTuple):
-    """Moves the cue's tip by an offset, in ball radii."""
-
-    side: float
-    top: float
-
-
-class SetElevation(NamedTuple):
-    """Sets the elevation of the cue, degrees."""
-
-    degrees: float
-
-
-class LookAt(NamedTuple):
-    """Aims at a point, m, with the same speed."""
-
-    point: Point
-
-
-class AimAt(NamedTuple):
-    """Moves the tip of the aiming arrow to a point, m."""
-
-    point: Point
-
-
-class MoveTo(NamedTuple):
-    """Moves the cue ball in hand to a point, m."""
-
-    point: Point
-
-
-class MoveBy(NamedTuple):
-    """Moves the cue ball in hand by `offset`, m."""
-
-    offset: Point
-
-
-class Command(NamedTuple):
-    """One of "go", "place", "level", "undo", "redo", "replay", "ghost", "help", "slower" and "faster"."""
-
-    name: str
-
-
-Input = TurnAim | ChangeSpeed | SetSpeed | SetTip | MoveTip | SetElevation | LookAt | AimAt | MoveTo | MoveBy | Command
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -250,43 +182,6 @@ def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt
     )
 
 
-def update(model: Model, user_input: Input) -> Model:
-    """Returns the model after an input. Inputs that do not apply in the present phase have no effect.
-
-    Args:
-        model: The model.
-        user_input: The input.
-
-    Returns:
-        The new model.
-    """
-    if isinstance(user_input, Command):
-        return _COMMANDS[user_input.name](model)
-    if model.phase == "placing" and isinstance(user_input, MoveTo):
-        return dataclasses.replace(model, place=_free_point(model, user_input.point))
-    if model.phase == "placing" and isinstance(user_input, MoveBy):
-        x, y = np.add(model.cue_position, user_input.offset).tolist()
-        return dataclasses.replace(model, place=_free_point(model, (x, y)))
-    if model.phase != "aiming":
-        return model
-    if isinstance(user_input, TurnAim):
-        return _with_aim(model, model.angle + math.radians(user_input.degrees), model.speed)
-    if isinstance(user_input, ChangeSpeed):
-        return _with_aim(model, model.angle, model.speed + user_input.speed)
-    if isinstance(user_input, SetSpeed):
-        return _with_aim(model, model.angle, user_input.share * model.max_speed)
-    if isinstance(user_input, (SetTip, MoveTip, SetElevation)):
-        return _with_cue(model, user_input)
-    if isinstance(user_input, LookAt):
-        dx, dy = np.subtract(user_input.point, model.cue_position).tolist()
-        return _with_aim(model, math.atan2(dy, dx), model.speed)
-    if isinstance(user_input, AimAt):
-        dx, dy = np.subtract(user_input.point, model.cue_position).tolist()
-        radius = model.setup.scene.balls.radius[model.cue]
-        return _with_aim(model, math.atan2(dy, dx), (math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
-    return model
-
-
 def tick(model: Model, seconds: float) -> Model:
     """Returns the model `seconds` later; the same object if nothing changes. The help stops a shown shot."""
     if model.phase == "thinking":
@@ -340,10 +235,8 @@ def _next_turn(model: Model) -> Model:
         return dataclasses.replace(model, phase="thinking")
     if state.in_hand != "no":
         head_spot = model.setup.scene.table.head_x, 0.0
-        model = dataclasses.replace(model, phase="placing", place=_free_point(model, head_spot))
-        return dataclasses.replace(model, speed=_first_speed(model))
-    model = dataclasses.replace(model, phase="aiming", speed=_first_speed(model))
-    return _with_aim(model, _first_angle(model), model.speed)
+        return move_to(dataclasses.replace(model, phase="placing", speed=_first_speed(model)), head_spot)
+    return _with_aim(model, _first_angle(model), _first_speed(model))
 
 
 def _first_speed(model: Model) -> float:
@@ -360,39 +253,104 @@ def _first_angle(model: Model) -> float:
     return math.atan2(y, x)
 
 
-def _free_point(model: Model, point: Point) -> Point:
-    positions, state, _ = model.game
-    return cue_ball_point(model.setup.scene, positions, state.object_balls, model.cue, point, state.in_hand == "behind")
-
-
 def _with_aim(model: Model, angle: float, speed: float) -> Model:
     speed = min(max(speed, LEAST_SPEED), model.max_speed)
     model = dataclasses.replace(model, phase="aiming", angle=math.remainder(angle, math.tau), speed=speed)
     return dataclasses.replace(model, preview=make_preview(model.setup, model.game, model.stroke))
 
 
-def _with_cue(model: Model, cue: SetTip | MoveTip | SetElevation) -> Model:
-    """Returns the model with another elevation or another offset of the cue's tip, at which the cue does not slip."""
+def _only(phase: str) -> Callable[[Callable[..., Model]], Callable[..., Model]]:
+    """Returns a decorator of an action that has no effect in other phases."""
+
+    def decorate(action: Callable[..., Model]) -> Callable[..., Model]:
+        @functools.wraps(action)
+        def act(model: Model, *args: Any) -> Model:
+            return action(model, *args) if model.phase == phase else model
+
+        return act
+
+    return decorate
+
+
+@_only("placing")
+def move_to(model: Model, point: Point) -> Model:
+    """Moves the cue ball in hand to the free point nearest to a point, m."""
+    positions, state, _ = model.game
+    point = cue_ball_point(model.setup.scene, positions, state, point)
+    return dataclasses.replace(model, place=point)
+
+
+def move_by(model: Model, offset: Point) -> Model:
+    """Moves the cue ball in hand by an offset, m."""
+    return move_to(model, tuple(np.add(model.cue_position, offset).tolist()))
+
+
+@_only("aiming")
+def turn_aim(model: Model, degrees: float) -> Model:
+    """Turns the aim counterclockwise."""
+    return _with_aim(model, model.angle + math.radians(degrees), model.speed)
+
+
+@_only("aiming")
+def change_speed(model: Model, change: float) -> Model:
+    """Increases the speed of the shot by `change`, m/s."""
+    return _with_aim(model, model.angle, model.speed + change)
+
+
+@_only("aiming")
+def set_speed(model: Model, share: float) -> Model:
+    """Sets the speed of the shot to a share of the fastest."""
+    return _with_aim(model, model.angle, share * model.max_speed)
+
+
+@_only("aiming")
+def look_at(model: Model, point: Point) -> Model:
+    """Aims at a point, m, with the same speed."""
+    dx, dy = np.subtract(point, model.cue_position).tolist()
+    return _with_aim(model, math.atan2(dy, dx), model.speed)
+
+
+@_only("aiming")
+def aim_at(model: Model, point: Point) -> Model:
+    """Moves the tip of the aiming arrow to a point, m."""
+    dx, dy = np.subtract(point, model.cue_position).tolist()
+    radius = model.setup.scene.balls.radius[model.cue]
+    return _with_aim(model, math.atan2(dy, dx), (math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
+
+
+@_only("aiming")
+def set_tip(model: Model, side: float, top: float) -> Model:
+    """Moves the cue's tip to an offset to the left and up, in ball radii, or less, where the cue does not slip."""
     if not model.has_spin:
         return model
-    if isinstance(cue, SetElevation):
-        model = dataclasses.replace(model, elevation=min(max(cue.degrees, 0.0), STEEPEST))
-    else:
-        side, top = cue if isinstance(cue, SetTip) else np.add(model.tip, cue).tolist()
-        model = dataclasses.replace(model, tip=on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset))
-    return _with_aim(model, model.angle, model.speed)
+    tip = on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset)
+    return _with_aim(dataclasses.replace(model, tip=tip), model.angle, model.speed)
 
 
-def _level(model: Model) -> Model:
-    """Returns the model with a level cue at the centre of the ball."""
-    if model.phase != "aiming":
+def move_tip(model: Model, side: float, top: float) -> Model:
+    """Moves the cue's tip by an offset to the left and up, in ball radii."""
+    return set_tip(model, *np.add(model.tip, (side, top)).tolist())
+
+
+@_only("aiming")
+def set_elevation(model: Model, degrees: float) -> Model:
+    """Sets the elevation of the cue."""
+    if not model.has_spin:
         return model
+    elevation = min(max(degrees, 0.0), STEEPEST)
+    return _with_aim(dataclasses.replace(model, elevation=elevation), model.angle, model.speed)
+
+
+@_only("aiming")
+def level(model: Model) -> Model:
+    """Levels the cue at the centre of the ball."""
     return _with_aim(dataclasses.replace(model, tip=(0.0, 0.0), elevation=0.0), model.angle, model.speed)
 
 
-def _go(model: Model) -> Model:
+def go(model: Model) -> Model:
+    """Places the cue ball, shoots, skips the shot that is shown, or closes the help."""
     if model.help:
-        return _help(model)
+        return toggle_help(model)
     if model.phase == "placing":
         return _with_aim(model, _first_angle(model), model.speed)
     if model.phase == "aiming":
@@ -402,13 +360,13 @@ def _go(model: Model) -> Model:
     return _next_turn(model) if model.phase == "replaying" else model
 
 
-def _place(model: Model) -> Model:
-    if model.phase != "aiming" or model.place is None:
-        return model
-    return dataclasses.replace(model, phase="placing", preview=None)
+@_only("aiming")
+def place(model: Model) -> Model:
+    """Takes the cue ball in hand again."""
+    return model if model.place is None else dataclasses.replace(model, phase="placing", preview=None)
 
 
-def _undo(model: Model) -> Model:
+def undo(model: Model) -> Model:
     """Returns the model before the last shot of a person; unchanged if there is no such shot."""
     for k in range(len(model.strokes) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
@@ -417,7 +375,7 @@ def _undo(model: Model) -> Model:
     return model
 
 
-def _redo(model: Model) -> Model:
+def redo(model: Model) -> Model:
     """Returns the model at the next turn of a person, after undone strokes; unchanged if there are none."""
     while model.undone:
         (stroke, game), *undone = model.undone
@@ -440,7 +398,8 @@ def _restored(
     )
 
 
-def _replay(model: Model) -> Model:
+def replay(model: Model) -> Model:
+    """Shows the last shot again, with the same shot by the other engine."""
     if model.last_shot is None:
         return model
     comparison = model.comparison
@@ -450,23 +409,21 @@ def _replay(model: Model) -> Model:
     return dataclasses.replace(model, comparison=comparison, phase="replaying", preview=None, clock=0.0)
 
 
-def _ghost(model: Model) -> Model:
+def toggle_ghost(model: Model) -> Model:
+    """Shows or hides the shot by the other engine in replays."""
     return dataclasses.replace(model, ghost=not model.ghost)
 
 
-def _help(model: Model) -> Model:
+def toggle_help(model: Model) -> Model:
+    """Shows or hides the help."""
     return dataclasses.replace(model, help=not model.help)
 
 
-_COMMANDS = {
-    "go": _go,
-    "place": _place,
-    "level": _level,
-    "undo": _undo,
-    "redo": _redo,
-    "replay": _replay,
-    "ghost": _ghost,
-    "help": _help,
-    "slower": lambda model: dataclasses.replace(model, pace=slower(model.pace)),
-    "faster": lambda model: dataclasses.replace(model, pace=faster(model.pace)),
-}
+def slow_down(model: Model) -> Model:
+    """Shows shots slower."""
+    return dataclasses.replace(model, pace=slower(model.pace))
+
+
+def speed_up(model: Model) -> Model:
+    """Shows shots faster."""
+    return dataclasses.replace(model, pace=faster(model.pace))

@@ -1,14 +1,14 @@
-"""The window: converts mouse and keyboard events to inputs of the model and calls the programs that play."""
+"""The window: converts mouse and keyboard events to actions of the model and calls the programs that play."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,44 +17,27 @@ from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame 
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
 from billiards_env.games import GameState, History, Stroke, opening, records
+from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
 from billiards_env.play.labels import UNSAVED
-from billiards_env.play.model import (
-    AimAt,
-    ChangeSpeed,
-    Command,
-    Input,
-    LookAt,
-    Model,
-    MoveBy,
-    MoveTip,
-    MoveTo,
-    SetElevation,
-    SetSpeed,
-    SetTip,
-    TurnAim,
-    begin,
-    shoot,
-    tick,
-    update,
-)
+from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
 
 COMMANDS = {
-    pygame.K_c: "level",
-    pygame.K_SPACE: "go",
-    pygame.K_RETURN: "go",
-    pygame.K_KP_ENTER: "go",
-    pygame.K_p: "place",
-    pygame.K_u: "undo",
-    pygame.K_r: "replay",
-    pygame.K_g: "ghost",
-    pygame.K_h: "help",
-    pygame.K_y: "redo",
-    pygame.K_z: "undo",
-    **dict.fromkeys(SLOWER_KEYS, "slower"),
-    **dict.fromkeys(FASTER_KEYS, "faster"),
+    pygame.K_c: actions.level,
+    pygame.K_SPACE: actions.go,
+    pygame.K_RETURN: actions.go,
+    pygame.K_KP_ENTER: actions.go,
+    pygame.K_p: actions.place,
+    pygame.K_u: actions.undo,
+    pygame.K_r: actions.replay,
+    pygame.K_g: actions.toggle_ghost,
+    pygame.K_h: actions.toggle_help,
+    pygame.K_y: actions.redo,
+    pygame.K_z: actions.undo,
+    **dict.fromkeys(SLOWER_KEYS, actions.slow_down),
+    **dict.fromkeys(FASTER_KEYS, actions.speed_up),
 }
 
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
@@ -206,7 +189,7 @@ class GameWindow:
         elif event.type == pygame.KEYDOWN:
             self.message = ""
             if event.key == pygame.K_ESCAPE and self.model.help:
-                self._do(Command("help"))
+                self._do(actions.toggle_help)
             elif event.key in (pygame.K_q, pygame.K_ESCAPE):
                 self._quit()
             elif event.key == pygame.K_s:
@@ -214,14 +197,11 @@ class GameWindow:
             elif event.key == pygame.K_n and self.model.phase == "over":
                 self._new_game()
             elif event.key in ELEVATIONS:
-                self._do(SetElevation(self.model.elevation + ELEVATIONS[event.key]))
+                self._do(actions.set_elevation, self.model.elevation + ELEVATIONS[event.key])
             elif event.key in ARROWS:
-                x, y = ARROWS[event.key]
-                share = 0.1 if event.mod & pygame.KMOD_SHIFT else 1.0
-                tip = MoveTip(-RADII * share * x, RADII * share * y)
-                self._do(tip if event.mod & pygame.KMOD_CTRL else self._moved(x, y, share))
+                self._move(*ARROWS[event.key], event.mod)
             elif event.key in COMMANDS:
-                self._do(Command(COMMANDS[event.key]))
+                self._do(COMMANDS[event.key])
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self.message = ""
             self._press(event.pos)
@@ -229,9 +209,9 @@ class GameWindow:
             self._dragged = None
         elif event.type == pygame.MOUSEMOTION:
             self._drag(event.pos)
-            self._do(MoveTo(self._view.point_of(event.pos)))
+            self._do(actions.move_to, self._view.point_of(event.pos))
         elif event.type == pygame.MOUSEWHEEL:
-            self._do(ChangeSpeed(METRES_PER_SECOND * event.y))
+            self._do(actions.change_speed, METRES_PER_SECOND * event.y)
 
     def _press(self, pixel: tuple[int, int]) -> None:
         """Handles the left button: it presses a control, aims, places the cue ball or continues."""
@@ -239,7 +219,7 @@ class GameWindow:
         if control == "shoot" and self.model.phase == "over":
             self._new_game()
         elif self.model.help or control == "shoot" or (self.model.phase != "aiming" and control is None):
-            self._do(Command("go"))
+            self._do(actions.go)
         elif self.model.phase == "aiming":
             double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
             self._clicked = time.monotonic() if control == "ball" else -1.0
@@ -248,7 +228,7 @@ class GameWindow:
             )
             if double:
                 self._dragged = None
-                self._do(Command("level"))
+                self._do(actions.level)
             elif self._dragged != "arrow":
                 self._drag(pixel)
 
@@ -258,13 +238,13 @@ class GameWindow:
         if self._dragged is None:
             return
         if self._dragged == "ball":
-            self._do(SetTip(*places.tip(pixel)))
+            self._do(actions.set_tip, *places.tip(pixel))
         elif self._dragged == "elevation":
-            self._do(SetElevation(STEEPEST * places.elevation.share(pixel)[1]))
+            self._do(actions.set_elevation, STEEPEST * places.elevation.share(pixel)[1])
         elif self._dragged == "speed":
-            self._do(SetSpeed(places.speed.share(pixel)[0]))
+            self._do(actions.set_speed, places.speed.share(pixel)[0])
         else:
-            self._do(AimAt(point) if self._dragged == "arrow" else LookAt(point))
+            self._do(actions.aim_at if self._dragged == "arrow" else actions.look_at, point)
 
     def _new_game(self) -> None:
         """Starts a game with the same settings; the old one is no longer saved."""
@@ -272,14 +252,20 @@ class GameWindow:
         history = History(model.setup, opening(model.setup, self._rng), ())
         self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace)
 
-    def _do(self, user_input: Input) -> None:
-        self.model = update(self.model, user_input)
+    def _do(self, action: Callable[..., Model], *args: Any) -> None:
+        self.model = action(self.model, *args)
 
-    def _moved(self, x: int, y: int, share: float) -> Input:
-        """Returns the input of an arrow key that points along (x, y)."""
-        if self.model.phase == "placing":
-            return MoveBy((METRES * share * x, METRES * share * y))
-        return TurnAim(-DEGREES * share * x) if x else ChangeSpeed(METRES_PER_SECOND * share * y)
+    def _move(self, x: int, y: int, modifiers: int) -> None:
+        """Handles an arrow key that points along (x, y)."""
+        share = 0.1 if modifiers & pygame.KMOD_SHIFT else 1.0
+        if modifiers & pygame.KMOD_CTRL:
+            self._do(actions.move_tip, -RADII * share * x, RADII * share * y)
+        elif self.model.phase == "placing":
+            self._do(actions.move_by, (METRES * share * x, METRES * share * y))
+        elif x:
+            self._do(actions.turn_aim, -DEGREES * share * x)
+        else:
+            self._do(actions.change_speed, METRES_PER_SECOND * share * y)
 
     def _on_arrow(self, pixel: tuple[int, int]) -> bool:
         """Returns whether a pixel is on the aimed cue ball or on the tip of the arrow."""

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import suggestion
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
-from billiards_env.games.placement import Point, cue_ball_point, placement_area
+from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.pots import Shots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
@@ -144,7 +144,7 @@ def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point
     state = game.state
     if state.in_hand == "no":
         return None
-    x_low, x_high, y_low, y_high = placement_area(setup.scene, state.cue_balls[0], state.in_hand == "behind")
+    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, state)
     return x_low + (x_high - x_low) * rng.random(), y_low + (y_high - y_low) * rng.random()
 
 
@@ -156,17 +156,14 @@ def place_cue_ball(
     Returns:
         The game with the cue ball there, and the point, m. If the cue ball is not in hand: the unchanged game and None.
     """
-    state, cue = game.state, game.state.cue_balls[0]
-    if state.in_hand == "no":
-        return game, None
     games: list[tuple[GameState, Point | None]] = []
     for _ in range(_PLACES):
         drawn = draw_place(setup, game, rng)
-        assert drawn is not None
-        place = cue_ball_point(setup.scene, game.positions, state.object_balls, cue, drawn, state.in_hand == "behind")
-        positions = game.positions.copy()
-        positions[cue] = place
-        games.append((GameState(positions, state), place))
+        if drawn is None:
+            return game, None
+        positions, place = game.positions.copy(), cue_ball_point(setup.scene, game.positions, game.state, drawn)
+        positions[game.state.cue_balls[0]] = place
+        games.append((GameState(positions, game.state), place))
     return max(games, key=lambda entry: _ease(situation(setup, entry[0], max_speed).pots()))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
+from billiards_env.games.state import RuleState
 from billiards_env.scene import Balls, Scene, check_positions
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.table import Table
@@ -13,6 +14,12 @@ R = SCENE.balls.radius[0]
 REACH = 2 * R + MARGIN
 FOOT = SCENE.table.length / 4
 AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
+
+
+def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
+    """Returns the place of a cue ball in hand."""
+    state = RuleState(0, (0, 0), frozenset({0, *on_table}), in_hand=in_hand)
+    return cue_ball_point(SCENE, positions, state, point)
 
 
 def on_axis(*xs):
@@ -73,28 +80,28 @@ def test_a_full_table_is_an_error():
 
 def test_a_free_point_is_returned_unchanged():
     point = (0.1 + 0.2, -1 / 3)
-    assert cue_ball_point(SCENE, AWAY, range(1, 16), 0, point, False) == point
+    assert place(point, range(1, 16)) == point
 
 
 def test_a_point_outside_the_area_is_clipped():
     x_low, x_high, y_low, y_high = placement_area(SCENE, 0)
-    assert cue_ball_point(SCENE, AWAY, (), 0, (9.0, 0.3), False) == (x_high, 0.3)
-    assert cue_ball_point(SCENE, AWAY, (), 0, (0.3, -9.0), False) == (0.3, y_low)
-    assert cue_ball_point(SCENE, AWAY, (), 0, (0.3, 0.1), True) == (-SCENE.table.length / 4, 0.1)
+    assert place((9.0, 0.3)) == (x_high, 0.3)
+    assert place((0.3, -9.0)) == (0.3, y_low)
+    assert place((0.3, 0.1), in_hand="behind") == (-SCENE.table.length / 4, 0.1)
     assert (x_low, y_low) == (-x_high, -y_high)
     assert x_high == SCENE.table.length / 2 - R - MARGIN
 
 
 def test_a_blocked_point_moves_radially_out():
     positions, balls = on_axis(0.0)
-    x, y = cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.01), False)
+    x, y = place((0.0, 0.01), balls, positions=positions)
     assert (x, y) == pytest.approx((0.0, REACH), abs=1e-12)
-    assert cue_ball_point(SCENE, positions, balls, 0, (0.0, 0.0), False) == pytest.approx((REACH, 0.0), abs=1e-12)
+    assert place((0.0, 0.0), balls, positions=positions) == pytest.approx((REACH, 0.0), abs=1e-12)
 
 
 def test_pockets_are_avoided():
     side = SCENE.table.pockets[5]
-    x, y = cue_ball_point(SCENE, AWAY, (), 0, (side.x, side.y), False)
+    x, y = place((side.x, side.y))
     assert math.hypot(x - side.x, y - side.y) == pytest.approx(side.radius + MARGIN, abs=1e-9)
 
 

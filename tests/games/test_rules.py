@@ -1,5 +1,7 @@
 """The rules, case by case, on constructed events."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,8 @@ from billiards_env.rules import FOULS, IN_HAND
 from tests.helpers.games import events, facts, state
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
-ANYWHERE, BEHIND = {"in_hand": "anywhere"}, {"in_hand": "behind"}
+ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
+BEHIND: dict[str, Any] = {"in_hand": "behind"}
 
 
 def judged(rules, fields, log):

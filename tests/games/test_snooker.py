@@ -261,7 +261,7 @@ def test_a_cue_ball_in_hand_is_placed_in_the_d():  # 3.5
     assert placement_area(SCENE, 0, behind=True) == (head - d, head, -d, d)
 
     def place(point, others=()):
-        return cue_ball_point(SCENE, positions, others, 0, point, True)
+        return cue_ball_point(SCENE, positions, frame(on_table=others, in_hand="behind"), point)
 
     assert place((head - 0.1, 0.1)) == (head - 0.1, 0.1)
     assert place((5.0, 0.1)) == (head, 0.1)

@@ -1,5 +1,5 @@
 from billiards_env.play import labels
-from billiards_env.play.model import Command, TurnAim, update
+from billiards_env.play.model import go, replay, toggle_ghost, turn_aim
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
 
@@ -19,11 +19,11 @@ def test_the_hint_names_the_legal_balls(make_model):
 def test_the_result_of_a_shot(make_model):
     model = make_model(positions=[[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]], target=3)
     assert labels.result(model) == "0 : 0"
-    potted = update(update(model, Command("go")), Command("go"))
+    potted = go(go(model))
     assert labels.result(potted) == "potted 1   1 : 0"
-    missed = update(update(update(potted, TurnAim(90.0)), Command("go")), Command("go"))
+    missed = go(go(turn_aim(potted, 90.0)))
     assert labels.result(missed) == "foul: no hit   0 : 0"
-    foul = update(update(update(make_model("nine_ball", EIGHT[:10]), TurnAim(180.0)), Command("go")), Command("go"))
+    foul = go(go(turn_aim(make_model("nine_ball", EIGHT[:10]), 180.0)))
     assert labels.result(foul).startswith("foul: ")
 
 
@@ -34,9 +34,9 @@ def test_each_player_has_a_label(make_model):
 
 
 def test_a_replay_shows_the_engines(make_model):
-    model = update(update(make_model(positions=EIGHT[:3]), Command("go")), Command("replay"))
+    model = replay(go(make_model(positions=EIGHT[:3])))
     assert labels.key_hint(model).startswith("balls: PIC   rings: PIT, dt = 16.67 ms")
-    assert labels.key_hint(update(model, Command("ghost"))).startswith("balls: PIC   continue")
+    assert labels.key_hint(toggle_ghost(model)).startswith("balls: PIC   continue")
 
 
 def test_minus_zero_is_not_shown(make_model):

@@ -12,7 +12,7 @@ from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
-from billiards_env.play.model import HUMAN, Command, shoot, update
+from billiards_env.play.model import HUMAN, go, shoot
 from billiards_env.players.strategies import STRATEGIES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
@@ -43,7 +43,7 @@ def saved(make_model, tmp_path):
     """A saved game."""
     model = shoot(make_model(positions=BALLS), Stroke((1.0, 0.3)))
     records.save(tmp_path / "saved.json", records.record_game(model.history))
-    return tmp_path / "saved.json", update(model, Command("go"))
+    return tmp_path / "saved.json", go(model)
 
 
 def history(*arguments, seed=0):

@@ -13,19 +13,27 @@ from billiards_env.games import History, Setup, Stroke, custom_opening, play
 from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
-    AimAt,
-    ChangeSpeed,
-    Command,
-    LookAt,
-    MoveBy,
-    MoveTo,
-    SetElevation,
-    SetTip,
-    TurnAim,
+    aim_at,
     begin,
+    change_speed,
+    go,
+    level,
+    look_at,
+    move_by,
+    move_to,
+    place,
+    redo,
+    replay,
+    set_elevation,
+    set_tip,
     shoot,
+    slow_down,
+    speed_up,
     tick,
-    update,
+    toggle_ghost,
+    toggle_help,
+    turn_aim,
+    undo,
 )
 from billiards_env.play.preview import make_preview
 from billiards_env.scene import Physics
@@ -34,9 +42,11 @@ STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
 
 
-def after(model, *inputs) -> Any:
-    for user_input in inputs:
-        model = update(model, user_input)
+def after(model, *actions) -> Any:
+    """Returns the model after actions; one with arguments is a tuple."""
+    for action in actions:
+        act, *arguments = action if isinstance(action, tuple) else (action,)
+        model = act(model, *arguments)
     return model
 
 
@@ -57,9 +67,9 @@ def test_model_and_labels_do_not_import_pygame():
 def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
     model = make_model("nine_ball")
     assert model.phase == "placing"
-    model = after(model, Command("go"))
+    model = after(model, go)
     assert model.phase == "aiming"
-    model = after(model, TurnAim(2.0), Command("go"))
+    model = after(model, (turn_aim, 2.0), go)
     assert model.phase == "rolling"
     shot = model.shown_shots[0]
     for _ in range(math.ceil(60 * shot.time)):
@@ -80,54 +90,54 @@ def test_the_first_aim_is_full_on_the_nearest_legal_ball(make_model):
 
 
 def test_arrow_keys_change_direction_and_speed(make_model):
-    model = after(make_model(positions=STRAIGHT), TurnAim(10.0), ChangeSpeed(0.5))
+    model = after(make_model(positions=STRAIGHT), (turn_aim, 10.0), (change_speed, 0.5))
     assert math.degrees(model.angle) == pytest.approx(10.0)
     assert model.speed == pytest.approx(2.5)
     assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.angle), 2.5 * math.sin(model.angle)))
-    assert after(model, ChangeSpeed(100.0)).speed == model.max_speed
-    assert after(model, ChangeSpeed(-100.0)).speed == LEAST_SPEED
+    assert after(model, (change_speed, 100.0)).speed == model.max_speed
+    assert after(model, (change_speed, -100.0)).speed == LEAST_SPEED
 
 
 def test_the_arrow_follows_the_mouse(make_model):
     model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
-    model = after(model, AimAt((-0.4, 0.09 * 3.0 + 1.4 * r)))
+    model = after(model, (aim_at, (-0.4, 0.09 * 3.0 + 1.4 * r)))
     assert model.angle == math.pi / 2
     assert model.speed == pytest.approx(3.0)
-    assert after(model, AimAt((-0.4, 0.0))).speed == LEAST_SPEED
+    assert after(model, (aim_at, (-0.4, 0.0))).speed == LEAST_SPEED
 
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for given in (MoveTo((0.0, 0.0)), MoveBy((0.1, 0.0)), Command("place"), Command("undo"), Command("replay")):
-        assert update(aiming, given) is aiming
+    for given in ((move_to, (0.0, 0.0)), (move_by, (0.1, 0.0)), place, undo, replay):
+        assert after(aiming, given) is aiming
     placing = make_model("nine_ball")
-    for given in (TurnAim(1.0), ChangeSpeed(1.0), AimAt((0.0, 0.0))):
-        assert update(placing, given) is placing
+    for given in ((turn_aim, 1.0), (change_speed, 1.0), (aim_at, (0.0, 0.0))):
+        assert after(placing, given) is placing
     assert tick(aiming, 1.0) is aiming
-    rolling = after(aiming, Command("go"))
-    assert update(rolling, TurnAim(1.0)) is rolling
+    rolling = after(aiming, go)
+    assert turn_aim(rolling, 1.0) is rolling
 
 
 def test_a_cue_ball_in_hand_moves_to_the_nearest_free_point(make_model):
-    model = after(make_model("nine_ball"), MoveTo((-0.9, 0.2)))
+    model = after(make_model("nine_ball"), (move_to, (-0.9, 0.2)))
     assert model.cue_position == (-0.9, 0.2)
-    model = after(model, MoveBy((0.01, -0.02)))
+    model = after(model, (move_by, (0.01, -0.02)))
     assert model.cue_position == pytest.approx((-0.89, 0.18))
-    model = after(model, MoveTo((0.5, 9.0)))  # limited by the head string and the cushion
+    model = after(model, (move_to, (0.5, 9.0)))  # limited by the head string and the cushion
     _, x, _, y = placement_area(model.setup.scene, 0, behind=True)
     assert model.cue_position == (x, y)
-    model = after(model, Command("go"))
-    assert after(model, Command("place")).phase == "placing"
+    model = after(model, go)
+    assert after(model, place).phase == "placing"
     assert model.stroke.place == (x, y)
     anywhere = make_model(positions=STRAIGHT, state={"in_hand": "anywhere"})
-    placed = np.array(after(anywhere, MoveTo((0.4, 0.01))).cue_position)
+    placed = np.array(after(anywhere, (move_to, (0.4, 0.01))).cue_position)
     assert np.hypot(*(placed - STRAIGHT[1])) > 2 * anywhere.setup.scene.balls.radius[0]
 
 
 @pytest.mark.parametrize("mode", [{}, {"mode": "pit", "dt": 1e-4}])
 def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
-    model = after(make_model(positions=STRAIGHT, **mode), TurnAim(1.5))
+    model = after(make_model(positions=STRAIGHT, **mode), (turn_aim, 1.5))
     preview = model.preview
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity, record=True)
     assert shot.events is not None
@@ -153,8 +163,8 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
 
 
 def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
-    plain = after(make_model(positions=STRAIGHT), LookAt((0.4, 0.03)))
-    turned = after(plain, SetTip(-0.4, 0.2), SetElevation(10.0))
+    plain = after(make_model(positions=STRAIGHT), (look_at, (0.4, 0.03)))
+    turned = after(plain, (set_tip, -0.4, 0.2), (set_elevation, 10.0))
     assert (turned.angle, turned.speed) == (plain.angle, plain.speed)
     assert not np.allclose(turned.preview.path[:50], plain.preview.path[:50], atol=1e-4)
     scene, (side, top) = turned.setup.scene, turned.tip
@@ -168,12 +178,12 @@ def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
 
 
 def test_the_tip_of_the_cue_does_not_slip(make_model):
-    model = after(make_model(positions=STRAIGHT), SetTip(0.9, -1.2))
+    model = after(make_model(positions=STRAIGHT), (set_tip, 0.9, -1.2))
     assert math.hypot(*model.tip) == pytest.approx(0.5, rel=2e-3)
     assert model.tip[0] / model.tip[1] == pytest.approx(-0.75)
-    assert after(model, SetElevation(200.0)).elevation == 90.0
-    assert after(model, Command("level")).tip == (0.0, 0.0)
-    assert after(model, Command("go"), Command("go")).tip == (0.0, 0.0)  # the next turn begins with a level cue
+    assert after(model, (set_elevation, 200.0)).elevation == 90.0
+    assert after(model, level).tip == (0.0, 0.0)
+    assert after(model, go, go).tip == (0.0, 0.0)  # the next turn begins with a level cue
 
 
 def test_scenes_without_spin_have_no_english():
@@ -181,22 +191,22 @@ def test_scenes_without_spin_have_no_english():
     rolling = Physics(motion="rolling", cushion="restitution")
     setup = Setup("straight", dataclasses.replace(scene, physics=rolling))
     model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
-    assert after(model, SetTip(0.3, 0.0), SetElevation(20.0)) is model
+    assert after(model, (set_tip, 0.3, 0.0), (set_elevation, 20.0)) is model
     assert model.stroke.velocity == (2.0, 0.0)
 
 
 def test_balls_keep_their_orientation_from_shot_to_shot(make_model):
-    first = after(make_model(positions=STRAIGHT), LookAt((0.4, 0.03)), Command("go"))
+    first = after(make_model(positions=STRAIGHT), (look_at, (0.4, 0.03)), go)
     assert first.first_faces is None
-    second = after(first, Command("go"))
+    second = after(first, go)
     assert second.faces.shape == (3, 4)
     assert abs(second.faces[0, 0]) < 1
     assert second.faces[2].tolist() == [1.0, 0.0, 0.0, 0.0]  # has not moved
-    assert after(second, Command("go")).first_faces is second.faces
+    assert after(second, go).first_faces is second.faces
 
 
 def test_a_preview_without_contact_shows_the_whole_path(make_model):
-    model = after(make_model(positions=STRAIGHT), TurnAim(180.0), ChangeSpeed(-1.9))
+    model = after(make_model(positions=STRAIGHT), (turn_aim, 180.0), (change_speed, -1.9))
     assert model.preview.ball == -1
     shot = simulate(model.setup.scene, STRAIGHT, model.stroke.velocity)
     assert model.preview.path[-1] == pytest.approx(shot.positions[0], abs=1e-12)
@@ -214,130 +224,130 @@ def test_the_preview_uses_the_cue_ball_of_the_player(make_model):
 
 
 def test_go_skips_to_the_end_of_a_shot(make_model):
-    one = after(make_model(positions=STRAIGHT), Command("go"))
-    two = after(one, Command("go"))
+    one = after(make_model(positions=STRAIGHT), go)
+    two = after(one, go)
     assert two.phase in ("aiming", "placing")
     assert same(one, two)
 
 
 def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
-    model = after(make_model("nine_ball"), Command("go"), TurnAim(0.3))
-    done = after(model, Command("go"), Command("go"))
-    undone = after(done, Command("undo"))
+    model = after(make_model("nine_ball"), go, (turn_aim, 0.3))
+    done = after(model, go, go)
+    undone = after(done, undo)
     assert undone.phase == "placing"
     assert undone.strokes == ()
     assert undone.last_shot is None
     again = shoot(undone, done.strokes[0])
     assert same(again, done)
-    two = after(done, Command("go"), Command("go"))
-    back = after(two, Command("undo"))
+    two = after(done, go, go)
+    back = after(two, undo)
     assert same(back, done)
     assert (back.last_shot.shot.positions == done.last_shot.shot.positions).all()
 
 
 def test_redo_restores_what_was_undone(make_model):
     start = make_model(positions=STRAIGHT)
-    done = after(start, *[Command("go")] * 4)
-    undone = after(done, Command("undo"), Command("undo"))
+    done = after(start, *[go] * 4)
+    undone = after(done, undo, undo)
     assert undone.strokes == ()
-    one = after(undone, Command("redo"))
+    one = after(undone, redo)
     assert one.strokes == done.strokes[:1]
-    two = after(one, Command("redo"))
+    two = after(one, redo)
     assert same(two, done)
     assert two.phase == done.phase
     assert (two.last_shot.shot.positions == done.last_shot.shot.positions).all()
-    assert update(two, Command("redo")) is two
-    other = after(one, *[Command("go")] * 2)  # a new shot discards the undone ones
+    assert after(two, redo) is two
+    other = after(one, *[go] * 2)  # a new shot discards the undone ones
     assert len(other.strokes) == 2
-    assert update(other, Command("redo")) is other
+    assert after(other, redo) is other
 
 
 def test_redo_includes_the_strokes_of_programs(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, TurnAim(90.0), Command("go"), Command("go"))
-    thinking = after(model, Command("undo"), Command("redo"))
+    model = after(model, (turn_aim, 90.0), go, go)
+    thinking = after(model, undo, redo)
     assert (thinking.phase, thinking.strokes) == ("thinking", model.strokes)
-    model = after(shoot(model, Stroke((0.1, 0.1))), Command("go"))
-    again = after(model, Command("undo"), Command("redo"))
+    model = after(shoot(model, Stroke((0.1, 0.1))), go)
+    again = after(model, undo, redo)
     assert same(again, model)
     assert again.undone == ()
 
 
 def test_undo_returns_to_the_last_shot_of_a_person(make_model):
     model = make_model(positions=STRAIGHT, players=("human", "random"))
-    model = after(model, TurnAim(90.0), Command("go"), Command("go"))
+    model = after(model, (turn_aim, 90.0), go, go)
     assert model.phase == "thinking"
-    model = after(shoot(model, Stroke((0.1, 0.1))), Command("go"))
+    model = after(shoot(model, Stroke((0.1, 0.1))), go)
     assert len(model.strokes) == 2
-    assert len(after(model, Command("undo")).strokes) == 0
+    assert len(after(model, undo).strokes) == 0
     programs = make_model(positions=STRAIGHT, players=("random", "random"))
-    programs = after(shoot(programs, Stroke((0.1, 0.0))), Command("go"))
-    assert update(programs, Command("undo")) is programs
+    programs = after(shoot(programs, Stroke((0.1, 0.0))), go)
+    assert after(programs, undo) is programs
 
 
 @pytest.mark.parametrize(
     ("mode", "ghost"), [({}, ("pit", 1 / 60)), ({"mode": "pit", "dt": 1 / 240}, ("pic", None))], ids=["pic", "pit"]
 )
 def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
-    model = after(make_model(positions=STRAIGHT, **mode), TurnAim(1.0), Command("go"), Command("go"))
+    model = after(make_model(positions=STRAIGHT, **mode), (turn_aim, 1.0), go, go)
     before = model.angle, model.phase
-    model = after(model, Command("replay"))
+    model = after(model, replay)
     shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
     expected = simulate(model.setup.scene, STRAIGHT, velocity, mode=ghost[0], dt=ghost[1])
     assert (comparison.positions == expected.positions).all()
     assert (shot.positions == simulate(model.setup.scene, STRAIGHT, velocity, **mode).positions).all()
     assert (shot.positions != comparison.positions).any()
-    assert after(model, Command("ghost")).shown_shots[1] is None
+    assert after(model, toggle_ghost).shown_shots[1] is None
     assert tick(model, 1e9).phase == "replaying"  # the end remains visible
     assert tick(model, 1e9).clock == max(shot.time, comparison.time)
-    back = after(tick(model, 1e9), Command("go"))
+    back = after(tick(model, 1e9), go)
     assert (back.angle, back.phase) == before
-    assert after(tick(model, 1.0), Command("replay")).clock == 0.0
+    assert after(tick(model, 1.0), replay).clock == 0.0
 
 
 def test_slower_and_faster_change_the_pace(make_model):
-    model = after(make_model(positions=STRAIGHT), Command("slower"), Command("go"))
+    model = after(make_model(positions=STRAIGHT), slow_down, go)
     assert tick(model, 1.0).clock == 0.5
-    assert after(model, *[Command("slower")] * 20).pace == PACES[0]
-    assert after(model, *[Command("faster")] * 20).pace == PACES[-1]
+    assert after(model, *[slow_down] * 20).pace == PACES[0]
+    assert after(model, *[speed_up] * 20).pace == PACES[-1]
 
 
 def test_nothing_changes_while_nothing_moves(make_model):
     model = make_model(positions=STRAIGHT)
     assert tick(model, 1.0) is model
-    end = tick(after(model, Command("go"), Command("go"), Command("replay")), 1e9)
+    end = tick(after(model, go, go, replay), 1e9)
     assert end.phase == "replaying"
     assert tick(end, 1.0) is end
-    helped = after(model, Command("go"), Command("help"))
+    helped = after(model, go, toggle_help)
     assert tick(helped, 1.0) is helped  # the shot is not shown behind the help
-    assert tick(after(helped, Command("help")), 0.1).clock == 0.1
+    assert tick(after(helped, toggle_help), 0.1).clock == 0.1
 
 
 def test_a_game_that_is_over_has_no_further_shot(make_model):
     model = make_model(positions=INTO_THE_CORNER, target=1)
-    model = after(model, Command("go"), Command("go"))
+    model = after(model, go, go)
     assert model.phase == "over"
     assert model.game.state.winner == 0
-    assert update(model, Command("go")) is model
-    assert after(model, Command("replay")).phase == "replaying"
-    assert after(model, Command("replay"), Command("go")).phase == "over"
-    assert after(model, Command("undo")).phase == "aiming"
+    assert after(model, go) is model
+    assert after(model, replay).phase == "replaying"
+    assert after(model, replay, go).phase == "over"
+    assert after(model, undo).phase == "aiming"
 
 
 def test_a_game_is_continued_from_its_history(make_model):
-    model = after(make_model("nine_ball"), *[Command("go")] * 5)
+    model = after(make_model("nine_ball"), *[go] * 5)
     again = begin(model.history, model.players, 8.0, 1 / 60)
     assert len(model.strokes) == 2
     assert same(model, again)
     assert again.phase == model.phase
-    assert same(after(model, Command("undo")), after(again, Command("undo")))
+    assert same(after(model, undo), after(again, undo))
     with pytest.raises(ValueError, match="players = human, human, human: expected 2"):
         begin(model.history, ("human",) * 3, 8.0, 1 / 60)
 
 
 def test_go_closes_the_help(make_model):
-    model = after(make_model(positions=STRAIGHT), Command("help"))
+    model = after(make_model(positions=STRAIGHT), toggle_help)
     assert model.help
-    closed = after(model, Command("go"))
+    closed = after(model, go)
     assert (closed.help, closed.phase) == (False, "aiming")

@@ -12,7 +12,7 @@ pygame = pytest.importorskip("pygame")
 from billiards_env import simulate  # noqa: E402
 from billiards_env.drawing.canvas import pixels  # noqa: E402
 from billiards_env.games import Stroke, records  # noqa: E402
-from billiards_env.play.model import Command, TurnAim, tick, update  # noqa: E402
+from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, toggle_help, turn_aim  # noqa: E402
 from billiards_env.play.view import View  # noqa: E402
 from billiards_env.play.window import GameWindow  # noqa: E402
 
@@ -269,23 +269,23 @@ def test_the_table_fits_a_window_of_any_size(size, make_model, window):
 
 
 def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, monkeypatch):
-    model: Any = update(make_model(positions=BALLS), Command("go"))
+    model: Any = go(make_model(positions=BALLS))
     view = View(model.setup.scene, 320)
     view.draw(tick(model, 0.5))
     starts = []
     monkeypatch.setattr(View, "_start_paths", lambda *_: starts.append(1))
-    frame = pixels(view.draw(update(tick(model, 0.51), Command("slower"))))
+    frame = pixels(view.draw(slow_down(tick(model, 0.51))))
     assert starts == []
     assert lit(frame, view, model.last_shot.shot.at(0.51)[0], WHITE)
 
 
 def test_the_help_covers_the_table(make_model):
-    model = update(make_model(positions=BALLS), Command("help"))
+    model = toggle_help(make_model(positions=BALLS))
     view = View(model.setup.scene, 640)
     frame = pixels(view.draw(model))
     for point in BALLS:
         assert not lit(frame, view, point, YELLOW)
-    cloth = pixels(view.draw(update(model, Command("help"))))[100, 100]
+    cloth = pixels(view.draw(toggle_help(model)))[100, 100]
     assert not (frame == cloth).all(axis=2).any()
 
 
@@ -389,13 +389,10 @@ def test_balls_are_drawn_at_their_positions(make_model, window):
 
 
 def test_the_ghost_is_visible_in_a_replay(make_model):
-    model = make_model(positions=BALLS)
-    for given in (TurnAim(1.0), Command("go"), Command("go"), Command("replay")):
-        model = update(model, given)
-    model = tick(model, 3.0)
+    model = tick(replay(go(go(turn_aim(make_model(positions=BALLS), 1.0)))), 3.0)
     view = View(model.setup.scene, 640)
     with_ghost = pixels(view.draw(model))
-    without = pixels(view.draw(update(model, Command("ghost"))))
+    without = pixels(view.draw(toggle_ghost(model)))
     pit = simulate(model.setup.scene, BALLS, model.strokes[0].velocity, mode="pit", dt=1 / 60, record=True)
     comparison = pit.at(3.0)
     differ = (with_ghost != without).any(axis=2)
