@@ -26,7 +26,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
-from billiards_env.checks import RANGES, choose, number, short
+from billiards_env.checks import RANGES, number, one_of, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 
@@ -89,7 +89,7 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
     parameters = dict(inspect.signature(BilliardsEnv).parameters)
     del parameters["render_mode"]  # training does not render
     for key in given:
-        choose("key of env", key, tuple(parameters))
+        one_of("key of env", key, tuple(parameters))
     given = {key: value if isinstance(value, bool) else number(value) for key, value in given.items()}
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
     if found["max_shots"] is None and found["task"] in TASKS:
@@ -106,7 +106,7 @@ class Checked:
     def _keys_are_known(cls, data: Any) -> Any:
         if isinstance(data, dict):
             for key in data:
-                choose("key", key, tuple(field.name for field in dataclasses.fields(cls)))
+                one_of("key", key, tuple(field.name for field in dataclasses.fields(cls)))
         return data
 
 

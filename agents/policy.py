@@ -22,7 +22,7 @@ from agents.cue_parts import NUMBERS, cue_of
 from agents.mixture import MixtureDistribution
 from agents.position_heads import HitAims, PointAims, PositionHead, Reflected
 from agents.pot_head import PotFeatures, PotHead
-from billiards_env.checks import choose
+from billiards_env.checks import one_of
 from billiards_env.envs import BilliardsEnv
 from billiards_env.scene import Scene
 
@@ -95,7 +95,7 @@ class MixturePolicy(ActorCriticPolicy):
         net_arch: Sequence[int] = (64, 64),
         **kwargs: Any,
     ) -> None:
-        choose("policy.head", head, HEADS)
+        one_of("policy.head", head, HEADS)
         self.own = {
             "env": dict(env or {}),
             "head": head,

@@ -184,11 +184,11 @@ def number(value: Any) -> Any:
     return float(match[1]) / float(match[2] or 1)
 
 
-def choose(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raises a ValueError unless `value` is one of `choices`. The message suggests the closest one.
+def one_of(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Checks that `value` is one of `choices`; raises a ValueError that suggests the closest one.
 
     Example:
-        >>> choose("mode", "pci", ("pic", "pit"))
+        >>> one_of("mode", "pci", ("pic", "pit"))
         Traceback (most recent call last):
         ValueError: mode = 'pci': expected one of 'pic', 'pit' (did you mean 'pic'?)
     """
@@ -275,7 +275,7 @@ def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[
         raise TypeError(f"{name} = {short(data)}: expected a mapping")
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for key in data:
-        choose(f"key of {name}", key, tuple(fields))
+        one_of(f"key of {name}", key, tuple(fields))
     for key, field in fields.items():
         if key not in data and field.default is dataclasses.MISSING:
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from billiards_env.checks import RANGES, Range, choose, fits, numbers, real, short, whole
+from billiards_env.checks import RANGES, Range, fits, numbers, one_of, real, short, whole
 from billiards_env.engine.pit import MAX_STEPS
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.actions import aimed_strikes, perturb
@@ -212,9 +212,9 @@ def test_a_whole_number_is_an_integer_of_python_or_numpy():
 
 
 def test_an_unknown_name_is_rejected_with_a_suggestion():
-    choose("mode", "pic", ("pic", "pit"))
+    one_of("mode", "pic", ("pic", "pit"))
     with rejected("mode = 'pick': expected one of 'pic', 'pit' (did you mean 'pic'?)"):
-        choose("mode", "pick", ("pic", "pit"))
+        one_of("mode", "pick", ("pic", "pit"))
 
 
 @pytest.mark.parametrize(
@@ -222,7 +222,7 @@ def test_an_unknown_name_is_rejected_with_a_suggestion():
 )
 def test_the_suggestion_is_the_name_with_the_same_letters(value, closest):
     with pytest.raises(ValueError, match=r"expected one of 'pit', 'pic'") as error:
-        choose("mode", value, ("pit", "pic"))
+        one_of("mode", value, ("pit", "pic"))
     assert str(error.value).partition("did you mean ")[2] == (f"{closest!r}?)" if closest else "")
 
 

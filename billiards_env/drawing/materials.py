@@ -9,19 +9,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from billiards_env.drawing.style import (
-    CLOTH,
-    CUSHION,
-    CUSHION_EDGE,
-    MARKING,
-    MOUTH,
-    POCKET,
-    POCKET_RIM,
-    RAIL,
-    RAIL_EDGE,
-    draw_table,
-    rail_width,
-)
+from billiards_env.drawing import style
 from billiards_env.scene.table import Table
 
 Images = NDArray[np.floating[Any]]
@@ -35,15 +23,15 @@ middle and of the noses of the cushions, and the darkness of the shadow next to 
 
 # The materials of the shapes, as the channels of a colour: cloth, wood, and pockets.
 _MATERIALS = {
-    CLOTH: (255, 0, 0),
-    MARKING: (255, 0, 0),
-    RAIL: (0, 255, 0),
-    RAIL_EDGE: (0, 255, 0),
-    POCKET: (0, 0, 255),
-    POCKET_RIM: (0, 0, 160),
-    MOUTH: (160, 0, 95),
-    CUSHION: (0, 0, 0),
-    CUSHION_EDGE: (0, 0, 0),
+    style.CLOTH: (255, 0, 0),
+    style.MARKING: (255, 0, 0),
+    style.RAIL: (0, 255, 0),
+    style.RAIL_EDGE: (0, 255, 0),
+    style.POCKET: (0, 0, 255),
+    style.POCKET_RIM: (0, 0, 160),
+    style.MOUTH: (160, 0, 95),
+    style.CUSHION: (0, 0, 0),
+    style.CUSHION_EDGE: (0, 0, 0),
 }
 _AROUND = (0, 255, 255)
 
@@ -65,7 +53,7 @@ def paint_table(
     flat, parts = (pygame.Surface((ZOOM * size[0], ZOOM * size[1]), 0, 32) for _ in range(2))
     flat.fill(paper)
     parts.fill(_AROUND)
-    for corners, colour in draw_table(table):
+    for corners, colour in style.draw_table(table):
         points = (ZOOM * pixels_of(corners)).tolist()
         pygame.draw.polygon(flat, colour, points)
         pygame.draw.polygon(parts, _MATERIALS.get(colour, (0, 255, 0)), points)
@@ -78,7 +66,7 @@ def paint_table(
     x, y = np.arange(size[0], dtype=np.float32)[:, None] + 0.5, np.arange(size[1], dtype=np.float32)[None, :] + 0.5
     rng = np.random.default_rng(1)
     across = np.maximum(left - x, x - right), np.maximum(top - y, y - bottom)
-    depth = np.maximum(*across) / (rail_width(table) * scale)  # 0 at the cushions, 1 at the outer edge of the rail
+    depth = np.maximum(*across) / (style.rail_width(table) * scale)  # 0 at the cushions, 1 at the edge of the rail
 
     upright = across[0] > across[1]
     grain = np.where(upright, _streaks(rng, size[1], size[0]).T, _streaks(rng, size[0], size[1]))

@@ -12,37 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.drawing import style
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Recording, check_pair
-from billiards_env.drawing.style import (
-    AMBIENT,
-    CHALK,
-    CLOTH,
-    CUSHION,
-    CUSHION_EDGE,
-    DARKEST,
-    DIFFUSE,
-    DISC,
-    DOTS,
-    INK,
-    KINDS,
-    LIGHT,
-    POTTED,
-    RAIL,
-    SHADOW,
-    SHADOW_DARK,
-    SHADOW_REACH,
-    SHINE,
-    SHINE_LIGHT,
-    SHINE_POWER,
-    STRIPE,
-    cushion_names,
-    draw_table,
-    looks,
-    rail_width,
-    tray,
-    tray_height,
-)
 from billiards_env.files import check_path, replacing
 from billiards_env.scene.table import Table
 
@@ -53,21 +25,21 @@ same layout."""
 
 
 FACE = {
-    "chalk": CHALK,
-    "ink": INK,
-    "stripe": STRIPE,
-    "disc": DISC,
-    "dots": DOTS,
-    "light": LIGHT,
-    "ambient": AMBIENT,
-    "diffuse": DIFFUSE,
-    "darkest": DARKEST,
-    "shine": SHINE,
-    "shinePower": SHINE_POWER,
-    "shineLight": SHINE_LIGHT,
-    "shadow": SHADOW,
-    "reach": SHADOW_REACH,
-    "dark": SHADOW_DARK,
+    "chalk": style.CHALK,
+    "ink": style.INK,
+    "stripe": style.STRIPE,
+    "disc": style.DISC,
+    "dots": style.DOTS,
+    "light": style.LIGHT,
+    "ambient": style.AMBIENT,
+    "diffuse": style.DIFFUSE,
+    "darkest": style.DARKEST,
+    "shine": style.SHINE,
+    "shinePower": style.SHINE_POWER,
+    "shineLight": style.SHINE_LIGHT,
+    "shadow": style.SHADOW,
+    "reach": style.SHADOW_REACH,
+    "dark": style.SHADOW_DARK,
 }
 """The marks, the light and the shadow of the balls, see `style`."""
 
@@ -106,18 +78,17 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
     if title is None:
         title = f"{recording.label}: {len(recording.events)} events in {recording.time:.2f} s"
         title += "" if compare is None else f"; rings: {compare.label}"
-    scene = recording.scene
+    scene, view = recording.scene, _view(recording.scene.table)
+    tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)
     data = {
-        "view": _view(scene.table),
-        "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in draw_table(scene.table)],
-        "tray": {**tray(scene.n_balls, *_view(scene.table)[::2])._asdict(), "label": POTTED, "colour": RAIL},
-        "balls": [
-            {"radius": radius, **look._asdict()} for radius, look in zip(scene.balls.radius, looks(scene), strict=True)
-        ],
-        "colours": {"cloth": CLOTH, "rail": RAIL, "edge": CUSHION_EDGE, "rubber": CUSHION},
+        "view": view,
+        "shapes": [[colour, corners.round(4).ravel().tolist()] for corners, colour in style.draw_table(scene.table)],
+        "tray": {**tray._asdict(), "label": style.POTTED, "colour": style.RAIL},
+        "balls": [{"radius": r, **look._asdict()} for r, look in zip(scene.balls.radius, looks, strict=True)],
+        "colours": {"cloth": style.CLOTH, "rail": style.RAIL, "edge": style.CUSHION_EDGE, "rubber": style.CUSHION},
         "face": FACE,
-        "kinds": KINDS,
-        "cushions": cushion_names(scene.table),
+        "kinds": style.KINDS,
+        "cushions": style.cushion_names(scene.table),
         "runs": [_run(run) for run in runs],
     }
     data["runs"][0]["turns"] = _turns(recording)
@@ -145,7 +116,7 @@ def notebook_output(recording: Recording) -> str:
 
 def _view(table: Table) -> tuple[float, float, float]:
     """Returns the width and the height of the picture and the height of the tray in it, m."""
-    rail, strip = 1.1 * rail_width(table), tray_height(table)
+    rail, strip = 1.1 * style.rail_width(table), style.tray_height(table)
     return table.length + 2 * rail, table.width + 2 * rail + strip, strip
 
 

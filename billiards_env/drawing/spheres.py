@@ -13,25 +13,8 @@ import numpy as np
 import pygame
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.drawing import style
 from billiards_env.drawing.orientation import Floats, matrices
-from billiards_env.drawing.style import (
-    AMBIENT,
-    CHALK,
-    DARKEST,
-    DIFFUSE,
-    DISC,
-    DOTS,
-    INK,
-    LIGHT,
-    SHADOW,
-    SHADOW_DARK,
-    SHADOW_REACH,
-    SHINE,
-    SHINE_LIGHT,
-    SHINE_POWER,
-    STRIPE,
-    Look,
-)
 
 ZOOM = 2
 """Enlargement of a ball before it is reduced."""
@@ -40,7 +23,7 @@ ZOOM = 2
 class Painter:
     """Paints balls of given looks and radii."""
 
-    def __init__(self, looks: Sequence[Look], radius: ArrayLike) -> None:
+    def __init__(self, looks: Sequence[style.Look], radius: ArrayLike) -> None:
         """Prepares the faces of balls; the radii are in pixels."""
         self._radius = np.array(radius, np.float32)
         self._side = 2 * int(np.ceil(self._radius.max() + 1))
@@ -82,9 +65,9 @@ class Painter:
         row = (0.5 * texels - own[:, 1] * scale).astype(np.int32)
         half = 2 * self._kind[balls].astype(np.int32)[:, None] + (own[:, 2] < 0.0)
         index = (half * texels + row) * texels + column
-        light, shine = (np.einsum("i,mip->mp", np.array(v, np.float32), normal) for v in (LIGHT, SHINE))
-        light = np.clip(AMBIENT + DIFFUSE * light, DARKEST, 1.0)
-        shine = 255 * SHINE_LIGHT * np.maximum(shine, 0.0) ** SHINE_POWER
+        light, shine = (np.einsum("i,mip->mp", np.array(v, np.float32), normal) for v in (style.LIGHT, style.SHINE))
+        light = np.clip(style.AMBIENT + style.DIFFUSE * light, style.DARKEST, 1.0)
+        shine = 255 * style.SHINE_LIGHT * np.maximum(shine, 0.0) ** style.SHINE_POWER
         image = np.empty((m * ZOOM * side, ZOOM * side, 4), np.uint8)
         flat = image.reshape(m, -1, 4)
         for c, colours in enumerate(self._maps):
@@ -95,14 +78,14 @@ class Painter:
         return [strip.subsurface((0, k * side, side, side)) for k in range(m)]
 
 
-def face(look: Look, texels: int) -> Floats:
+def face(look: style.Look, texels: int) -> Floats:
     """Returns the map of a ball's surface, (2, texels, texels, 3) RGB from 0 to 255: the upper and the lower half."""
     places = (np.arange(texels) + 0.5) / texels * 2.0 - 1.0
     u, v = np.meshgrid(places, -places)
     square = np.minimum(u * u + v * v, 1.0)
     stretch = np.sqrt(2.0 - square)
     x, y, z = u * stretch, v * stretch, 1.0 - square
-    fill, chalk = np.array(pygame.Color(look.fill))[:3], np.array(pygame.Color(CHALK))[:3]
+    fill, chalk = np.array(pygame.Color(look.fill))[:3], np.array(pygame.Color(style.CHALK))[:3]
     halves = np.empty((2, texels, texels, 3))
     for half, sign in zip(halves, (1.0, -1.0), strict=True):
 
@@ -112,13 +95,13 @@ def face(look: Look, texels: int) -> Floats:
 
         half[:] = chalk if look.striped else fill
         if look.striped:
-            mix(STRIPE - abs(y), fill)
+            mix(style.STRIPE - abs(y), fill)
         if not look.dots:
-            mix(DISC - np.hypot(x, y), chalk)
+            mix(style.DISC - np.hypot(x, y), chalk)
             ink = _number(look.number, sign * x, y, texels)[..., None]
-            half += ink * (np.array(pygame.Color(INK))[:3] - half)
+            half += ink * (np.array(pygame.Color(style.INK))[:3] - half)
         else:
-            for dot in DOTS:
+            for dot in style.DOTS:
                 cosine = np.clip(dot[0] * x + dot[1] * y + sign * dot[2] * z, -1.0, 1.0)
                 mix(look.dot - np.arccos(cosine), np.array(pygame.Color(look.dots))[:3])
     return halves
@@ -130,8 +113,8 @@ def _number(text: str, x: Floats, y: Floats, texels: int) -> Floats:
     size = 4 * texels
     large = pygame.font.Font(None, size).render(text, True, "white")
     box = large.get_bounding_rect()
-    width = 2 * DISC * (0.52 if len(text) == 1 else 0.78)
-    height = min(2 * DISC * 0.68, width * box.height / box.width)
+    width = 2 * style.DISC * (0.52 if len(text) == 1 else 0.78)
+    height = min(2 * style.DISC * 0.68, width * box.height / box.width)
     width = height * box.width / box.height
     small = max(1, round(width * texels / 2.0)), max(1, round(height * texels / 2.0))
     alpha = pygame.surfarray.array_alpha(pygame.transform.smoothscale(large.subsurface(box), small)).T / 255.0
@@ -145,8 +128,8 @@ def shadow(radius: float, dx: float, dy: float) -> pygame.Surface:
     """Returns the shadow of a ball whose centre is (dx, dy) pixels from the middle of the image; radius in pixels."""
     side = 2 * int(np.ceil(1.7 * radius + 1))
     pixels = np.arange(side) + 0.5 - side / 2
-    far = np.hypot((pixels[:, None] - dx) / radius - SHADOW[0], (pixels[None, :] - dy) / radius + SHADOW[1])
-    share = np.clip((SHADOW_REACH[1] - far) / (SHADOW_REACH[1] - SHADOW_REACH[0]), 0.0, 1.0)
+    far = np.hypot((pixels[:, None] - dx) / radius - style.SHADOW[0], (pixels[None, :] - dy) / radius + style.SHADOW[1])
+    share = np.clip((style.SHADOW_REACH[1] - far) / (style.SHADOW_REACH[1] - style.SHADOW_REACH[0]), 0.0, 1.0)
     image = pygame.Surface((side, side), pygame.SRCALPHA, 32)
-    pygame.surfarray.pixels_alpha(image)[:] = 255 * SHADOW_DARK * share * share * (3.0 - 2.0 * share)
+    pygame.surfarray.pixels_alpha(image)[:] = 255 * style.SHADOW_DARK * share * share * (3.0 - 2.0 * share)
     return image

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, finite, real, short, whole
+from billiards_env.checks import Range, finite, one_of, real, short, whole
 from billiards_env.envs.actions import cos_sin
 from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.motion import norm
@@ -95,9 +95,9 @@ class ActionTransform:
         ball: str | int = "nearest",
         least_speed: float = 0.4,
     ) -> None:
-        choose("frame", name, FRAMES)
+        one_of("frame", name, FRAMES)
         if isinstance(ball, str):
-            choose("ball", ball, BALLS)
+            one_of("ball", ball, BALLS)
         else:
             whole("ball", ball, Range(1, scene.n_balls - 1, ", 'nearest' or 'first'"))
         least_speed = real("least_speed", least_speed, Range(0.0, max_speed, "m/s, max_speed"))

@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import choose, finite, numbers, shaped
+from billiards_env.checks import finite, numbers, one_of, shaped
 from billiards_env.jit import entry_point, kernel
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import norm
@@ -40,7 +40,7 @@ TURN, SPEED = 0, 1
 
 def check_action(action: str, scene: Scene) -> str:
     """Returns the kind of action of an environment. Raises a ValueError unless the scene allows it."""
-    choose("action", action, tuple(ACTIONS))
+    one_of("action", action, tuple(ACTIONS))
     if action == "strike" and scene.physics.motion != "sliding":
         raise ValueError(
             f"action = 'strike' with physics.motion = {scene.physics.motion!r}: expected motion 'sliding', "

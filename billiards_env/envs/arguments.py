@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, shaped, short
+from billiards_env.checks import one_of, shaped, short
 from billiards_env.envs.episodes import cue_ball_alone
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions
@@ -63,7 +63,7 @@ def check_options(
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
     for key in options:
-        choose("key of options", key, ("positions", "goal") if TASKS[task].goal_radius else ("positions",))
+        one_of("key of options", key, ("positions", "goal") if TASKS[task].goal_radius else ("positions",))
     many = () if mask is None else (len(mask),)
     positions = goals = None
     if "positions" in options:

@@ -11,7 +11,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import choose, finite, flag, real, whole
+from billiards_env.checks import one_of, finite, flag, real, whole
 from billiards_env.engine import STATUS, checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
@@ -278,7 +278,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
         self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
         if render_mode is not None:
-            choose("render_mode", render_mode, RENDER_MODES)
+            one_of("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose
+from billiards_env.checks import one_of
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.rules.carom import is_carom
@@ -313,7 +313,7 @@ def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:
     Raises:
         ValueError: If the task is unknown or cannot be played in the scene.
     """
-    choose("task", task, tuple(TASKS))
+    one_of("task", task, tuple(TASKS))
     entry, count = TASKS[task], scene.n_balls - 1
     (least, most), pockets = entry.n_object_balls, len(scene.table.pockets)
     if count == 0 < least:

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import choose, shaped, short, whole
+from billiards_env.checks import one_of, shaped, short, whole
 from billiards_env.engine import STATUS, parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
@@ -108,7 +108,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     ) -> None:
         self.num_envs = whole("num_envs", num_envs, "num_envs")
         if not isinstance(autoreset_mode, AutoresetMode):
-            choose("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
+            one_of("autoreset_mode", autoreset_mode, tuple(mode.value for mode in AutoresetMode))
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.threads = None if threads is None else whole("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(**arguments)

@@ -25,7 +25,7 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose, finite, flag, missing, real, whole
+from billiards_env.checks import finite, flag, missing, one_of, real, whole
 from billiards_env.envs.actions import ACTIONS, check_action, cue_strike
 from billiards_env.envs.arguments import make_scene
 from billiards_env.envs.rendering import FPS, RENDER_MODES, DrawnShot, Renderer, balls_at_rest
@@ -215,7 +215,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.max_shots = whole("max_shots", max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
         if render_mode is not None:
-            choose("render_mode", render_mode, RENDER_MODES)
+            one_of("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, self.setup.engine)
 
@@ -438,7 +438,7 @@ def _from(viewer: int, values: tuple[int, ...]) -> tuple[int, ...]:
 
 def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_balls: int | None) -> Scene:
     """Returns the scene of a game; None selects the defaults of the game."""
-    choose("rules", rules, tuple(RULES))
+    one_of("rules", rules, tuple(RULES))
     game_rules = RULES[rules]
     if scene is None:
         scene = game_rules.scene

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
+from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import Engine, checked_engine
 from billiards_env.games.facts import Facts, facts_of
@@ -74,7 +74,7 @@ class Setup:
     miss: bool = False
 
     def __post_init__(self) -> None:
-        choose("rules", self.rules, tuple(RULES))
+        one_of("rules", self.rules, tuple(RULES))
         check_scene(self.scene)
         rules = self.game_rules
         low, high = rules.n_object_balls
@@ -255,7 +255,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     if not isinstance(changes, Mapping):
         raise ValueError(f"state = {short(state)}: expected a mapping")
     for key in changes:
-        choose("key of state", key, tuple(sorted(STATE_FIELDS)))
+        one_of("key of state", key, tuple(sorted(STATE_FIELDS)))
     values: dict[str, Any] = {name: changes.get(name, getattr(default, name)) for name in STATE_FIELDS}
     n, players = setup.scene.n_balls, setup.n_players
     whole("state.player", values["player"], Range(0, players - 1))
@@ -302,9 +302,9 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     if not isinstance(values["choices"], (list, tuple)):
         raise ValueError(f"state.choices = {short(values['choices'])}: expected a list of names")
     for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
-        choose(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
+        one_of(f"state.choices[{i}]", choice, tuple(name for name in setup.game_rules.choices if name != "replace"))
 
-    choose("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
+    one_of("state.in_hand", values["in_hand"], IN_HAND if setup.game_rules.pockets else IN_HAND[:1])
     values.update(
         {name: tuple(values[name]) for name in ("scores", "cue_balls", "choices", "fouls")}, on_table=on_table
     )
@@ -399,7 +399,7 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
     safety = ("safety",) if state.called else ()
-    choose("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
+    one_of("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
     whole("stroke.call.ball", call.ball, Range(-1, n - 1))
     whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in ("hand_back", "replace"):

@@ -29,7 +29,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.checks import Range, choose, flag, real, shaped, short, whole
+from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
 from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.modes import MAX_EVENTS, checked_engine
 from billiards_env.engine.shots import STATUS
@@ -393,7 +393,7 @@ def _shot(data: dict[str, Any]) -> ShotRecord:
     max_events = whole("max_events", data["max_events"], "max_events")
     check_shot(scene, positions, velocities, spins, in_play, max_time)
     end = _fields("end", data["end"], _SHOT_END)
-    choose("end.status", end["status"], tuple(STATUS))
+    one_of("end.status", end["status"], tuple(STATUS))
     return ShotRecord(
         scene=scene,
         positions=positions,
@@ -452,7 +452,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
 
 def _call(name: str, value: Any) -> Call:
     call, number = _fields(name, value, Call._fields), Range(-1, 2**31 - 1)
-    choose(f"{name}.kind", call["kind"], CALLS)
+    one_of(f"{name}.kind", call["kind"], CALLS)
     return Call(
         whole(f"{name}.ball", call["ball"], number), whole(f"{name}.pocket", call["pocket"], number), call["kind"]
     )

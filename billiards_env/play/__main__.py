@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from billiards_env.checks import Range, choose, number, real, whole
+from billiards_env.checks import Range, number, one_of, real, whole
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
@@ -82,7 +82,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         records.replay(record)  # raises if the result differs on this machine
         return record.history
     rules = args.rules or "eight_ball"
-    choose("rules", rules, tuple(RULES))
+    one_of("rules", rules, tuple(RULES))
     game_rules, mode = RULES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
     scene = Scene.named(game_rules.scene, balls)

@@ -56,18 +56,10 @@ NO_BOUNCE = Bounce(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @kernel
 def bank_aim(table, i, p, wall, speed, state):
-    """Returns the `Aim` at which ball i goes off a cushion into pocket p.
+    """Returns the `Aim` at which ball i goes off a cushion, 0 to 3 for -x, +x, -y, +y, into pocket p.
 
     The first guess of the object ball's direction is that of a mirror. The secant method corrects it until the ball
-    meets the middle of the pocket's mouth.
-
-    Args:
-        table: The `Table`.
-        i: The object ball.
-        p: The pocket.
-        wall: The cushion, 0 to 3 for -x, +x, -y, +y.
-        speed: The initial speed of the cue ball, m/s.
-        state: A `State`; its content changes.
+    meets the middle of the pocket's mouth. The arguments are those of `hits`.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
     reach = contact_distance(scene.spheres, scene.radius, table.cue, i)

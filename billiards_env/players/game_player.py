@@ -32,7 +32,7 @@ from billiards_env.checks import suggestion
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
-from billiards_env.players.pots import Shots
+from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
 Floats = NDArray[np.float64]
@@ -167,7 +167,7 @@ def place_cue_ball(
     return max(games, key=lambda entry: _ease(situation(setup, entry[0], max_speed).pots()))
 
 
-def _ease(pots: Shots) -> tuple[bool, float]:
+def _ease(pots: PotShots) -> tuple[bool, float]:
     """Returns a key that is larger for easier pots, from the best pot: no scratch first, then the tolerance."""
     return (not pots.scratch[0], pots.tolerance[0]) if len(pots.speed) else (False, 0.0)
 

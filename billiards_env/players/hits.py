@@ -1,4 +1,8 @@
-"""The hit of the cue ball on an object ball: the cue ball's path to it, and the motion of both balls after it."""
+"""The hit of the cue ball on an object ball: the cue ball's path to it, and the motion of both balls after it.
+
+The arguments of the functions: `table` is a `TableArrays`, `i` the object ball, `hit` a `Hit` on it, `speed` the initial
+speed of the cue ball, m/s, and `state` a `State`, whose content changes.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +33,8 @@ from billiards_env.players.paths import (
 _THROW_STEPS = 4  # each reduces the error of the direction by a factor of about 10
 
 
-class Table(NamedTuple):
-    """A table before a shot.
+class TableArrays(NamedTuple):
+    """A table before a shot, as an argument of kernels.
 
     Attributes:
         scene: The scene.
@@ -104,18 +108,7 @@ def enters_pocket(table, hit):
 
 @inlined
 def play_hit(table, i, hit, speed, state):
-    """Sets the motion of the cue ball and of ball i after a hit.
-
-    Args:
-        table: The `Table`.
-        i: The object ball.
-        hit: The `Hit`.
-        speed: The initial speed of the cue ball, m/s.
-        state: The `State`; its content changes.
-
-    Returns:
-        Whether the cue ball reaches ball i at this speed.
-    """
+    """Sets the motion of both balls after a hit, and returns whether the cue ball reaches ball i at this speed."""
     scene, numbers, cue = table.scene, table.scene.numbers, table.cue
     left, slip = arrival(numbers, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)
@@ -140,13 +133,7 @@ def play_hit(table, i, hit, speed, state):
 def against_throw(ball_friction, table, i, hit, speed, state):
     """Returns the `Hit` after which ball i moves in the direction in which it moves without friction after `hit`.
 
-    Args:
-        ball_friction: `SceneArrays.ball_friction`.
-        table: The `Table`.
-        i: The object ball.
-        hit: The `Hit`.
-        speed: The initial speed of the cue ball, m/s.
-        state: A `State`; its content changes.
+    `ball_friction` is that of `SceneArrays`.
     """
     if ball_friction is None:
         return hit
@@ -187,16 +174,9 @@ def approach_clearance(table, i, hit):
 
 @kernel
 def clearance(table, i, moving, ax, ay, bx, by):
-    """Returns the smallest gap between a moving ball and a third ball, m, at most `FAR`.
+    """Returns the smallest gap between a ball that moves from (ax, ay) to (bx, by) and a third ball, m, at most `FAR`.
 
-    Args:
-        table: The `Table`.
-        i: The object ball. This ball, the cue ball and the potted balls are not third balls.
-        moving: The ball that moves.
-        ax: Start of its path along x, m.
-        ay: The same along y.
-        bx: End of its path along x, m.
-        by: The same along y.
+    Ball i, the cue ball and the potted balls are not third balls.
     """
     gap, radius = FAR, table.scene.radius
     for j in range(len(table.positions)):

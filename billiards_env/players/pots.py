@@ -1,7 +1,7 @@
 """Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
 
 A pot is a way to send one object ball into one pocket: directly, or off one cushion (a bank). By default banks are
-searched only on tables without a direct pot. Shots in which the cue ball meets a cushion before the object ball are not
+found only on tables without a direct pot. Shots in which the cue ball meets a cushion before the object ball are not
 considered. The path of the cue ball after the hit ignores third balls.
 """
 
@@ -18,7 +18,7 @@ from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
-from billiards_env.players.hits import Table, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
+from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
 from billiards_env.players.paths import cross, follow, launch
 from billiards_env.scene import Scene
@@ -71,7 +71,7 @@ class Pots(NamedTuple):
     shots: Any
 
 
-class Shots(NamedTuple):
+class PotShots(NamedTuple):
     """k shots at pots, best first: those without a scratch before the others, then by tolerance.
 
     Attributes:
@@ -123,9 +123,9 @@ def find_pots(
         most: The largest number of pots on a table; the easiest are kept. None for the number of balls to pot times
             the number of pockets, with `banks` five times as many.
         offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
-            both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The search ignores
+            both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The pots ignore
             this swerve.
-        banks: Whether to find banks also on tables with a direct pot. The search then takes about three times as long.
+        banks: Whether to find banks also on tables with a direct pot. This takes about three times as long.
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
     """
     balls = np.flatnonzero(targets)
@@ -141,7 +141,7 @@ def find_pots(
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     stroke = float(max_speed), slip_ratio, spin_ratio
-    search_tables(scene_fields(scene), cue, balls, positions, potted, stroke, banks, tuple(pots))
+    write_pots(scene_fields(scene), cue, balls, positions, potted, stroke, banks, tuple(pots))
     return pots
 
 
@@ -152,7 +152,7 @@ def pot_shots(
     potted: NDArray[np.bool_],
     max_speed: float,
     cue: int = 0,
-) -> Shots:
+) -> PotShots:
     """Returns the pots of one table at several speeds. `positions` is (n, 2) and `potted` (n,), see `find_pots`."""
     pots = find_pots(scene, targets, positions[None], potted[None], max_speed, cue)
     count, s = int(pots.count[0]), len(SPEEDS)
@@ -160,7 +160,7 @@ def pot_shots(
     scratch = shots[:, GAPS] < 0
     order = np.argsort(scratch, kind="stable")
     order = order[shots[order, SPEED] > 0]
-    return Shots(
+    return PotShots(
         pots.ball[0, :count].repeat(s)[order],
         pots.pocket[0, :count].repeat(s)[order],
         shots[order, DX : DY + 1],
@@ -171,12 +171,12 @@ def pot_shots(
 
 
 @allocating_entry_point
-def search_tables(scene, cue, balls, positions, potted, stroke, banks, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last three fields of `Table`."""
+def write_pots(scene, cue, balls, positions, potted, stroke, banks, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` ends `TableArrays`."""
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = Table(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])
+        table = TableArrays(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)

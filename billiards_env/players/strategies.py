@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose
+from billiards_env.checks import one_of
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.players.pots import Shots, pot_shots
+from billiards_env.players.pots import PotShots, pot_shots
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Situation(NamedTuple):
     first: Floats = np.empty((0, 2))
     numbers: int = 2
 
-    def pots(self) -> Shots:
+    def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
         return pot_shots(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue)
 
@@ -163,7 +163,7 @@ def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strateg
         ValueError: If there is no such strategy, or K is not a whole number >= 1.
     """
     name, colon, count = text.partition(":")
-    choose("player", name, tuple(STRATEGIES))
+    one_of("player", name, tuple(STRATEGIES))
     if name != "search" and not colon:
         return STRATEGIES[name]
     if name != "search" or (colon and not (count.isdecimal() and int(count) >= 1)):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose
+from billiards_env.checks import one_of
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.rules.carom import carom, red_to_open, three_cushion
@@ -134,7 +134,7 @@ def judge_shots(game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDA
         >>> [FOULS[foul] for foul in judge_shots("nine_ball", states, facts, calls)["foul"]]
         ['no_hit', 'no_cushion', 'wrong_ball']
     """
-    choose("game", game, tuple(GAMES))
+    one_of("game", game, tuple(GAMES))
     lengths = len(states), len(facts), len(calls)
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
@@ -157,7 +157,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
     Raises:
         ValueError: If the game is unknown.
     """
-    choose("game", game, tuple(GAMES))
+    one_of("game", game, tuple(GAMES))
     balls = np.empty(len(states), np.int64)
     _finding(game)(states, players, balls)
     return balls

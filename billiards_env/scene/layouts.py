@@ -51,7 +51,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.checks import choose
+from billiards_env.checks import one_of
 from billiards_env.jit import entry_point, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
@@ -156,7 +156,7 @@ def plan(name: str, scene: Scene, game: str = "") -> Plan:
     Raises:
         ValueError: If the name is unknown or the layout does not suit the scene's balls.
     """
-    choose("layout", name, LAYOUTS)
+    one_of("layout", name, LAYOUTS)
     check_scene(scene)
     ordered = name if name in RACKS else game if name in ("rack", "tight_rack") and game in RACKS else ""
     return _make_plan(name, scene, ordered)

@@ -52,7 +52,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, check_fields, choose, fields_of, numbers, real, sequence, short, whole
+from billiards_env.checks import Range, check_fields, fields_of, numbers, one_of, real, sequence, short, whole
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
 
@@ -99,8 +99,8 @@ class Balls:
     shape: str = "disk"
 
     def __post_init__(self) -> None:
-        choose("balls.colours", self.colours, COLOURS)
-        choose("balls.shape", self.shape, SHAPES)
+        one_of("balls.colours", self.colours, COLOURS)
+        one_of("balls.shape", self.shape, SHAPES)
         for name, within in (("radius", "length"), ("mass", "mass")):
             values = getattr(self, name)
             if not isinstance(values, tuple):
@@ -190,9 +190,9 @@ class Physics:
     max_time: float | None = None
 
     def __post_init__(self) -> None:
-        choose("physics.motion", self.motion, MOTIONS)
-        choose("physics.cushion", self.cushion, CUSHIONS)
-        choose("physics.ball_ball", self.ball_ball, BALL_BALL)
+        one_of("physics.motion", self.motion, MOTIONS)
+        one_of("physics.cushion", self.cushion, CUSHIONS)
+        one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
         check_fields(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
         check_fields(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
         check_fields(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
@@ -355,7 +355,7 @@ class Scene:
             >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
             (16, 6, 'sliding')
         """
-        choose("scene", name, tuple(_NAMED))
+        one_of("scene", name, tuple(_NAMED))
         build, usual, most = _NAMED[name]
         n = usual if n_object_balls is None else n_object_balls
         return build(whole("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
@@ -427,7 +427,7 @@ def _changed_base(changes: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         if key in ("base", "n_object_balls"):
             continue
-        choose("key of scene", key, tuple(data))
+        one_of("key of scene", key, tuple(data))
         both = isinstance(value, Mapping) and isinstance(data[key], Mapping)
         data[key] = {**data[key], **value} if both else value
     return data

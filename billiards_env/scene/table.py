@@ -45,7 +45,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import check_fields, choose, fields_of, real, sequence, short
+from billiards_env.checks import check_fields, fields_of, one_of, real, sequence, short
 from billiards_env.scene.outline import TOUCH, Corner, check_outline, clearance, enters
 
 INCH = 0.0254  # m, exactly
@@ -195,7 +195,7 @@ class Table:
             >>> table.length, len(table.pockets), len(table.outline)
             (2.54, 6, 24)
         """
-        choose("table", name, TABLES)
+        one_of("table", name, TABLES)
         return _NAMED[name]()
 
     @classmethod

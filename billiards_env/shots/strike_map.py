@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, choose, numbers, short, whole
+from billiards_env.checks import Range, numbers, one_of, short, whole
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.shots.simulation import simulate_batch
 from billiards_env.shots.strikes import strike
@@ -102,7 +102,7 @@ def strike_map(
     if not isinstance(grid, Mapping) or len(grid) != 2:
         raise ValueError(f"grid = {short(grid)}: expected the values of two parameters of a strike")
     for name in (*grid, *strikes):
-        choose("parameter of a strike", name, tuple(PARAMETERS))
+        one_of("parameter of a strike", name, tuple(PARAMETERS))
     if both := [name for name in grid if name in strikes]:
         raise ValueError(f"{both[0]} = {short(strikes[both[0]])}: expected only one of the value and the grid")
     whole("ball", ball, Range(1, scene.n_balls - 1, "object balls"))
