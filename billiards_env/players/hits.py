@@ -1,6 +1,6 @@
 """The hit of the cue ball on an object ball: the cue ball's path to it, and the motion of both balls after it.
 
-The arguments of the functions: `table` is a `TableArrays`, `i` the object ball, `hit` a `Hit` on it, `speed` the initial
+Arguments of the functions: `table` is a `TableArrays`, `i` the object ball, `hit` a `Hit` on it, `speed` the initial
 speed of the cue ball, m/s, and `state` a `State`, whose content changes.
 """
 

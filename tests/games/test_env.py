@@ -41,6 +41,18 @@ def make(**kwargs) -> Any:
     return billiards_v0.env(**kwargs)
 
 
+def begun(rules, seed=0, options=None, **kwargs) -> Any:
+    """Returns an environment without PettingZoo's wrappers, with a game that has begun."""
+    env = billiards_v0.raw_env(rules, **kwargs)
+    env.reset(seed, options)
+    return env
+
+
+def printed(code):
+    """Returns the words that a program prints."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+
 def play_game(env, seed):
     """Plays a random game and returns all outputs of the environment, arrays as bytes."""
     env.reset(seed=seed)
@@ -130,8 +142,7 @@ def test_a_player_who_loses_by_a_foul_has_reward_minus_one():
 
 
 def test_a_player_who_pots_continues():
-    env = billiards_v0.raw_env("straight", n_object_balls=2)
-    env.reset(options={"positions": [[-0.635, 0.0], [0.635, 0.3], [0.0, -0.5]]})
+    env = begun("straight", n_object_balls=2, options={"positions": [[-0.635, 0.0], [0.635, 0.3], [0.0, -0.5]]})
     env.step(np.array([0.25, 0.05625, 0.0, 0.0], np.float32))
     assert env.infos["player_0"]["potted"] == [1]
     assert env.rewards == {"player_0": 1.0, "player_1": -1.0}
@@ -141,8 +152,7 @@ def test_a_player_who_pots_continues():
 
 
 def test_max_shots_truncates():
-    env = billiards_v0.raw_env("nine_ball", max_shots=3)
-    env.reset(seed=0)
+    env = begun("nine_ball", max_shots=3)
     for k in range(3):
         assert not any(env.truncations.values()), k
         env.step(np.zeros(4, np.float32))
@@ -153,8 +163,7 @@ def test_max_shots_truncates():
 def test_observations():
     env = billiards_v0.raw_env("eight_ball")
     positions = np.array([[-1.0, 0.0], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
-    lying = [0, 1, 8, 9, 10]
-    state = {"on_table": lying, "solids": 1, "player": 1, "in_hand": "anywhere"}
+    state = {"on_table": [0, 1, 8, 9, 10], "solids": 1, "player": 1, "in_hand": "anywhere"}
     env.reset(options={"positions": positions, "state": state})
     assert env.agent_selection == "player_1"
     for agent, own in (("player_0", {9, 10}), ("player_1", {1})):
@@ -168,15 +177,18 @@ def test_observations():
 
 
 def test_observed_scores_begin_with_the_observer():
-    env = billiards_v0.raw_env("straight", n_players=3, n_object_balls=4)
-    env.reset(options={"positions": np.array([[0.2 * i, 0.0] for i in range(5)]), "state": {"scores": [1, -9, 2]}})
+    env = begun(
+        "straight",
+        n_players=3,
+        n_object_balls=4,
+        options={"positions": np.array([[0.2 * i, 0.0] for i in range(5)]), "state": {"scores": [1, -9, 2]}},
+    )
     for agent, scores in (("player_0", [0.25, -1, 0.5]), ("player_1", [-1, 0.5, 0.25]), ("player_2", [0.5, 0.25, -1])):
         assert env.observe(agent)[-3:].tolist() == scores
 
 
 def test_the_cue_ball_is_observed_first():
-    env = billiards_v0.raw_env("carom")
-    env.reset()
+    env = begun("carom")
     red, own = [0.5, 0.0], [-0.5, 0.0]
     assert env.observe("player_0")[[4, 5, 8, 9]].tolist() == [*red, *own]
     env.step(np.array([0.0, 0.0], np.float32))
@@ -209,8 +221,7 @@ def test_a_strike_with_zeros_is_the_same_shot_as_a_velocity():
 
 
 def test_a_strike_gives_spin():
-    env = billiards_v0.raw_env("carom", action="strike")
-    env.reset(seed=0)
+    env = begun("carom", action="strike")
     env.step(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32))
     scene = env.setup.scene
     velocity, spin, miscue = cue_strike(np.array([0.3, 0.1, 0.5, -0.6, 0.1], np.float32), scene, env.max_speed)
@@ -220,22 +231,16 @@ def test_a_strike_gives_spin():
     assert shot.positions.tobytes() == env.game.positions.tobytes()
     env.step(np.array([0.3, 0.1, 1.0, 1.0, 0.0], np.float32))
     assert env.infos["player_0"]["miscue"] is True
-    assert "miscue" not in _infos_of_velocity()
-
-
-def _infos_of_velocity():
-    env = billiards_v0.raw_env("carom")
-    env.reset(seed=0)
+    env = begun("carom")
     env.step(np.zeros(2, np.float32))
-    return env.infos["player_0"]
+    assert "miscue" not in env.infos["player_0"]
 
 
 NINE = [[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))]
 
 
 def test_a_push_out_and_a_shot_that_is_handed_back():
-    env = billiards_v0.raw_env("nine_ball", calls=True)
-    env.reset(options={"positions": NINE, "state": {"choices": ["push_out"]}})
+    env = begun("nine_ball", calls=True, options={"positions": NINE, "state": {"choices": ["push_out"]}})
     assert env.observe("player_0")[44:47].tolist() == [1, 0, 0]
     env.step(np.array([0, -0.1, 0, 0, 0, 0, 1], np.float32))
     assert (env.infos["player_0"]["foul"], env.infos["player_0"]["choices"]) == ("", ["hand_back"])
@@ -248,15 +253,13 @@ def test_a_push_out_and_a_shot_that_is_handed_back():
 
 
 def test_consecutive_fouls_are_observed():
-    env = billiards_v0.raw_env("nine_ball")
-    env.reset(options={"positions": NINE, "state": {"fouls": [1, 2]}})
+    env = begun("nine_ball", options={"positions": NINE, "state": {"fouls": [1, 2]}})
     assert env.observe("player_0")[-2:].tolist() == pytest.approx([1 / 3, 2 / 3])
     assert env.observe("player_1")[-2:].tolist() == pytest.approx([2 / 3, 1 / 3])
 
 
 def test_a_penalty_in_snooker_is_a_reward_for_the_other_player():
-    env = billiards_v0.raw_env("snooker")
-    env.reset(seed=0)
+    env = begun("snooker")
     env.step(np.zeros(4, np.float32))
     assert env.rewards == {"player_0": -4.0, "player_1": 4.0}
     assert env.observe("player_1")[-2:].tolist() == pytest.approx([4 / 147, 0.0])
@@ -282,8 +285,7 @@ def test_actions_cover_the_whole_placement_area():
 
 @pytest.mark.parametrize("action", [None, np.zeros(3), np.full(4, np.nan), np.array([0, 0, 0, np.inf])])
 def test_wrong_actions_are_rejected(action):
-    env = billiards_v0.raw_env("nine_ball")
-    env.reset(seed=0)
+    env = begun("nine_ball")
     with pytest.raises(ValueError, match=r"action (has shape .*: expected \(4,\)|= .*: expected finite numbers)"):
         env.step(action)
 
@@ -336,16 +338,14 @@ def test_a_shot_that_reaches_the_engine_limit_warns(monkeypatch):
         return played._replace(shot=dataclasses.replace(played.shot, status="event_limit"))
 
     monkeypatch.setattr(billiards_v0, "play", cut)
-    env = billiards_v0.raw_env("carom")
-    env.reset(seed=0)
+    env = begun("carom")
     with pytest.warns(RuntimeWarning, match="reached the engine.s limit"):
         env.step(np.zeros(2, np.float32))
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_copies_continue_identically(duplicate):
-    env = billiards_v0.raw_env("straight")
-    env.reset(seed=1)
+    env = begun("straight", seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (30, 4)).astype(np.float32)
     for action in actions[:5]:
         env.step(action)
@@ -360,8 +360,7 @@ def test_copies_continue_identically(duplicate):
 
 
 def test_a_history_can_be_replayed():
-    env = billiards_v0.raw_env("eight_ball")
-    env.reset(seed=1)
+    env = begun("eight_ball", seed=1)
     actions = np.random.default_rng(0).uniform(-1, 1, (20, 4)).astype(np.float32)
     for action in actions:
         if env.game.state.over:
@@ -424,8 +423,7 @@ def test_render_without_a_render_mode_warns():
         "env.step(np.zeros(2, np.float32))\n"
         "print({'pygame', 'matplotlib', 'torch'} & set(sys.modules))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["False", "set()"]
+    assert printed(code) == ["False", "set()"]
 
 
 def test_pettingzoo_makes_the_environment_by_name():
@@ -443,5 +441,4 @@ def test_without_pettingzoo_the_error_names_the_package_to_install():
         "except Exception as error:\n"
         "    print(type(error).__name__, 'billiards-env[multi]' in str(error))\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["DependencyNotInstalled", "True"]
+    assert printed(code) == ["DependencyNotInstalled", "True"]

@@ -92,6 +92,11 @@ def test_a_point_outside_the_area_is_clipped():
     assert x_high == SCENE.table.length / 2 - R - MARGIN
 
 
+def test_the_cue_ball_is_behind_the_baulk_line_of_a_table_with_jaws():
+    scene = Scene.named("uk_pool")
+    assert placement_area(scene, 0, behind=True)[1] == scene.table.head_x < 0.0
+
+
 def test_a_blocked_point_moves_radially_out():
     positions, balls = on_axis(0.0)
     x, y = place((0.0, 0.01), balls, positions=positions)
