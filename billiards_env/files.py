@@ -65,11 +65,7 @@ def replacing(target: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Writes `content` to `path` completely or not at all.
-
-    Args:
-        path: The file; an existing file is replaced and missing folders are created.
-        content: The file's content.
+    """Writes `content` to `path` completely or not at all; replaces an existing file, and creates missing folders.
 
     Raises:
         OSError: If the file cannot be written; an existing file is then unchanged.

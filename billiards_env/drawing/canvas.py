@@ -204,13 +204,9 @@ class Canvas:
     def draw_balls(
         self, surface: Surface, balls: Sequence[int], centres: Sequence[Floats], faces: Floats | None = None
     ) -> None:
-        """Draws balls with their shadows.
+        """Draws some balls with their shadows, each at its centre (2,), pixels.
 
-        Args:
-            surface: The frame.
-            balls: The balls.
-            centres: The centre of each of these balls, (2,) pixels.
-            faces: (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls.
+        `faces` are (n, 4) orientations of all balls of the scene, see `orientation`; None for upright balls.
         """
         for ball, centre in zip(balls, centres, strict=True):
             self.stamp(surface, ball, centre, SHADOW)
@@ -309,14 +305,7 @@ class Canvas:
         surface.blit(small, corner.tolist())
 
     def draw_bar(self, surface: Surface, left: str, right: str, potted: Sequence[int] | NDArray[np.intp]) -> None:
-        """Draws the bar under the table.
-
-        Args:
-            surface: The frame.
-            left: Text on the left.
-            right: Text on the right.
-            potted: The potted balls; a table without pockets has no place for them.
-        """
+        """Draws the bar under the table: two texts and the potted balls, if the table has pockets."""
         place, edge, y = self._tray, 2.0 * self._margin, self.size[1] - self._bar / 2
         size = round(0.62 * self._bar)
         end = text_image(right, size, self._ink)
@@ -364,14 +353,9 @@ def pixels(surface: Surface) -> Frame:
 
 
 def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:
-    """Combines films of the same size into one; a film that has ended shows its last frame.
+    """Combines films of the same size into one, with a gap of some pixels.
 
-    Args:
-        films: The frames of each film, at least one film.
-        gap: Pixels between the films.
-
-    Yields:
-        The frame, valid until the next one is drawn.
+    A film that has ended shows its last frame. Each yielded frame is valid until the next one is drawn.
     """
     columns = math.ceil(math.sqrt(len(films)))
     rows = math.ceil(len(films) / columns)

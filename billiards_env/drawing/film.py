@@ -19,16 +19,9 @@ from billiards_env.files import check_path, replacing
 def frames(
     recording: Recording, fps: float, width: int, compare: Recording | None = None
 ) -> tuple[tuple[int, int], Iterator[Frame]]:
-    """Draws the frames of a film.
+    """Returns the size (width, height) of a film, pixels, and its frames, (height, width, 3) uint8.
 
-    Args:
-        recording: The shot.
-        fps: Frames per second.
-        width: Width of a frame, pixels.
-        compare: Another run of the shot, drawn as rings.
-
-    Returns:
-        The size (width, height) of a frame, pixels, and an iterator over the frames, (height, width, 3) uint8.
+    Another run of the shot, `compare`, is drawn as rings.
 
     Raises:
         TypeError: If `fps` is not a number.
@@ -77,15 +70,9 @@ def write_mp4(
 
 @contextlib.contextmanager
 def mp4_writer(target: Path, size: tuple[int, int], fps: float) -> Iterator[Callable[[Frame], None]]:
-    """Writes a film frame by frame; the file appears when the block succeeds.
+    """Yields a function that writes a frame (height, width, 3) uint8; the file appears when the block succeeds.
 
-    Args:
-        target: The file.
-        size: (width, height) of a frame, pixels, both even.
-        fps: Frames per second.
-
-    Yields:
-        A function that writes a frame (height, width, 3) uint8.
+    The `size` of a frame is (width, height), pixels, both even.
 
     Raises:
         ModuleNotFoundError: If imageio-ffmpeg is not installed.

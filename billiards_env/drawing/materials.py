@@ -42,14 +42,7 @@ def paint_table(
     pixels_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
     paper: str,
 ) -> pygame.Surface:
-    """Returns an image of a table.
-
-    Args:
-        table: The table.
-        size: Width and height of the image, pixels.
-        pixels_of: A function from points (m, 2), m, to pixels (m, 2).
-        paper: The colour around the table.
-    """
+    """Returns an image of a table on paper of a colour; `pixels_of` converts points (m, 2), m, to pixels (m, 2)."""
     flat, parts = (pygame.Surface((ZOOM * size[0], ZOOM * size[1]), 0, 32) for _ in range(2))
     flat.fill(paper)
     parts.fill(_AROUND)

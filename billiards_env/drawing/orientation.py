@@ -81,13 +81,8 @@ class Turning(NamedTuple):
 def turning(recording: Recording, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
     """Returns the rotation of the balls in a recorded shot.
 
-    Args:
-        recording: The shot.
-        faces: (n, 4) orientations at the start; None for balls that are not turned.
-        error: The largest error on each piece of the trajectory, rad.
-
-    Returns:
-        The rotation.
+    `faces` are the (n, 4) orientations at the start; None for balls that are not turned. `error` is the largest one on
+    each piece of the trajectory, rad.
     """
     n, paths = recording.scene.n_balls, recording.trajectory
     order = np.argsort(paths.ball, kind="stable")
@@ -150,10 +145,7 @@ def _counts(lasts: Floats, spin: Floats, change: Floats, error: float) -> NDArra
 def turn(spin: Floats, change: Floats, lasts: Floats) -> Floats:
     """Returns the rotations (m, 4) of balls during `lasts` (m,) s.
 
-    Args:
-        spin: (m, 3) angular velocities at the beginning, rad/s.
-        change: (m, 3) angular accelerations, rad/s^2.
-        lasts: (m,) durations, s.
+    `spin` are the (m, 3) angular velocities at the beginning, rad/s, and `change` the accelerations, rad/s^2.
     """
     t = lasts[:, None]
     first, second = t * (spin + 0.5 * t * change), t * t * change

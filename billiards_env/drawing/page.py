@@ -58,15 +58,8 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
     """Returns the page of a shot.
 
     The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
-    steps of the turning.
-
-    Args:
-        recording: The shot.
-        compare: Another run of the shot, drawn as rings.
-        title: The heading; None for the engine with the number of events and the duration.
-
-    Returns:
-        HTML with all inserted text escaped.
+    steps of the turning. Another run of the shot, `compare`, is drawn as rings. The title is by default the engine with
+    the number of events and the duration. All inserted text is escaped.
 
     Raises:
         ValueError: If `compare` has other balls or another table.

@@ -67,15 +67,9 @@ WEAK = 0.02
 
 
 def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
-    """Draws a shot.
+    """Draws a shot in axes, in metres, and returns them; None stands for those of a new figure.
 
-    Args:
-        recording: The shot.
-        ax: The axes to draw in; None for a new figure.
-        compare: Another run of the shot, drawn with dashed paths and rings.
-
-    Returns:
-        The axes, in metres.
+    Another run of the shot, `compare`, is drawn with dashed paths and rings.
 
     Raises:
         ValueError: If `compare` has other balls or another table.

@@ -34,15 +34,9 @@ class Painter:
         self._maps = [np.ascontiguousarray(maps[..., c].ravel()) for c in range(3)]
 
     def paint(self, balls: NDArray[np.intp], fractions: Floats, faces: Floats) -> list[pygame.Surface]:
-        """Paints balls.
+        """Returns an image of each of m balls with the orientations `faces` (m, 4).
 
-        Args:
-            balls: (m,) numbers of the balls.
-            fractions: (m, 2) pixels from the middle of each image to the centre of its ball, to the right and down.
-            faces: (m, 4) orientations.
-
-        Returns:
-            An image of each ball.
+        `fractions` (m, 2) are pixels from the middle of an image to the centre of its ball, to the right and down.
         """
         m, side = len(balls), self._side
         r = self._radius[balls]

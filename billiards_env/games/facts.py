@@ -34,15 +34,7 @@ class Facts(NamedTuple):
 
 
 def facts_of(events: NDArray[Any], cue: int = CUE) -> Facts:
-    """Computes the facts of a shot from its events.
-
-    Args:
-        events: `ShotResult.events` of a recorded shot.
-        cue: The ball that was struck.
-
-    Returns:
-        The facts.
-    """
+    """Returns the facts of a recorded shot of the ball `cue` from its `ShotResult.events`."""
     first: list[int] = []
     first_time = None
     touched: dict[int, int] = {}

@@ -424,14 +424,7 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
 
 
 def replay(history: History) -> Iterator[PlayedShot]:
-    """Plays a recorded game again.
-
-    Args:
-        history: The game.
-
-    Yields:
-        The shots of the game, in order.
-    """
+    """Plays a recorded game again, and yields its shots in order."""
     game = history.opening
     for stroke in history.strokes:
         played = play(history.setup, game, stroke)

@@ -25,14 +25,7 @@ def points_left(state: RuleState) -> int:
 def is_miss(before: RuleState, after: RuleState, facts: Facts, call: Call = NO_CALL) -> bool:
     """Returns whether a shot is a miss (WPBSA 3.14). A miss remains one if the shot also pots the cue ball.
 
-    Args:
-        before: The state before the shot.
-        after: The state after the shot.
-        facts: The facts of the shot.
-        call: The call of the player.
-
-    Returns:
-        Whether the shot touched no ball on first, and no player needed penalty points before or after it.
+    It is one if the shot touched no ball on first, and no player needed penalty points before or after it.
     """
     needed = any(abs(state.scores[0] - state.scores[1]) > points_left(state) for state in (before, after))
     foul = RULES["snooker"].judge(before, facts._replace(potted=(), pockets=()), call).foul

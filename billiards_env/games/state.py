@@ -118,15 +118,9 @@ class Verdict(NamedTuple):
 
 
 def next_state(state: RuleState, facts: Facts, verdict: Verdict) -> RuleState:
-    """Returns the state for the next shot. A potted cue ball returns to the table.
+    """Returns the state after a shot. A potted cue ball returns to the table.
 
-    Args:
-        state: The state before the shot.
-        facts: The facts of the shot.
-        verdict: The verdict on the shot.
-
-    Returns:
-        The state after the shot, without the balls of a new rack and without a free ball, see `game.play`.
+    `game.play` adds the balls of a new rack and a free ball.
     """
     scores, player = list(state.scores), state.player
     following = (player + 1) % len(scores)

@@ -59,14 +59,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
-    """Returns the game that the arguments describe.
-
-    Args:
-        args: The parsed arguments.
-        rng: The generator that racks the balls.
-
-    Returns:
-        A new game, or the saved game.
+    """Returns the game that the parsed arguments describe: the saved game, or a new one with a rack from `rng`.
 
     Raises:
         OSError: If the saved game cannot be read.

@@ -152,17 +152,7 @@ class Model:
 
 
 def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt: float, pace: float = 1.0) -> Model:
-    """Returns the model of a new or continued game.
-
-    Args:
-        history: The game up to now.
-        players: The name of each player; `HUMAN` for a person.
-        max_speed: Speed of the fastest shot, m/s.
-        ghost_dt: The timestep of PIT for the ghost, s.
-        pace: Playback speed over real time.
-
-    Returns:
-        The model.
+    """Returns the model of a new or continued game; `Model` describes the arguments.
 
     Raises:
         ValueError: If the number of players is wrong, a stroke cannot be played, or a number is outside its range.
@@ -198,14 +188,7 @@ def tick(model: Model, seconds: float) -> Model:
 
 
 def shoot(model: Model, stroke: Stroke) -> Model:
-    """Plays a stroke and returns the model in phase "rolling".
-
-    Args:
-        model: The model, in phase "aiming" or "thinking".
-        stroke: The stroke.
-
-    Returns:
-        The new model.
+    """Plays a stroke in phase "aiming" or "thinking", and returns the model in phase "rolling".
 
     Raises:
         ValueError: As `games.play` does.

@@ -36,16 +36,7 @@ class Preview(NamedTuple):
 
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
-    """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball.
-
-    Args:
-        setup: The settings of the game.
-        game: The state of the game.
-        stroke: The shot.
-
-    Returns:
-        The preview.
-    """
+    """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball."""
     cue = game.state.cue_balls[0]
     recording = play(setup, game, stroke).shot.recording()
     hits = _contacts(recording, cue, ("ball_ball",))

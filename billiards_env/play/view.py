@@ -84,15 +84,9 @@ class View:
         return self.canvas.point_of((pixel[0] - self._corner[0], pixel[1] - self._corner[1]))
 
     def draw(self, model: Model, message: str = "", question: Sequence[tuple[str, str]] = ()) -> Surface:
-        """Draws a model.
+        """Returns the frame of a model, valid until the next call.
 
-        Args:
-            model: The model.
-            message: A line that replaces the hint on the keys.
-            question: Rows of two texts that cover the table; empty for none.
-
-        Returns:
-            The frame, valid until the next call.
+        A `message` replaces the hint on the keys, and the rows of two texts of a `question` cover the table.
         """
         self._frame.fill(PAPER)
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)

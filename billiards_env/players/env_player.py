@@ -38,14 +38,9 @@ def situation(env: BilliardsEnv) -> Situation:
 
 
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
-    """Returns the reward of each of several actions if it is the next step of an environment.
+    """Returns the (m,) rewards of actions (m, 2) or (m, 5), each as the next step of an environment.
 
-    Args:
-        env: The environment; it does not change.
-        actions: (m, 2) or (m, 5), as for `env.step`.
-
-    Returns:
-        (m,) rewards.
+    The environment does not change.
     """
     m, n = len(actions), env.scene.n_balls
     episodes, found = env.episodes(m), np.empty(m)

@@ -101,13 +101,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
-    """Returns the situation of a player. The rules rate its shots.
-
-    Args:
-        setup: The setup of the game.
-        game: The state of the game; a cue ball in hand is at the place from which it is struck.
-        max_speed: Speed of the fastest shot, m/s.
-    """
+    """Returns the situation of a player, whose shots the rules rate. A cue ball in hand is at its place in `game`."""
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:

@@ -35,9 +35,19 @@ def window(tmp_path):
         one.close()
 
 
+def post(kind, **fields):
+    pygame.event.post(pygame.event.Event(kind, **fields))
+
+
+@pytest.fixture
+def shown(make_model, window):
+    """A window with the first turn of a game."""
+    return window(make_model(positions=BALLS))
+
+
 def press(shown, *keys, mod=0):
     for key in keys:
-        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
+        post(pygame.KEYDOWN, key=key, mod=mod)
     return pixels(shown.frame())
 
 
@@ -46,25 +56,26 @@ def at(shown, point):
 
 
 def click(shown, point):
+    press_mouse(shown, at(shown, point))
+
+
+def press_mouse(shown, pixel):
     for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-        pygame.event.post(pygame.event.Event(kind, pos=at(shown, point), button=1))
+        post(kind, pos=pixel, button=1)
     shown.frame()
 
 
 def click_on(shown, control, across=0.5, down=0.5):
     """Clicks on a control of the window, at shares of its width and height."""
     box = getattr(shown._view.controls, control)
-    pos = round(box.x + across * box.width), round(box.y + down * box.height)
-    for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-        pygame.event.post(pygame.event.Event(kind, pos=pos, button=1))
-    shown.frame()
+    press_mouse(shown, (round(box.x + across * box.width), round(box.y + down * box.height)))
 
 
 def drag(shown, start, *points):
-    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1))
+    post(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1)
     for point in points:
-        pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(1, 0, 0)))
-    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=at(shown, points[-1]), button=1))
+        post(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(1, 0, 0))
+    post(pygame.MOUSEBUTTONUP, pos=at(shown, points[-1]), button=1)
     shown.frame()
 
 
@@ -98,8 +109,7 @@ def test_a_game_by_keyboard(make_model, window):
     assert not shown.open
 
 
-def test_a_shot_by_mouse(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_a_shot_by_mouse(shown):
     drag(shown, BALLS[0], (0.0, 0.0), (-0.1, 0.3))
     model = shown.model
     assert model.phase == "aiming"
@@ -119,8 +129,7 @@ def test_a_shot_by_mouse(make_model, window):
     assert shown.model.phase == "aiming"
 
 
-def test_the_controls_set_the_tip_the_elevation_and_the_speed(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
     plain = press(shown)
     click_on(shown, "ball", 0.65, 0.6)  # right of the centre and below it
     side, top = shown.model.tip
@@ -138,8 +147,7 @@ def test_the_controls_set_the_tip_the_elevation_and_the_speed(make_model, window
     assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
 
 
-def test_keys_set_the_tip_and_the_elevation(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_keys_set_the_tip_and_the_elevation(shown):
     press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
     press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
     assert shown.model.tip == pytest.approx((0.05, 0.1))
@@ -149,8 +157,7 @@ def test_keys_set_the_tip_and_the_elevation(make_model, window):
     assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
 
 
-def test_a_click_next_to_the_table_has_no_effect(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_a_click_next_to_the_table_has_no_effect(shown):
     model = shown.model
     click(shown, (0.0, 0.72))
     assert shown.model is model
@@ -173,25 +180,23 @@ def test_a_new_game_starts_after_the_end(make_model, window):
 
 def test_the_mouse_places_the_cue_ball_in_hand(make_model, window):
     shown = window(make_model(positions=BALLS, state={"in_hand": "anywhere"}))
-    pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, pos=at(shown, (0.6, -0.3)), rel=(0, 0), buttons=(0, 0, 0)))
+    post(pygame.MOUSEMOTION, pos=at(shown, (0.6, -0.3)), rel=(0, 0), buttons=(0, 0, 0))
     shown.frame()
     assert shown.model.cue_position == pytest.approx((0.6, -0.3), abs=0.01)
     click(shown, (0.6, -0.3))
     assert shown.model.phase == "aiming"
-    pygame.event.post(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=3))
+    post(pygame.MOUSEWHEEL, x=0, y=3)
     shown.frame()
     assert shown.model.speed == pytest.approx(2.3)
 
 
-def test_the_window_can_be_closed(make_model, window):
-    shown = window(make_model(positions=BALLS))
-    pygame.event.post(pygame.event.Event(pygame.QUIT))
+def test_the_window_can_be_closed(shown):
+    post(pygame.QUIT)
     shown.run()
     assert not shown.open
 
 
-def test_quitting_asks_if_the_game_is_not_saved(make_model, window, tmp_path):
-    shown = window(make_model(positions=BALLS))
+def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
     plain = press(shown, pygame.K_SPACE, pygame.K_SPACE)
     asked = press(shown, pygame.K_ESCAPE)
     assert (shown.open, shown.asking) == (True, True)
@@ -206,39 +211,23 @@ def test_quitting_asks_if_the_game_is_not_saved(make_model, window, tmp_path):
     assert not shown.open
 
 
-def test_quitting_does_not_ask_if_the_game_is_saved_afterwards(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_quitting_does_not_ask_if_the_game_is_saved_afterwards(shown):
     shown.ask = False
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q)
     assert not shown.open
 
 
-@pytest.mark.parametrize("last", [pygame.K_q, pygame.QUIT])
-def test_quitting_without_saving(last, make_model, window, tmp_path):
-    shown = window(make_model(positions=BALLS))
+@pytest.mark.parametrize("last", [{"kind": pygame.KEYDOWN, "key": pygame.K_q, "mod": 0}, {"kind": pygame.QUIT}])
+def test_quitting_without_saving(last, shown, tmp_path):
     press(shown, pygame.K_SPACE, pygame.K_SPACE)
-    pygame.event.post(pygame.event.Event(pygame.QUIT))
-    press(shown)
-    assert shown.open
-    if last == pygame.QUIT:
-        pygame.event.post(pygame.event.Event(pygame.QUIT))
+    for event, is_open in (({"kind": pygame.QUIT}, True), (last, False)):
+        post(**event)
         press(shown)
-    else:
-        press(shown, last)
-    assert not shown.open
+        assert shown.open == is_open
     assert not (tmp_path / "game.json").exists()
 
 
-def test_a_game_that_cannot_be_saved_is_not_closed(make_model, window, tmp_path):
-    (tmp_path / "game.json").mkdir()
-    shown = window(make_model(positions=BALLS))
-    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q, pygame.K_s)
-    assert shown.open
-    assert shown.message.startswith("not saved: ")
-
-
-def test_nothing_is_drawn_while_nothing_changes(make_model, window, monkeypatch):
-    shown = window(make_model(positions=BALLS))
+def test_nothing_is_drawn_while_nothing_changes(shown, monkeypatch):
     press(shown)
     drawn = []
     draw = View.draw
@@ -248,14 +237,13 @@ def test_nothing_is_drawn_while_nothing_changes(make_model, window, monkeypatch)
     assert drawn == []
     press(shown, pygame.K_LEFT)
     assert len(drawn) == 1
-    pygame.event.post(pygame.event.Event(pygame.VIDEOEXPOSE))
+    post(pygame.VIDEOEXPOSE)
     press(shown)
     assert len(drawn) == 2
 
 
 @pytest.mark.parametrize("size", [(320, 500), (640, 400), (900, 300), (401, 777)])
-def test_the_table_fits_a_window_of_any_size(size, make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_the_table_fits_a_window_of_any_size(size, shown):
     pygame.display.set_mode(size, pygame.RESIZABLE)
     frame = press(shown)
     assert frame.shape == (size[1], size[0], 3)
@@ -289,8 +277,7 @@ def test_the_help_covers_the_table(make_model):
     assert not (frame == cloth).all(axis=2).any()
 
 
-def test_a_saved_game_contains_the_strokes_played(make_model, window, tmp_path):
-    shown = window(make_model(positions=BALLS))
+def test_a_saved_game_contains_the_strokes_played(shown, tmp_path):
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_LEFT, pygame.K_SPACE, pygame.K_s)
     assert shown.message == f"saved to {tmp_path / 'game.json'}"
     record = records.load(tmp_path / "game.json")
@@ -300,14 +287,14 @@ def test_a_saved_game_contains_the_strokes_played(make_model, window, tmp_path):
     assert (records.replay(record).positions == shown.model.game.positions).all()
 
 
-def test_a_game_that_cannot_be_saved_continues(make_model, window, tmp_path):
+def test_a_game_that_cannot_be_saved_continues(shown, tmp_path):
     (tmp_path / "game.json").mkdir()
-    shown = window(make_model(positions=BALLS))
     press(shown, pygame.K_s)
-    assert shown.message.startswith("not saved: ")
-    assert shown.open
+    assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)
     press(shown, pygame.K_LEFT)
     assert shown.message == ""
+    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q, pygame.K_s)
+    assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)
 
 
 def test_a_program_plays_after_its_turn_is_shown(make_model, window):
@@ -375,8 +362,7 @@ def lit(frame, shown, point, colour):
 WHITE, YELLOW = (255, 255, 255), (240, 228, 66)
 
 
-def test_balls_are_drawn_at_their_positions(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_balls_are_drawn_at_their_positions(shown):
     frame = press(shown)
     assert lit(frame, shown, BALLS[0], WHITE)
     assert lit(frame, shown, BALLS[1], YELLOW)
@@ -401,8 +387,7 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     assert (pixels(view.draw(model)) == with_ghost).all()  # the film starts again
 
 
-def test_help_and_hints_are_shown(make_model, window):
-    shown = window(make_model(positions=BALLS))
+def test_help_and_hints_are_shown(shown):
     plain = press(shown)
     with_help = press(shown, pygame.K_h)
     assert (plain != with_help).any(axis=2).mean() > 0.05
