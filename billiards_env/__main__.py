@@ -199,15 +199,11 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
 
 def _write(shot: ShotResult, path: Path) -> None:
     """Writes a shot to a file in the format of its suffix."""
-    if path.suffix == ".html":
-        shot.to_html(path)
-    elif path.suffix == ".gif":
-        shot.to_gif(path)
-    elif path.suffix == ".mp4":
-        shot.to_mp4(path)
-    elif path.suffix in PICTURES:
+    if path.suffix in PICTURES:
         figure: Any = shot.plot().figure
         figure.savefig(path, dpi=150)
+    elif path.suffix != ".json":  # a page or a film
+        getattr(shot, f"to_{path.suffix[1:]}")(path)
     print(f"wrote {path}")
 
 

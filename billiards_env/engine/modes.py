@@ -87,7 +87,7 @@ def checked_engine(mode: str, dt: float | None, fix: str | None) -> Engine:
     Raises:
         ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
     """
-    choose("mode", mode, tuple(MODES))
+    one_of("mode", mode, tuple(MODES))
     if mode == "pic":
         if dt is not None:
             raise ValueError(
@@ -103,7 +103,7 @@ def checked_engine(mode: str, dt: float | None, fix: str | None) -> Engine:
             f"such as 1/60{', not str' if isinstance(dt, str) else ''}"
         )
     if fix is not None:
-        choose("fix", fix, FIXES)
+        one_of("fix", fix, FIXES)
     return Engine(mode, float(dt), fix)
 
 
@@ -142,7 +142,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table, mass = scene.physics, scene.table, scene.balls.mass
     cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
     for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
-        choose(f"physics.{name}", getattr(p, name), tuple(laws))  # a name of `scene` without a law
+        one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # a name of `scene` without a law
     motion, cushion = MOTIONS[p.motion], CUSHIONS[p.cushion]
     mu_limit, mu_drop, mu_rate = ball_friction(p)
     slide, roll = p.mu_slide * p.g, p.mu_roll * p.g

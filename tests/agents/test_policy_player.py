@@ -9,15 +9,10 @@ import pytest
 from agents.config import Config
 from agents.policy_player import playable, policy
 from agents.ppo import make_env, make_policy, save_policy
-from billiards_env import Scene
-from billiards_env.games import RULES, Setup, custom_opening, opening
+from billiards_env.games import custom_opening, opening
+from tests.helpers.games import setup
 
 RNG = np.random.default_rng
-
-
-def setup(rules, balls=None):
-    game = RULES[rules]
-    return Setup(rules, Scene.named("pool" if game.pockets else "carom", balls or game.n_object_balls[1]))
 
 
 def test_the_policy_plays_the_nearest_legal_ball(trained):

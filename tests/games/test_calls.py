@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games import RULES, Call, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.placement import rack_again
 from billiards_env.games.state import next_state
 from billiards_env.scene.layouts import plan
-from tests.helpers.games import facts, state
+from tests.helpers.games import facts, setup, state
 
 straight, eight_ball, nine_ball = (RULES[name].judge for name in ("straight", "eight_ball", "nine_ball"))
 
@@ -153,7 +152,7 @@ def test_straight_pool_is_racked_again_with_one_ball_left():  # 4.4
 # On the table.
 
 PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
-NINE = Setup("nine_ball", Scene.named("pool", 9))
+NINE = setup("nine_ball")
 
 
 def test_a_push_out_on_the_table_can_be_handed_back():  # 2.4
@@ -167,19 +166,19 @@ def test_a_push_out_on_the_table_can_be_handed_back():  # 2.4
 
 
 @pytest.mark.parametrize(
-    ("setup", "call", "message"),
+    ("call", "message"),
     [
-        (NINE, Call(kind="push_out"), "stroke.call.kind = 'push_out'"),
-        (NINE, Call(kind="hand_back"), "stroke.call.kind = 'hand_back'"),
-        (NINE, Call(kind="safety"), "stroke.call.kind = 'safety'"),
-        (NINE, Call(kind="jump"), "stroke.call.kind = 'jump'"),
-        (NINE, Call(10), "stroke.call.ball = 10"),
-        (NINE, Call(1, 6), "stroke.call.pocket = 6"),
+        (Call(kind="push_out"), "stroke.call.kind = 'push_out'"),
+        (Call(kind="hand_back"), "stroke.call.kind = 'hand_back'"),
+        (Call(kind="safety"), "stroke.call.kind = 'safety'"),
+        (Call(kind="jump"), "stroke.call.kind = 'jump'"),
+        (Call(10), "stroke.call.ball = 10"),
+        (Call(1, 6), "stroke.call.pocket = 6"),
     ],
 )
-def test_impossible_calls_are_rejected(setup, call, message):
+def test_impossible_calls_are_rejected(call, message):
     with pytest.raises(ValueError, match=message):
-        play(setup, custom_opening(setup, PLACES), Stroke((1.0, 0.0), call=call))
+        play(NINE, custom_opening(NINE, PLACES), Stroke((1.0, 0.0), call=call))
 
 
 def test_a_shot_that_is_handed_back_must_not_move_the_cue_ball():
@@ -190,12 +189,11 @@ def test_a_shot_that_is_handed_back_must_not_move_the_cue_ball():
 
 @pytest.mark.parametrize("rules", ["nine_ball", "carom", "snooker"])
 def test_only_eight_ball_and_straight_pool_are_called(rules):
-    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
     with pytest.raises(ValueError, match=f"called = True with rules '{rules}'"):
-        Setup(rules, scene, called=True)
+        setup(rules, called=True)
 
 
-STRAIGHT = Setup("straight", Scene.named("pool", 15), target=50, called=True)
+STRAIGHT = setup("straight", target=50, called=True)
 RACK = plan("tight_rack", STRAIGHT.scene).spots[1:]
 HEAD = (STRAIGHT.scene.table.head_x, 0.0)
 RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball

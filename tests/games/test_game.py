@@ -9,6 +9,7 @@ from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_o
 from billiards_env.games.rules import Rules
 from billiards_env.scene import check_positions
 from billiards_env.scene.layouts import MARGIN, draw
+from tests.helpers.games import setup as usual_setup
 
 PIT = {"mode": "pit", "dt": 1 / 240}
 TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach
@@ -23,12 +24,6 @@ TRIANGLE = Scene.from_dict(
         },
     }
 )
-
-
-def make_setup(rules, **kwargs):
-    setup = RULES[rules]
-    scene = Scene.named(setup.scene, setup.n_object_balls[1])
-    return Setup(rules, **{"scene": scene, **kwargs})
 
 
 def random_stroke(game, rng):
@@ -53,7 +48,7 @@ def random_game(setup, seed, shots=400):
 
 def test_the_rack_of_a_game_is_that_of_its_layout():
     for game in ("nine_ball", "eight_ball"):
-        setup = make_setup(game)
+        setup = usual_setup(game)
         racked = opening(setup, np.random.default_rng(7), "rack").positions
         assert racked.tobytes() == draw(game, setup.scene, np.random.default_rng(7)).tobytes()
         tight = opening(setup, np.random.default_rng(7), "tight_rack").positions[setup.game_rules.deciding_ball]
@@ -62,7 +57,7 @@ def test_the_rack_of_a_game_is_that_of_its_layout():
 
 @pytest.mark.parametrize("rules", RULES)
 def test_openings(rules):
-    setup = make_setup(rules)
+    setup = usual_setup(rules)
     layouts = setup.game_rules.layouts
     for layout in layouts:
         game = opening(setup, np.random.default_rng(3), layout)
@@ -113,18 +108,18 @@ def test_impossible_setups_are_rejected(kwargs, message):
 
 
 def test_targets():
-    assert make_setup("straight").target == 0
-    assert make_setup("carom").target == 10
-    assert make_setup("carom", target=0).target == 0
-    assert make_setup("nine_ball").target is None
-    assert opening(make_setup("carom", target=7), np.random.default_rng(0)).state.target == 7
+    assert usual_setup("straight").target == 0
+    assert usual_setup("carom").target == 10
+    assert usual_setup("carom", target=0).target == 0
+    assert usual_setup("nine_ball").target is None
+    assert opening(usual_setup("carom", target=7), np.random.default_rng(0)).state.target == 7
 
 
 def test_unsuitable_layouts_are_rejected():
     with pytest.raises(ValueError, match=r"layout = 'carom_opening'.*expected one of 'rack'"):
-        opening(make_setup("nine_ball"), np.random.default_rng(0), "carom_opening")
+        opening(usual_setup("nine_ball"), np.random.default_rng(0), "carom_opening")
     with pytest.raises(ValueError, match="layout = 'rack'"):
-        opening(make_setup("carom"), np.random.default_rng(0), "rack")
+        opening(usual_setup("carom"), np.random.default_rng(0), "rack")
 
 
 PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
@@ -154,16 +149,16 @@ PLACES = np.array([[-0.6, 0.0], *([-0.8 + 0.16 * i, 0.3] for i in range(9))])
 )
 def test_impossible_states_are_rejected(state, message):
     with pytest.raises(ValueError, match=message):
-        custom_opening(make_setup("nine_ball"), PLACES, state)
+        custom_opening(usual_setup("nine_ball"), PLACES, state)
 
 
 def test_a_state_with_the_target_reached_is_rejected():
     with pytest.raises(ValueError, match="below the target, 10"):
-        custom_opening(make_setup("carom"), [[0, 0], [1, 0], [-1, 0]], {"scores": [0, 10]})
+        custom_opening(usual_setup("carom"), [[0, 0], [1, 0], [-1, 0]], {"scores": [0, 10]})
 
 
 def test_custom_openings():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     game = custom_opening(setup, PLACES)
     assert (game.state.break_shot, game.state.in_hand, game.state.player) == (False, "no", 0)
     both = PLACES.copy()
@@ -185,11 +180,11 @@ def test_custom_openings():
 )
 def test_impossible_strokes_are_rejected(stroke, message):
     with pytest.raises(ValueError, match=message):
-        play(make_setup("nine_ball"), custom_opening(make_setup("nine_ball"), PLACES), stroke)
+        play(usual_setup("nine_ball"), custom_opening(usual_setup("nine_ball"), PLACES), stroke)
 
 
 def test_a_cue_ball_in_hand_must_be_placed():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     with pytest.raises(ValueError, match="in hand"):
         play(setup, game, Stroke((1.0, 0.0)))
@@ -198,7 +193,7 @@ def test_a_cue_ball_in_hand_must_be_placed():
 
 
 def test_no_shot_is_allowed_after_the_end():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     history, log = random_game(setup, 1)
     assert log[-1].game.state.over
     with pytest.raises(ValueError, match="the game is over"):
@@ -209,7 +204,7 @@ def test_no_shot_is_allowed_after_the_end():
 
 
 def test_a_break_from_behind_the_head_string():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     played = play(setup, game, Stroke((8.0, 0.0), (1.0, 0.0)))
     assert played.shot.trajectory is not None
@@ -219,7 +214,7 @@ def test_a_break_from_behind_the_head_string():
 
 
 def test_the_eight_ball_potted_on_the_break_is_spotted():
-    setup = make_setup("eight_ball")
+    setup = usual_setup("eight_ball")
     positions = np.array([[0.9, 0.265], *([-0.9 + 0.11 * i, -0.3] for i in range(15))])
     positions[8] = 1.1, 0.465
     game = custom_opening(setup, positions, {"break_shot": True})
@@ -231,7 +226,7 @@ def test_the_eight_ball_potted_on_the_break_is_spotted():
 
 
 def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     positions = np.array([[0.625, -0.01], *([-0.8 + 0.16 * i, -0.3] for i in range(9))])
     positions[9] = 0.685, 0.05
     played = play(setup, custom_opening(setup, positions), Stroke((1.5, 1.5)))
@@ -242,7 +237,7 @@ def test_a_cue_ball_in_hand_does_not_block_a_spotted_ball():
 
 def test_balls_are_spotted_one_behind_the_other(monkeypatch):
     monkeypatch.setattr(Rules, "judge", lambda *_: Verdict(spotted=(1, 2, 3)))
-    setup = make_setup("straight", scene=Scene.named("pool", 4))
+    setup = usual_setup("straight", scene=Scene.named("pool", 4))
     game = custom_opening(setup, [[-0.6, 0.1 * i] for i in range(5)], {"on_table": [0, 4]})
     played = play(setup, game, Stroke((0.0, 0.0)))
     step = 2 * setup.scene.balls.radius[0] + MARGIN
@@ -251,7 +246,7 @@ def test_balls_are_spotted_one_behind_the_other(monkeypatch):
 
 
 def test_after_a_scratch_the_cue_ball_is_in_hand():
-    setup = make_setup("straight", scene=Scene.named("pool", 2))
+    setup = usual_setup("straight", scene=Scene.named("pool", 2))
     game = custom_opening(setup, [[0.97, 0.335], [0.0, 0.0], [0.3, 0.0]])
     played = play(setup, game, Stroke((1.0, 1.0)))
     assert played.verdict.foul == "scratch"
@@ -262,7 +257,7 @@ def test_after_a_scratch_the_cue_ball_is_in_hand():
 
 
 def test_a_blocked_point_is_replaced_by_the_nearest_free_point():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     game = custom_opening(setup, PLACES, {"in_hand": "anywhere"})
     wish = tuple((PLACES[5] + [0.0, 0.01]).tolist())
     start = play(setup, game, Stroke((0.0, -1.0), wish)).shot.at(0.0)
@@ -270,7 +265,7 @@ def test_a_blocked_point_is_replaced_by_the_nearest_free_point():
 
 
 def test_carom_players_alternate_cue_balls():
-    setup = make_setup("carom")
+    setup = usual_setup("carom")
     game = opening(setup, np.random.default_rng(0))
     for player, cue in [(0, 0), (1, 2), (0, 0)]:
         assert game.state.player == player
@@ -287,7 +282,7 @@ def test_carom_players_alternate_cue_balls():
 def test_random_games_end_and_keep_all_balls(rules, engine):
     ended = 0
     for seed in range(3):
-        setup = make_setup(rules, **engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
+        setup = usual_setup(rules, **engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
         history, log = random_game(setup, seed)
         down = Counter()
         game = history.opening
@@ -313,7 +308,7 @@ def test_random_games_end_and_keep_all_balls(rules, engine):
 
 
 def test_play_does_not_change_earlier_states():
-    setup = make_setup("nine_ball")
+    setup = usual_setup("nine_ball")
     game = opening(setup, np.random.default_rng(0))
     before = game.positions.copy()
     play(setup, game, Stroke((5.0, 0.1), (-0.8, 0.0)))

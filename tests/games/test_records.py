@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from billiards_env import Scene, __version__, simulate
-from billiards_env.games import NO_CALL, RULES, Call, History, Setup, Stroke, opening, play, records
+from billiards_env.games import NO_CALL, RULES, Call, History, Stroke, opening, play, records
 from billiards_env.scene import Balls
+from tests.helpers.games import setup
 
 POOL = [[-0.635, 0.0], [0.635, 0.3]]
 MASSES = Scene(Balls((0.03, 0.03, 0.04), (0.2, 0.1 + 0.2, math.inf)))
@@ -36,18 +37,16 @@ SHOTS = {
 
 
 def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
-    scene = Scene.named(RULES[rules].scene, RULES[rules].n_object_balls[1])
-    setup = Setup(rules, scene, **kwargs)
-    rng = np.random.default_rng(seed)
-    game = start = opening(setup, rng)
+    settings, rng = setup(rules, **kwargs), np.random.default_rng(seed)
+    game = start = opening(settings, rng)
     strokes = []
     while len(strokes) < shots and not game.state.over:
         place = None if game.state.in_hand == "no" else tuple((3 * rng.random(2) - 1.5).tolist())
         spin, ball, pocket = 40 * rng.random(3) - 20, int(rng.integers(-1, 3)), int(rng.integers(-1, 6))
         call = Call(ball, pocket) if RULES[rules].pockets else NO_CALL
         strokes.append(Stroke(tuple((12 * rng.random(2) - 6).tolist()), place, tuple(spin.tolist()), call))
-        game = play(setup, game, strokes[-1]).game
-    return records.record_game(History(setup, start, tuple(strokes)))
+        game = play(settings, game, strokes[-1]).game
+    return records.record_game(History(settings, start, tuple(strokes)))
 
 
 RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}

@@ -2,10 +2,18 @@
 
 import numpy as np
 
+from billiards_env import Scene
+from billiards_env.games import Setup
 from billiards_env.games.facts import facts_of
 from billiards_env.games.rules import RULES
 from billiards_env.games.state import RuleState
 from billiards_env.shots.result import EVENT_DTYPE
+
+
+def setup(rules, balls=None, **kwargs):
+    """Returns the settings of a game in its usual scene, with the most or a given number of object balls."""
+    game = RULES[rules]
+    return Setup(rules, **{"scene": Scene.named(game.scene, balls or game.n_object_balls[1]), **kwargs})
 
 
 def events(*rows, times=None):

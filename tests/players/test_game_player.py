@@ -8,17 +8,12 @@ import types
 import numpy as np
 import pytest
 
-from billiards_env import Scene
-from billiards_env.games import RULES, Call, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games import RULES, Call, Stroke, custom_opening, opening, play
 from billiards_env.players.game_player import GROUP, find_player
+from tests.helpers.games import setup
 
 EASY = [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]]
 RNG = np.random.default_rng
-
-
-def setup(rules, balls=None):
-    game = RULES[rules]
-    return Setup(rules, Scene.named(game.scene, balls or game.n_object_balls[1]))
 
 
 def points_of(player, game, shots, seed=0):
@@ -56,7 +51,7 @@ def test_the_geometric_player_pots_a_ball():
 
 
 def test_a_strategy_calls_the_ball_that_it_pots():
-    game = Setup("straight", Scene.named("pool", 2), called=True)
+    game = setup("straight", 2, called=True)
     table = custom_opening(game, EASY)
     for name in ("geometric", "search:20"):
         stroke = find_player(name, game)(game, table, 4.0, RNG(0))

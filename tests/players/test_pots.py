@@ -5,20 +5,13 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.envs import BilliardsEnv
 from billiards_env.players.paths import arrival, launch, travel_time
 from billiards_env.players.pots import pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS
+from tests.helpers.layouts import at
 
 POOL = Scene.named("pool")
 named = pytest.mark.parametrize(("positions", "pocket"), LAYOUTS.values(), ids=LAYOUTS)
-
-
-def at(positions, **kwargs):
-    """An environment with the balls at these positions."""
-    env = BilliardsEnv(**{"n_object_balls": len(positions) - 1, **kwargs})
-    env.reset(options={"positions": positions})
-    return env
 
 
 def pots_of(env):

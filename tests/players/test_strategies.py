@@ -6,17 +6,10 @@ import pytest
 from billiards_env.envs import BilliardsEnv
 from billiards_env.players.env_player import rewards, situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, find_strategy, geometric, search
-from tests.helpers.layouts import NAMED_POTS
+from tests.helpers.layouts import NAMED_POTS, at
 
 RNG = np.random.default_rng
 named = pytest.mark.parametrize(("positions", "pocket"), NAMED_POTS.values(), ids=NAMED_POTS)
-
-
-def at(positions, **kwargs):
-    """An environment with the balls at these positions."""
-    env = BilliardsEnv(**{"n_object_balls": len(positions) - 1, **kwargs})
-    env.reset(options={"positions": positions})
-    return env
 
 
 @named
