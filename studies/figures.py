@@ -30,7 +30,7 @@ from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
 from billiards_env.files import write_whole
 from billiards_env.games import History, Setup, opening
-from billiards_env.play.model import HUMAN, SetTip, begin, update
+from billiards_env.play.model import HUMAN, begin, set_tip
 from billiards_env.play.window import GameWindow
 from billiards_env.players.game_player import find_player
 from billiards_env.scene import Balls, Cue, Scene, layouts
@@ -242,7 +242,7 @@ def window() -> GameWindow:
     velocity = np.array(find_player("geometric", setup)(setup, model.game, 3.0, rng).velocity)
     cue, speed = np.array(model.cue_position), float(np.hypot(*velocity))
     drag(shown, cue, cue + velocity * (ARROW + ARROW_START * setup.scene.balls.radius[0] / speed))
-    shown.model = update(shown.model, SetTip(*WINDOW["english"]))
+    shown.model = set_tip(shown.model, *WINDOW["english"])
     return shown
 
 
