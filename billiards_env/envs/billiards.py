@@ -172,13 +172,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `points`     | int        | points of the shot                                       |
     | `score`      | int        | points of the episode up to now                          |
     | `shots_left` | int        | number of shots left in the episode                      |
-    | `success`    | bool       | whether the task was achieved in the episode             |
-    | `is_success` | bool       | same as `success`; Stable-Baselines3 logs this key       |
+    | `is_success` | bool       | whether the task was achieved in the episode             |
     | `miscue`     | bool       | whether the tip slipped; only with `action="strike"`     |
 
-    The task `"pot"` is achieved if all object balls are potted and the cue ball is not. A run-out is achieved if the
-    nine ball or the eight ball is potted without a foul when it may be potted. The other tasks are achieved if the
-    score is at least 1.
+    Stable-Baselines3 logs `is_success`. The task `"pot"` is achieved if all object balls are potted and the cue ball is
+    not. A run-out is achieved if the nine ball or the eight ball is potted without a foul when it may be potted. The
+    other tasks are achieved if the score is at least 1.
 
     The status is `"rest"`, or `"max_time"` if the shot reached the time limit of the scene. It is `"event_limit"` or
     `"step_limit"` if the engine ended the shot at its limit on events or timesteps. In this case `step` also issues a
@@ -225,7 +224,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). Frames are drawn to scale, 30 for each second of a shot.
+    Rendering needs pygame (extra `render`). With a render mode each step also records its shot. Frames are drawn to
+    scale, 30 for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
@@ -285,7 +285,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, mode, dt, fix)
+        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
         self._episodes = self.episodes(1)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
@@ -313,7 +313,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             dt=self.dt,
             fix=self.fix,
         )
-        return Episodes(count, settings)
+        return Episodes(count, settings, record=self.render_mode is not None)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -387,32 +387,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, (self._numbers,))
         observation = np.empty(self._size, np.float32)
-        potted = np.empty(len(self.targets), np.bool_)
         reward = self._rewards
-        episodes.shoot(0, 1, _NONE, action[None], reward, potted[None], observation[None])
-        shots = episodes.shots
-        points, score, shots_left, success = episodes.tally[0].tolist()
-        status = shots.status.item()
-        if status >= AT_EVENT_LIMIT:
+        episodes.shoot(0, 1, _NONE, action[None], reward, observation[None])
+        if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, action)
-        info = {
-            "shot_time": shots.time.item(),
-            "n_events": shots.n_events.item(),
-            "status": STATUS[status],
-            "first_hit": shots.first_hit.item(),
-            "cushions": shots.cushions[0].copy(),
-            "potted": potted,
-            "scratch": potted.item(0),
-            "points": points,
-            "score": score,
-            "shots_left": shots_left,
-            "success": success == 1,
-            "is_success": success == 1,
-        }
-        if self.action == "strike":
-            info["miscue"] = episodes.miscues.item()
+        info = {key: values.item() if values.ndim == 1 else values[0].copy() for key, values in episodes.info.items()}
+        info["status"] = STATUS[info["status"]]
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], episodes.goals[0])])
+            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally, episodes.goals[0])])
         return observation, reward.item(), episodes.over.item(), False, info
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

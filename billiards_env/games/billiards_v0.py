@@ -217,7 +217,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             choose("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, mode, dt, fix)
+        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode)
 
         n, players = self.setup.scene.n_balls, self.setup.n_players
         self.possible_agents = [f"player_{i}" for i in range(players)]
@@ -280,7 +280,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.agents[self.game.state.player]
         if self._renderer is not None:
             in_play = np.isin(np.arange(len(self.game.positions)), sorted(self.game.state.on_table))
-            self._renderer.begin([balls_at_rest(self.game.positions, self.setup.rules, in_play)])
+            self._renderer.begin([balls_at_rest(self.setup.scene, self.game.positions, in_play, self.setup.rules)])
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -339,7 +339,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
-            self._renderer.step([DrawnShot(played.shot_input, left, self._result_text(played))])
+            self._renderer.step([DrawnShot(played.shot, left, self._result_text(played))])
 
     def observe(self, agent: str) -> NDArray[np.float32]:
         """Returns the observation of `agent`, see the class's docstring."""

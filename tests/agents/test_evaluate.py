@@ -40,7 +40,7 @@ class TwoShots(gym.Env):
             float(action[0]),
             over,
             False,
-            {"success": over and self.even, "score": 3 * self.steps + self.even},
+            {"is_success": over and self.even, "score": 3 * self.steps + self.even},
         )
 
 

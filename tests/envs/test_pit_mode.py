@@ -124,7 +124,7 @@ def test_fast_shots_pass_through_the_ball_in_front_of_the_target_with_a_coarse_t
     share = (infos["first_hit"] == 1).mean()
     assert share > 0.05 if through else share == 0
     # The post does not count as a potted ball.
-    assert (infos["success"] == (infos["potted"][:, 1] & ~infos["scratch"])).all()
+    assert (infos["is_success"] == (infos["potted"][:, 1] & ~infos["scratch"])).all()
 
 
 def test_the_timestep_changes_the_end_of_an_episode_but_not_its_start():

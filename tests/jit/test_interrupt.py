@@ -99,7 +99,7 @@ def step_many(num_envs: int, threads: int | None, mode: str) -> None:
 
     def now() -> list[Any]:
         tables = envs._episodes
-        return [a.copy() for a in (envs.positions, envs.potted, tables.tally, tables.over, envs._streams)]
+        return [a.copy() for a in (envs.positions, envs.potted, *tables.tally, tables.over, envs._streams)]
 
     before = now()
     actions = np.tile([1.0, 0.3], (num_envs, 1))

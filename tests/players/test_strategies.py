@@ -24,7 +24,7 @@ def test_the_geometric_player_pots_the_ball(positions, pocket):
     env = at(positions)
     assert pocket in situation(env).pots().pocket
     *_, info = env.step(geometric(situation(env), RNG(0)))
-    assert info["success"]
+    assert info["is_success"]
     assert info["cushions"][1] == 0
 
 
@@ -32,7 +32,7 @@ def test_without_a_direct_pot_the_geometric_player_plays_a_bank():
     # Straight across the table, ball 1 by the far cushion: every direct pot has a cut of nearly 90 degrees.
     env = at([[-0.325, -0.476], [-0.334, 0.599]])
     *_, info = env.step(geometric(situation(env), RNG(0)))
-    assert info["success"]
+    assert info["is_success"]
     assert info["cushions"][1] == 1
 
 
