@@ -15,11 +15,11 @@ from billiards_env.checks import choose, finite, flag, real, whole
 from billiards_env.engine import STATUS, check_mode
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
-from billiards_env.envs.arguments import check_options, make_scene
+from billiards_env.envs.arguments import check_options, json_spec, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
-from billiards_env.scene import layouts
+from billiards_env.scene import Scene, layouts
 
 _ONE = np.ones(1, np.bool_)
 _NONE = np.zeros(1, np.bool_)
@@ -115,7 +115,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    The argument `layout` selects the starting positions of the balls:
+    The argument `layout` selects the starting positions of the balls. By default it is that of the task:
+    `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, the rack of the game in the
+    run-outs, and `"random"` in the others. The layouts are:
 
     - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
       pockets.
@@ -197,30 +199,30 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | Argument             | Type          | Default      | Description                                            |
     |----------------------|---------------|--------------|--------------------------------------------------------|
-    | `scene`              | str or dict   | `"pool"`     | name of a scene, or the result of `Scene.to_dict()`    |
+    | `scene`              | see below     | `None`       | scene; None for that of the task                       |
     | `task`               | str           | `"pot"`      | the task, see Rewards                                  |
-    | `n_object_balls`     | int or None   | `None`       | number of object balls of a named scene                |
+    | `n_object_balls`     | int or None   | `None`       | number of object balls; None for the usual one         |
     | `mode`               | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)    |
     | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
     | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
     | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
     | `max_shots`          | int or None   | `None`       | maximum number of shots; None for that of the task     |
     | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
-    | `layout`             | str or None   | `"random"`   | starting positions; None for those of the task         |
+    | `layout`             | str or None   | `None`       | starting positions; None for those of the task         |
     | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
+    - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
+      9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
+      `"sum_to_three"` in the task of that name, and `"pool"` in the others. `n_object_balls` needs a named scene.
     - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
-    - With `layout=None` the layout is `"rack"` for `"pot"`, `"carom_opening"` for `"carom"` and `"three_cushion"`,
-      `"line"` for `"sum_to_three"`, `"random"` for `"place"` and `"position"`, `"rack"` for `"clear"`, and the rack of
-      the game for the run-outs.
-    - All arguments are JSON values, so an `EnvSpec` can be converted to JSON and back. `billiards_env.checks.RANGES`
-      contains the range of each number.
+    - An `EnvSpec` can be converted to JSON and back: all other arguments are JSON values, and the spec has a dict in
+      place of a `Scene`. `billiards_env.checks.RANGES` contains the range of each number.
 
     ## Rendering
 
@@ -248,10 +250,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     # gym.Env declares an instance variable.
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
+    _spec = None
+    spec = json_spec
 
     def __init__(
         self,
-        scene: str | Mapping[str, Any] = "pool",
+        scene: str | Scene | Mapping[str, Any] | None = None,
         task: str = "pot",
         n_object_balls: int | None = None,
         mode: str = "pic",
@@ -260,12 +264,15 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         action: str = "velocity",
         max_shots: int | None = None,
         max_speed: float = 4.0,
-        layout: str | None = "random",
+        layout: str | None = None,
         observe_shots_left: bool = False,
         scratch_penalty: float = 0.1,
         render_mode: str | None = None,
     ) -> None:
-        self.scene = make_scene(scene, n_object_balls)
+        choose("task", task, tuple(TASKS))
+        entry = TASKS[task]
+        least, most = entry.n_object_balls
+        self.scene = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
         self.targets = task_targets(task, self.scene)
         self.task = task
         check_mode(mode, dt, fix)
@@ -273,9 +280,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.dt = dt
         self.fix = fix
         self.action = check_action(action, self.scene)
-        self.max_shots = whole("max_shots", TASKS[task].max_shots if max_shots is None else max_shots, "max_shots")
+        self.max_shots = whole("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
-        self.layout = TASKS[task].layout if layout is None else layout
+        self.layout = entry.layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
@@ -287,7 +294,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
-        self._episodes = self.episodes(1)
+        self._episodes = self.episodes(1, record=render_mode is not None)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
         flags = max(self._episodes.on.shape[1] - 1, 0) + self.observe_shots_left
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
@@ -298,8 +305,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._numbers = ACTIONS[action]
         self._size = len(low)
 
-    def episodes(self, count: int) -> Episodes:
-        """Returns `count` new episodes with the arguments of this environment."""
+    def episodes(self, count: int, record: bool = False) -> Episodes:
+        """Returns `count` new episodes with the arguments of this environment. `record` is that of `Episodes`."""
         settings = Settings(
             scene=self.scene,
             task=self.task,
@@ -313,7 +320,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             dt=self.dt,
             fix=self.fix,
         )
-        return Episodes(count, settings, record=self.render_mode is not None)
+        return Episodes(count, settings, record)
 
     @property
     def positions(self) -> NDArray[np.float64]:

@@ -161,7 +161,7 @@ class Episodes:
         plan: The layout at the start of an episode.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
-        recorded: The last shot of each episode with its trajectory, if `record` is True; None otherwise.
+        recorded: The last shot of each episode with its trajectory, by episode; None unless `record` is True.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
     """
@@ -175,7 +175,7 @@ class Episodes:
         self.shots.in_play[...] = True
         self.tally = Tally(*np.zeros((3, count), np.int64), *np.zeros((2, count), np.bool_))
         self.potted = np.zeros((count, n), np.bool_)
-        self.recorded: list[ShotResult | None] | None = [None] * count if record else None
+        self.recorded: dict[int, ShotResult] | None = {} if record else None
         self.over = np.ones(count, np.bool_)
         self.start = np.zeros((count, n, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
@@ -289,7 +289,8 @@ class Episodes:
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
         settings, shots = self.settings, self.shots
-        start = ShotInput(*(array[k] for array in shots[:4]), self._limit)
+        positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
+        start = ShotInput(positions, velocities, spins, in_play, self._limit)
         shot = run_shot(settings.scene, start, settings.mode, settings.dt, settings.fix, True, MAX_EVENTS)
         for name, array in shots._asdict().items():
             if name == "in_play":

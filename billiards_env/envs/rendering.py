@@ -107,7 +107,6 @@ def drawn_shot(
     """
     assert episodes.recorded is not None
     shot, settings = episodes.recorded[k], episodes.settings
-    assert shot is not None
     number = settings.max_shots - tally.shots_left[k]
     speed = math.hypot(*cue_strike(action, settings.scene, settings.max_speed).velocity)
     left = f"{settings.task}   shot {number} of {settings.max_shots}   {speed:.2f} m/s"

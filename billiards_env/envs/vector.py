@@ -15,7 +15,7 @@ from billiards_env.checks import choose, shaped, short, whole
 from billiards_env.engine import STATUS, spread
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
-from billiards_env.envs.arguments import check_options
+from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.billiards import BilliardsEnv
 from billiards_env.envs.episodes import Tally
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
@@ -96,6 +96,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         "render_fps": FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
+    _spec = None
+    spec = json_spec
     _renderer: Renderer | None = None  # Gymnasium closes an environment even if its construction failed
 
     def __init__(
@@ -120,7 +122,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._actions_shape = self.num_envs, ACTIONS[env.action]
 
-        self._episodes = env.episodes(self.num_envs)
+        self._episodes = env.episodes(self.num_envs, record=env.render_mode is not None)
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # -1: not seeded yet
         self._begun = np.zeros(self.num_envs, np.bool_)

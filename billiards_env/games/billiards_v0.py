@@ -157,7 +157,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for that of the game |
+    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for that of the game |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
@@ -185,7 +185,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self,
         rules: str = "eight_ball",
         n_players: int = 2,
-        scene: str | Mapping[str, Any] | None = None,
+        scene: str | Scene | Mapping[str, Any] | None = None,
         n_object_balls: int | None = None,
         target: int | None = None,
         action: str = "velocity",
@@ -202,7 +202,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         super().__init__()
         if flag("miss", miss) and not calls:
             raise ValueError("miss = True with calls = False: expected calls = True, the miss rule gives a choice")
-        board = _make_scene(rules, scene, n_object_balls)
+        choose("rules", rules, tuple(RULES))
+        board = make_scene(scene, n_object_balls, RULES[rules].scene, RULES[rules].n_object_balls[1])
         game_rules = RULES[rules]
         if flag("calls", calls) and not game_rules.pockets:
             raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
@@ -434,17 +435,6 @@ def _part(value: float, count: int) -> int:
 def _from(viewer: int, values: tuple[int, ...]) -> tuple[int, ...]:
     """Returns the values of all players, beginning with those of one player."""
     return values[viewer:] + values[:viewer]
-
-
-def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_balls: int | None) -> Scene:
-    """Returns the scene of a game; None selects the defaults of the game."""
-    choose("rules", rules, tuple(RULES))
-    game_rules = RULES[rules]
-    if scene is None:
-        scene = game_rules.scene
-    if isinstance(scene, str) and n_object_balls is None:
-        n_object_balls = game_rules.n_object_balls[1]
-    return make_scene(scene, n_object_balls)
 
 
 def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArray[np.float32]]:

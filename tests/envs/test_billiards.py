@@ -302,7 +302,7 @@ def test_carom_continues_until_the_last_shot():
 
 
 def test_a_potted_ball_decides_carom_on_a_table_with_pockets():
-    env = BilliardsEnv(task="carom", n_object_balls=2, max_shots=5)
+    env = BilliardsEnv(scene="pool", task="carom", n_object_balls=2, max_shots=5)
     env.reset(options={"positions": [[0.97, 0.335], [1.07, 0.435], [-0.6, -0.2]]})
     _, reward, terminated, _, info = env.step(INTO_THE_CORNER)
     assert (reward, terminated, info["is_success"]) == (0.0, True, False)
@@ -432,17 +432,37 @@ def test_positions_and_goals_from_options_are_not_drawn():
     assert env.goals.tolist() != [goal]
 
 
-def test_the_default_layout_of_each_task_is_the_opening_of_its_game():
-    assert BilliardsEnv(layout=None, n_object_balls=15).layout == "rack"
-    assert BilliardsEnv(layout=None, scene="carom", task="carom").layout == "carom_opening"
-    assert BilliardsEnv(layout=None, scene="carom", task="three_cushion").layout == "carom_opening"
-    assert BilliardsEnv(layout=None, scene="sum_to_three", task="sum_to_three").layout == "line"
-    assert BilliardsEnv(layout=None, task="place").layout == "random"
-    assert BilliardsEnv(layout=None, task="position").layout == "random"
-    assert BilliardsEnv(layout=None, task="clear").layout == "rack"
-    assert BilliardsEnv(layout=None, task="nine_ball", n_object_balls=9).layout == "nine_ball"
-    assert BilliardsEnv(layout=None, task="eight_ball", n_object_balls=15).layout == "eight_ball"
-    assert BilliardsEnv().layout == "random"
+@pytest.mark.parametrize(
+    ("task", "scene", "n_object_balls", "layout"),
+    [
+        ("pot", "pool", 1, "random"),
+        ("carom", "carom", 2, "carom_opening"),
+        ("three_cushion", "carom", 2, "carom_opening"),
+        ("sum_to_three", "sum_to_three", 1, "line"),
+        ("place", "pool", 1, "random"),
+        ("position", "pool", 1, "random"),
+        ("clear", "pool", 1, "random"),
+        ("nine_ball", "pool", 9, "nine_ball"),
+        ("eight_ball", "pool", 15, "eight_ball"),
+    ],
+)
+def test_a_task_has_its_own_scene_and_layout(task, scene, n_object_balls, layout):
+    env = BilliardsEnv(task=task)
+    assert (env.scene, env.layout) == (Scene.named(scene, n_object_balls), layout)
+    other = BilliardsEnv(task=task, scene={"base": scene, "n_object_balls": n_object_balls}, layout="random")
+    assert (other.scene, other.layout) == (env.scene, "random")
+
+
+def test_the_spec_of_a_scene_object_is_json():
+    scene = Scene.from_dict({"base": "real_pool", "n_object_balls": 2, "physics": {"mu_roll": 0.012}})
+    env = make(scene=scene)
+    assert env.spec is not None
+    assert json.loads(env.spec.to_json())["kwargs"] == {"scene": scene.to_dict()}
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.scene == env.unwrapped.scene == scene  # pyright: ignore[reportAttributeAccessIssue]
+    envs = gym.make_vec("Billiards-v0", num_envs=2, scene=scene)
+    assert envs.spec is not None
+    assert json.loads(envs.spec.to_json())["kwargs"]["scene"] == scene.to_dict()
 
 
 def test_episodes_start_with_the_layout():
@@ -556,19 +576,23 @@ def test_bad_goals_raise_and_the_episode_continues(options, message):
     ("kwargs", "error", "message"),
     [
         ({"scene": "pol"}, ValueError, r"scene = 'pol': expected one of 'pool', .* \(did you mean 'pool'\?\)"),
-        ({"scene": 3}, TypeError, "scene = 3: expected a name or a dict"),
+        ({"scene": 3}, TypeError, "scene = 3: expected a name, a Scene, or a dict"),
         ({"scene": {"ball": {}}}, ValueError, "key of scene = 'ball': .*did you mean 'balls'"),
         (
             {"scene": Scene.named("pool").to_dict(), "n_object_balls": 2},
             ValueError,
-            "n_object_balls = 2 with a scene given as a dict: expected None",
+            "n_object_balls = 2 with a scene without a name: expected None",
         ),
         ({"n_object_balls": 16}, ValueError, "n_object_balls = 16: expected a whole number from 0 to 15"),
         ({"n_object_balls": 0}, ValueError, "task = 'pot' with a scene of the cue ball alone: expected at least one"),
         ({"task": "carom", "n_object_balls": 0}, ValueError, "task = 'carom' with a scene of the cue ball alone"),
-        ({"task": "sum_to_three"}, ValueError, "'sum_to_three' with 1 object balls and 6 pockets: expected 1 object"),
         (
-            {"task": "sum_to_three", "scene": "carom"},
+            {"task": "sum_to_three", "scene": "pool"},
+            ValueError,
+            "'sum_to_three' with 1 object balls and 6 pockets: expected 1 object",
+        ),
+        (
+            {"task": "sum_to_three", "scene": "carom", "n_object_balls": 2},
             ValueError,
             "'sum_to_three' with 2 object balls and 0 pockets: expected 1 object balls and a table without",
         ),

@@ -19,7 +19,7 @@ TIMESTEP = 1 / 60
 FEW = (
     {"n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
     {"scene": "carom", "task": "carom", "max_shots": 5, "observe_shots_left": True},
-    {"scene": "ideal", "task": "carom", "n_object_balls": 5, "max_shots": 5, "max_speed": 10.0},
+    {"scene": "ideal", "task": "carom", "layout": "random", "n_object_balls": 5, "max_shots": 5, "max_speed": 10.0},
 )
 
 
@@ -152,7 +152,9 @@ def test_a_missed_collision_costs_the_point():
     case = FAILURES["missed_collision"]
     rewards = []
     for engine in ({}, {"mode": "pit", "dt": case.dt}):
-        env = gym.make("Billiards-v0", scene=case.scene.to_dict(), task="carom", max_speed=6.0, **engine)
+        env = gym.make(
+            "Billiards-v0", scene=case.scene.to_dict(), task="carom", layout="random", max_speed=6.0, **engine
+        )
         env.reset(options={"positions": [[-0.42, 0.0], [-0.06, 0.0]]})
         _, reward, *_ = env.step(np.array([1.0, 0.0], np.float32))
         rewards.append(reward)

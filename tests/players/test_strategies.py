@@ -45,7 +45,7 @@ def test_without_a_pot_the_geometric_player_hits_the_nearest_ball_hard():
     assert info["first_hit"] == 1
 
 
-@pytest.mark.parametrize("kwargs", [{"n_object_balls": 3, "max_shots": 4}, {"scene": "carom", "task": "carom"}])
+@pytest.mark.parametrize("kwargs", [{"n_object_balls": 3, "max_shots": 4}, {"task": "carom", "layout": "random"}])
 def test_ratings_are_the_rewards_of_steps(kwargs):
     env = BilliardsEnv(**kwargs, scratch_penalty=0.3)
     rng = RNG(0)
