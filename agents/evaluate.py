@@ -49,7 +49,7 @@ def play(
             observation, reward, terminated, truncated, info = env.step(act(observation))
             total += float(reward)
             done = terminated or truncated
-        successes.append(bool(info["success"]))
+        successes.append(bool(info["is_success"]))
         scores.append(float(info["score"]))
         rewards.append(total)
     return summary(successes, scores, rewards)
@@ -78,7 +78,7 @@ def play_together(
         rewards[~over] += gained[~over]
         ended = (terminated | truncated) & ~over
         if ended.any():
-            successes[ended] = infos["final_info"]["success"][ended]
+            successes[ended] = infos["final_info"]["is_success"][ended]
             scores[ended] = infos["final_info"]["score"][ended]
         over |= ended
     return summary(successes.tolist(), scores.tolist(), rewards.tolist())
@@ -170,7 +170,7 @@ def main(arguments: list[str] | None = None) -> None:
 def _print_episodes(infos: Sequence[Mapping[str, Any]]) -> None:
     """Prints the outcome of each episode."""
     for k, info in enumerate(infos, 1):
-        print(f"episode {k}: {'success' if info['success'] else 'no success'}, score {info['score']}")
+        print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")
 
 
 def _print(run_dir: Path, result: Mapping[str, Any]) -> None:

@@ -409,7 +409,7 @@ class _Callback(BaseCallback):
     def _on_step(self) -> bool:
         for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
             if done:
-                self.successes.append(bool(info["success"]))
+                self.successes.append(bool(info["is_success"]))
         return True
 
     def _on_rollout_end(self) -> None:

@@ -88,10 +88,9 @@ class SameStepVecEnv(VecEnv):
                 }
                 for last, cut, total, length in zip(*(column.tolist() for column in columns), strict=True)
             ]
-            for key in ("success", "is_success"):
-                if key in final:
-                    for row, value in zip(rows, final[key][done].tolist(), strict=True):
-                        row[key] = value
+            if "is_success" in final:
+                for row, value in zip(rows, final["is_success"][done].tolist(), strict=True):
+                    row["is_success"] = value
             for i, row in zip(done.tolist(), rows, strict=True):
                 infos[i] = row
         return observations, rewards.astype(np.float32), dones, infos  # pyright: ignore[reportReturnType]

@@ -10,7 +10,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from time import perf_counter
 from typing import Any
+from unittest.mock import patch
 
 import gymnasium as gym
 import numpy as np
@@ -18,6 +20,8 @@ import numpy as np
 import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
 from benchmarks.speed import seconds, summary
+from billiards_env.engine import run_shots_of
+from billiards_env.envs import episodes
 from billiards_env.files import write_json
 
 SAME_STEP = "SameStep"
@@ -60,6 +64,33 @@ def native(count: int, **arguments: Any) -> Any:
     return envs
 
 
+def outside_engine(count: int, steps: int) -> Callable[[], float]:
+    """Returns a function that steps environments on one thread and returns the share of the time outside the engine."""
+    inside = 0.0
+
+    def timed(*choice: Any) -> Callable[..., None]:
+        engine = run_shots_of(*choice)
+
+        def run(*arguments: Any) -> None:
+            nonlocal inside
+            begun = perf_counter()
+            engine(*arguments)
+            inside += perf_counter() - begun
+
+        return run
+
+    with patch.object(episodes, "run_shots_of", timed):
+        play = many(native(count, threads=1), steps)
+
+    def share() -> float:
+        nonlocal inside
+        inside = 0.0
+        total = seconds(play)
+        return 1.0 - inside / total
+
+    return share
+
+
 def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
     """Returns the name, the number of steps per pass and the pass of each kind of environment."""
 
@@ -87,27 +118,33 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         scale: Factor on the number of steps in a pass.
 
     Returns:
-        `steps`: a list with one entry per kind, with rates per second.
+        `steps`: a list with one entry per kind, with rates per second. `outside_engine`: the share of a step of 1,024
+        environments on one thread.
     """
     on = machine()
-    every = kinds(scale)
+    every, outside = kinds(scale), outside_engine(1024, max(1, round(20 * scale)))
+    outside()
     for _, _, play in every:  # compiles the kernels
         play()
     rates: list[list[float]] = [[] for _ in every]
+    shares = []
     for _ in range(repeats):
+        shares.append(outside())
         for found, (_, steps, play) in zip(rates, every, strict=True):
             found.append(steps / seconds(play))
     rows = [{"kind": name, "per_second": summary(found)} for (name, _, _), found in zip(every, rates, strict=True)]
-    return {"machine": on, "repeats": repeats, "steps": rows}
+    return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": summary(shares)}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
     one = next(iter(rates.values()))
+    outside = result["outside_engine"]["median"]
     return {
         "machine": machine_line(result["machine"]),
-        "how": f"Medians of {result['repeats']} interleaved passes.",
+        "how": f"Medians of {result['repeats']} interleaved passes. A step of 1,024 environments on one thread spends "
+        f"{outside:.0%} of its time outside the engine.",
         "steps": table(
             ("environments", "steps/s", "relative"),
             [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],

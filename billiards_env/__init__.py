@@ -12,11 +12,11 @@ from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
     from billiards_env.shots.simulation import simulate, simulate_batch
-    from billiards_env.shots.strikes import strike
+    from billiards_env.shots.strikes import Strike, strike
 
 __version__ = "0.1.0"
 
-__all__ = ["Scene", "__version__", "simulate", "simulate_batch", "strike"]
+__all__ = ["Scene", "Strike", "__version__", "simulate", "simulate_batch", "strike"]
 
 gymnasium.register(
     id="Billiards-v0",
@@ -25,8 +25,13 @@ gymnasium.register(
 )
 
 
-_MODULES = {"simulate": "shots.simulation", "simulate_batch": "shots.simulation", "strike": "shots.strikes"}
-"""The modules of the functions that are imported on first use."""
+_MODULES = {
+    "Strike": "shots.strikes",
+    "simulate": "shots.simulation",
+    "simulate_batch": "shots.simulation",
+    "strike": "shots.strikes",
+}
+"""The modules of the names that are imported on first use."""
 
 
 def __getattr__(name: str) -> Any:

@@ -104,7 +104,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
     parser.description = "Run the shot or the game in a file again. The result must have the same bits."
-    parser.add_argument("file", type=Path, help="a file of 'simulate --out shot.json', of a game, or of records.save")
+    parser.add_argument("file", type=Path, help="a file of 'simulate --out shot.json', of a game, or of shot.save")
     parser.add_argument("--shot", type=int, metavar="K", help="the shot of a game, from 1 (default: the last)")
     parser.add_argument("--window", action="store_true", help="show the shot, or all shots of a game, in a window")
     _add_out(parser)
@@ -117,8 +117,8 @@ def _add_out(parser: argparse.ArgumentParser) -> None:
 
 def simulate(args: argparse.Namespace) -> None:
     """Runs the command `simulate`."""
-    from billiards_env.games import records
     from billiards_env.scene import layouts
+    from billiards_env.shots import simulation
 
     _check_out(args.out)
     scene = Scene.named(args.scene, args.balls)
@@ -135,14 +135,12 @@ def simulate(args: argparse.Namespace) -> None:
     if velocity is None:
         aim = positions[min(1, scene.n_balls - 1)] - positions[0]
         velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
-    record = records.record_shot(
-        scene, positions, velocity, spins=args.spin, mode=args.mode, dt=args.dt, fix=args.fix, max_time=args.max_time
-    )
-    shot = records.replay(record, check=False, record_events=True)
+    options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
+    shot = simulation.simulate(scene, positions, velocity, spins=args.spin, record=True, **options)
     print(shot)
     for path in args.out:
         if path.suffix == ".json":
-            records.save(path, record)
+            shot.save(path)
         _write(shot, path)
 
 

@@ -223,7 +223,7 @@ def compare(
             begin = time.perf_counter()
             *_, infos = envs[world].step(actions)
             seconds[world] += time.perf_counter() - begin
-            successes[world].append(infos["success"])
+            successes[world].append(infos["is_success"])
     policies = []
     for k, run in enumerate(tqdm(runs, "false successes")):
         own, exact = successes[run.world][k], successes["exact"][k]

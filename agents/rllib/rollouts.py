@@ -81,7 +81,7 @@ class Rollouts:
             )
             ends[t] = terminated | truncated
             if ends[t].any():
-                successes.append(infos["final_info"]["success"][ends[t]])
+                successes.append(infos["final_info"]["is_success"][ends[t]])
         if not ends[-1].all():
             values[-1] = self.policy.predict_values(self._inputs()).numpy()[:, 0]
         gained = advantages(rewards, values, ends, self.config.ppo.gamma, self.config.ppo.gae_lambda)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from billiards_env.checks import one_of, shaped, short
@@ -14,28 +15,43 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene, check_positions
 
 
-def make_scene(scene: str | Mapping[str, Any], n_object_balls: int | None) -> Scene:
+def make_scene(
+    scene: str | Scene | Mapping[str, Any] | None,
+    n_object_balls: int | None,
+    usual: str = "pool",
+    usual_count: int | None = None,
+) -> Scene:
     """Returns the scene of an environment.
 
     Args:
-        scene: Name of a scene, or its data in the form of `Scene.to_dict()`.
-        n_object_balls: Number of object balls of a named scene; None for its usual number.
+        scene: Name of a scene, a scene, or a mapping for `Scene.from_dict`; None for the usual one.
+        n_object_balls: Number of object balls of a named scene; None for the usual number.
+        usual: Name of the usual scene.
+        usual_count: Usual number of object balls; None for that of the scene.
 
     Raises:
-        ValueError: If the name is unknown, the data are invalid, or both data and `n_object_balls` are given.
-        TypeError: If `scene` is neither a string nor a mapping, or a value in it has the wrong type.
+        ValueError: If the name is unknown, the data are invalid, or `n_object_balls` is not None without a name.
+        TypeError: If `scene` has another type, or a value in it has the wrong type.
     """
-    if isinstance(scene, str):
-        return Scene.named(scene, n_object_balls)
-    if isinstance(scene, Scene):
-        raise TypeError("scene = Scene(...): expected a name or a dict: pass scene.to_dict()")
-    if not isinstance(scene, Mapping):
-        raise TypeError(f"scene = {short(scene)}: expected a name or a dict in the form of Scene.to_dict()")
+    if scene is None or isinstance(scene, str):
+        return Scene.named(usual if scene is None else scene, usual_count if n_object_balls is None else n_object_balls)
+    if not isinstance(scene, (Scene, Mapping)):
+        raise TypeError(f"scene = {short(scene)}: expected a name, a Scene, or a dict in the form of Scene.to_dict()")
     if n_object_balls is not None:
         raise ValueError(
-            f"n_object_balls = {short(n_object_balls)} with a scene given as a dict: expected None, it lists the balls"
+            f"n_object_balls = {short(n_object_balls)} with a scene without a name: expected None, it lists the balls"
         )
-    return Scene.from_dict(scene)
+    return scene if isinstance(scene, Scene) else Scene.from_dict(scene)
+
+
+def _set_spec(env: Any, spec: EnvSpec | None) -> None:
+    if spec is not None and isinstance(spec.kwargs.get("scene"), Scene):
+        spec.kwargs = {**spec.kwargs, "scene": spec.kwargs["scene"].to_dict()}
+    env._spec = spec
+
+
+json_spec: Any = property(lambda env: env._spec, _set_spec)
+"""The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, so that it is JSON."""
 
 
 def check_options(

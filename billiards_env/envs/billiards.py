@@ -11,15 +11,15 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import one_of, finite, flag, real, whole
+from billiards_env.checks import finite, flag, one_of, real, whole
 from billiards_env.engine import STATUS, checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
-from billiards_env.envs.arguments import check_options, make_scene
+from billiards_env.envs.arguments import check_options, json_spec, make_scene
 from billiards_env.envs.episodes import Episodes, Settings
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
-from billiards_env.scene import layouts
+from billiards_env.scene import Scene, layouts
 
 _ONE = np.ones(1, np.bool_)
 _NONE = np.zeros(1, np.bool_)
@@ -115,7 +115,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Starting State
 
-    The argument `layout` selects the starting positions of the balls:
+    The argument `layout` selects the starting positions of the balls. By default it is that of the task:
+    `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, the rack of the game in the
+    run-outs, and `"random"` in the others. The layouts are:
 
     - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
       pockets.
@@ -172,13 +174,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `points`     | int        | points of the shot                                       |
     | `score`      | int        | points of the episode up to now                          |
     | `shots_left` | int        | number of shots left in the episode                      |
-    | `success`    | bool       | whether the task was achieved in the episode             |
-    | `is_success` | bool       | same as `success`; Stable-Baselines3 logs this key       |
+    | `is_success` | bool       | whether the task was achieved in the episode             |
     | `miscue`     | bool       | whether the tip slipped; only with `action="strike"`     |
 
-    The task `"pot"` is achieved if all object balls are potted and the cue ball is not. A run-out is achieved if the
-    nine ball or the eight ball is potted without a foul when it may be potted. The other tasks are achieved if the
-    score is at least 1.
+    Stable-Baselines3 logs `is_success`. The task `"pot"` is achieved if all object balls are potted and the cue ball is
+    not. A run-out is achieved if the nine ball or the eight ball is potted without a foul when it may be potted. The
+    other tasks are achieved if the score is at least 1.
 
     The status is `"rest"`, or `"max_time"` if the shot reached the time limit of the scene. It is `"event_limit"` or
     `"step_limit"` if the engine ended the shot at its limit on events or timesteps. In this case `step` also issues a
@@ -198,34 +199,35 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     | Argument             | Type          | Default      | Description                                            |
     |----------------------|---------------|--------------|--------------------------------------------------------|
-    | `scene`              | str or dict   | `"pool"`     | name of a scene, or the result of `Scene.to_dict()`    |
+    | `scene`              | see below     | `None`       | scene; None for that of the task                       |
     | `task`               | str           | `"pot"`      | the task, see Rewards                                  |
-    | `n_object_balls`     | int or None   | `None`       | number of object balls of a named scene                |
+    | `n_object_balls`     | int or None   | `None`       | number of object balls; None for the usual one         |
     | `mode`               | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)    |
     | `dt`                 | float or None | `None`       | timestep of `"pit"`, s                                 |
     | `fix`                | str or None   | `None`       | how `"pit"` treats overlaps                            |
     | `action`             | str           | `"velocity"` | `"velocity"` or `"strike"`, see Action Space           |
     | `max_shots`          | int or None   | `None`       | maximum number of shots; None for that of the task     |
     | `max_speed`          | float         | `4.0`        | speed of the fastest shot, m/s                         |
-    | `layout`             | str or None   | `"random"`   | starting positions; None for those of the task         |
+    | `layout`             | str or None   | `None`       | starting positions; None for those of the task         |
     | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
+    - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
+      9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
+      `"sum_to_three"` in the task of that name, and `"pool"` in the others. `n_object_balls` needs a named scene.
     - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
-    - With `layout=None` the layout is `"rack"` for `"pot"`, `"carom_opening"` for `"carom"` and `"three_cushion"`,
-      `"line"` for `"sum_to_three"`, `"random"` for `"place"` and `"position"`, `"rack"` for `"clear"`, and the rack of
-      the game for the run-outs.
-    - All arguments are JSON values, so an `EnvSpec` can be converted to JSON and back. `billiards_env.checks.RANGES`
-      contains the range of each number.
+    - An `EnvSpec` can be converted to JSON and back: all other arguments are JSON values, and the spec has a dict in
+      place of a `Scene`. `billiards_env.checks.RANGES` contains the range of each number.
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). Frames are drawn to scale, 30 for each second of a shot.
+    Rendering needs pygame (extra `render`). With a render mode each step also records its shot. Frames are drawn to
+    scale, 30 for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
@@ -248,10 +250,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     # gym.Env declares an instance variable.
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012
+    _spec = None
+    spec = json_spec
 
     def __init__(
         self,
-        scene: str | Mapping[str, Any] = "pool",
+        scene: str | Scene | Mapping[str, Any] | None = None,
         task: str = "pot",
         n_object_balls: int | None = None,
         mode: str = "pic",
@@ -260,19 +264,22 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         action: str = "velocity",
         max_shots: int | None = None,
         max_speed: float = 4.0,
-        layout: str | None = "random",
+        layout: str | None = None,
         observe_shots_left: bool = False,
         scratch_penalty: float = 0.1,
         render_mode: str | None = None,
     ) -> None:
-        self.scene = make_scene(scene, n_object_balls)
+        one_of("task", task, tuple(TASKS))
+        entry = TASKS[task]
+        least, most = entry.n_object_balls
+        self.scene = make_scene(scene, n_object_balls, entry.scene, least if least == most else None)
         self.targets = task_targets(task, self.scene)
         self.task = task
         self.engine = checked_engine(mode, dt, fix)
         self.action = check_action(action, self.scene)
-        self.max_shots = whole("max_shots", TASKS[task].max_shots if max_shots is None else max_shots, "max_shots")
+        self.max_shots = whole("max_shots", entry.max_shots if max_shots is None else max_shots, "max_shots")
         self.max_speed = real("max_speed", max_speed, "max_speed")
-        self.layout = TASKS[task].layout if layout is None else layout
+        self.layout = entry.layout if layout is None else layout
         # A layout that is impossible in the scene raises an error here and not in `reset`.
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
@@ -282,9 +289,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode, self.engine)
+        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
-        self._episodes = self.episodes(1)
+        self._episodes = self.episodes(1, record=render_mode is not None)
         coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
         flags = max(self._episodes.on.shape[1] - 1, 0) + self.observe_shots_left
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
@@ -295,8 +302,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._numbers = ACTIONS[action]
         self._size = len(low)
 
-    def episodes(self, count: int) -> Episodes:
-        """Returns `count` new episodes with the arguments of this environment."""
+    def episodes(self, count: int, record: bool = False) -> Episodes:
+        """Returns `count` new episodes with the arguments of this environment. `record` is that of `Episodes`."""
         settings = Settings(
             scene=self.scene,
             task=self.task,
@@ -308,7 +315,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             scratch_penalty=self.scratch_penalty,
             engine=self.engine,
         )
-        return Episodes(count, settings)
+        return Episodes(count, settings, record)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -382,32 +389,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, (self._numbers,))
         observation = np.empty(self._size, np.float32)
-        potted = np.empty(len(self.targets), np.bool_)
         reward = self._rewards
-        episodes.shoot(0, 1, _NONE, action[None], reward, potted[None], observation[None])
-        shots = episodes.shots
-        points, score, shots_left, success = episodes.tally[0].tolist()
-        status = shots.status.item()
-        if status >= AT_EVENT_LIMIT:
+        episodes.shoot(0, 1, _NONE, action[None], reward, observation[None])
+        if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, action)
-        info = {
-            "shot_time": shots.time.item(),
-            "n_events": shots.n_events.item(),
-            "status": STATUS[status],
-            "first_hit": shots.first_hit.item(),
-            "cushions": shots.cushions[0].copy(),
-            "potted": potted,
-            "scratch": potted.item(0),
-            "points": points,
-            "score": score,
-            "shots_left": shots_left,
-            "success": success == 1,
-            "is_success": success == 1,
-        }
-        if self.action == "strike":
-            info["miscue"] = episodes.miscues.item()
+        info = {key: values.item() if values.ndim == 1 else values[0].copy() for key, values in episodes.info.items()}
+        info["status"] = STATUS[info["status"]]
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally[0], episodes.goals[0])])
+            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally, episodes.goals[0])])
         return observation, reward.item(), episodes.over.item(), False, info
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

@@ -12,18 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, Engine, empty_shots, run_shots_of, scene_fields
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of, scene_fields
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, judge_pot, write_on
-from billiards_env.jit import entry_point, kernel
+from billiards_env.jit import entry_point, inlined
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Balls, Scene, layouts
-
-# Columns of `Episodes.tally`.
-POINTS, SCORE, SHOTS_LEFT, SUCCESS = 0, 1, 2, 3
-N_TALLY = 4
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import run_shot
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -100,15 +98,31 @@ class Starts(NamedTuple):
     potted_before: Any
 
 
+class Tally(NamedTuple):
+    """What m episodes have counted, with the names of the keys of `info`.
+
+    Attributes:
+        points: (m,) int64: points of the last shot.
+        score: (m,) int64: points of the episode.
+        shots_left: (m,) int64: number of shots left.
+        scratch: (m,) bool: whether the last shot potted the cue ball.
+        is_success: (m,) bool: whether the task is achieved in the episode so far.
+    """
+
+    points: Any
+    score: Any
+    shots_left: Any
+    scratch: Any
+    is_success: Any
+
+
 class Progress(NamedTuple):
-    """The progress of m episodes.
+    """The progress of m episodes. The fields between `in_play` and `over` are those of `Tally`.
 
     Attributes:
         positions: (m, n, 2) float64, m.
         goals: (m, g, 2) float64, m.
         in_play: (m, n) bool.
-        tally: (m, N_TALLY) int64: points of the last shot, points of the episode, shots left, and whether the episode
-            is a success so far.
         over: (m,) bool: whether the episode has ended.
         on: (m, n) bool in a run-out, None in other tasks: the balls that are on.
     """
@@ -116,7 +130,11 @@ class Progress(NamedTuple):
     positions: Any
     goals: Any
     in_play: Any
-    tally: Any
+    points: Any
+    score: Any
+    shots_left: Any
+    scratch: Any
+    is_success: Any
     over: Any
     on: Any
 
@@ -129,7 +147,9 @@ class Episodes:
     Attributes:
         settings: The arguments of the environment.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        tally: See `Progress`.
+        tally: The `Tally`.
+        potted: (m, n) bool: balls off the table after the last shot.
+        info: The array of each key of `info`, with one entry per episode. That of "status" holds indices into `STATUS`.
         over: (m,) bool: whether the episode has ended; True before the first episode.
         start: (m, n, 2) float64, m: positions before the last shot.
         potted_before: (m, n) bool: balls off the table before the last shot.
@@ -137,18 +157,21 @@ class Episodes:
         plan: The layout at the start of an episode.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
+        recorded: The last shot of each episode with its trajectory, by episode; None unless `record` is True.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
     """
 
-    def __init__(self, count: int, settings: Settings) -> None:
+    def __init__(self, count: int, settings: Settings, record: bool = False) -> None:
         scene, n, task = settings.scene, settings.scene.n_balls, TASKS[settings.task]
         self.settings = settings
         self.shots = empty_shots(count, n)
         for array in self.shots:
             array[...] = 0
         self.shots.in_play[...] = True
-        self.tally = np.zeros((count, N_TALLY), np.int64)
+        self.tally = Tally(*np.zeros((3, count), np.int64), *np.zeros((2, count), np.bool_))
+        self.potted = np.zeros((count, n), np.bool_)
+        self.recorded: dict[int, ShotResult] | None = {} if record else None
         self.over = np.ones(count, np.bool_)
         self.start = np.zeros((count, n, 2))
         self.potted_before = np.zeros((count, n), np.bool_)
@@ -175,10 +198,20 @@ class Episodes:
         )
         self._starts = *shots[:4], self.start, self.potted_before
         on = self.on if task.on else None
-        self._progress = shots.positions, self.goals, shots.in_play, self.tally, self.over, on
+        self._progress = shots.positions, self.goals, shots.in_play, *self.tally, self.over, on
         self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
         self._struck = shots.velocities, shots.spins, self.miscues
-        self._hits = shots.cushions, shots.cushions_before_hit, shots.first_hit
+        self._hits = shots.cushions, shots.cushions_before_hit, shots.first_hit, self.potted_before, self.potted
+        self.info = {
+            "shot_time": shots.time,
+            "n_events": shots.n_events,
+            "status": shots.status,
+            "first_hit": shots.first_hit,
+            "cushions": shots.cushions,
+            "potted": self.potted,
+            **self.tally._asdict(),
+            **({} if self._cue is None else {"miscue": self.miscues}),
+        }
 
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
@@ -219,7 +252,6 @@ class Episodes:
         skip: Bools,
         actions: Floats,
         rewards: Floats,
-        potted: Bools,
         observations: NDArray[np.float32],
     ) -> None:
         """Plays a shot in each episode.
@@ -232,21 +264,36 @@ class Episodes:
             skip: (m,) bool, the episodes without a shot. Their reward is 0, and their tally does not change.
             actions: (m, 2) or (m, 5), see `envs.actions`, finite.
             rewards: (m,) float64 out.
-            potted: (m, n) bool out: balls off the table.
             observations: (m, size) float32 out.
         """
         start_shots(begin, end, skip, actions, self._max_speed, self._starts)
         if self._cue is not None:
             strike_balls(begin, end, skip, actions, self._cue, self._struck)
         try:
-            self._run_shots(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+            if self.recorded is None:
+                self._run_shots(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+            else:
+                for k in range(begin, end):
+                    self.recorded[k] = self._record(k)
         except BaseException:
             self.shots.positions[begin:end] = self.start[begin:end]
             self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
             raise
-        hits = *self._hits, self.potted_before
-        results = rewards, potted, observations
-        scoring(self.settings.task)(begin, end, skip, self._rules, self._progress, hits, results)
+        results = rewards, observations
+        scoring(self.settings.task)(begin, end, skip, self._rules, self._progress, self._hits, results)
+
+    def _record(self, k: int) -> ShotResult:
+        """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
+        settings, shots = self.settings, self.shots
+        positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
+        start = ShotInput(positions, velocities, spins, in_play, self._limit)
+        shot = run_shot(settings.scene, start, settings.engine, record=True)
+        for name, array in shots._asdict().items():
+            if name == "in_play":
+                array[k] = ~shot.potted
+            else:
+                array[k] = STATUS.index(shot.status) if name == "status" else getattr(shot, name)
+        return shot
 
     def warn_cut_off(self, k: int, action: Floats) -> None:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
@@ -263,7 +310,7 @@ def cue_ball_alone(scene: Scene) -> Scene:
     return dataclasses.replace(scene, balls=Balls(scene.balls.radius[:1], scene.balls.mass[:1]))
 
 
-@kernel
+@inlined
 def observe(k, rules, progress, observations):
     """Writes the observation of episode k.
 
@@ -280,10 +327,10 @@ def observe(k, rules, progress, observations):
         observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / rules.half_width
     last = observe_on(progress.on, k, 2 * (n + n_goals), observations)
     if observations.shape[1] > last:
-        observations[k, last] = progress.tally[k, SHOTS_LEFT] / rules.max_shots
+        observations[k, last] = progress.shots_left[k] / rules.max_shots
 
 
-@kernel
+@inlined
 def observe_on(on, k, begin, observations):
     """Writes whether each object ball of episode k is on, from column `begin`. Returns the next column."""
     if on is None:
@@ -297,13 +344,11 @@ def observe_on(on, k, begin, observations):
 def begin_episodes(begin, end, mask, rules, progress, observations):
     """Begins episodes, see `Episodes.begin`; `rules` is a `Rules` and `progress` a `Progress`, as plain tuples."""
     rules, progress = Rules(*rules), Progress(*progress)
-    tally = progress.tally
     for k in range(begin, end):
         if mask[k]:
             for i in range(progress.in_play.shape[1]):
                 progress.in_play[k, i] = True
-            tally[k, POINTS] = tally[k, SCORE] = tally[k, SUCCESS] = 0
-            tally[k, SHOTS_LEFT] = rules.max_shots
+            progress.score[k], progress.shots_left[k], progress.is_success[k] = 0, rules.max_shots, False
             progress.over[k] = False
             write_on(progress.on, k, rules.opening_on)
         observe(k, rules, progress, observations)
@@ -346,12 +391,12 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
         skip: (m,) bool, the episodes without a shot.
         rules: `Rules`, as a plain tuple.
         progress: `Progress`, as a plain tuple.
-        hits: `cushions`, `cushions_before_hit` and `first_hit` of `engine.Shots`, and `potted_before`.
-        results: `rewards`, `potted` and `observations` of `Episodes.shoot`.
+        hits: `cushions`, `cushions_before_hit` and `first_hit` of `engine.Shots`, `potted_before`, and `potted` out.
+        results: `rewards` and `observations` of `Episodes.shoot`.
     """
     rules, progress = Rules(*rules), Progress(*progress)
-    cushions, cushions_before_hit, first_hit, potted_before = hits
-    rewards, potted, observations = results
+    cushions, cushions_before_hit, first_hit, potted_before, potted = hits
+    rewards, observations = results
     outcome = Outcome(
         progress.positions,
         progress.goals,
@@ -364,18 +409,17 @@ def score_shots(begin, end, skip, rules, progress, hits, results):
         rules.bits,
         progress.on,
     )
-    tally = progress.tally
     for k in range(begin, end):
         for i in range(progress.in_play.shape[1]):
             potted[k, i] = not progress.in_play[k, i]
         rewards[k] = 0.0
         if not skip[k]:
             points, decided, success = judge(k, rules.targets, outcome)
-            tally[k, POINTS] = points
-            tally[k, SCORE] += points
-            tally[k, SHOTS_LEFT] -= 1
-            if success:
-                tally[k, SUCCESS] = 1
-            progress.over[k] = decided or tally[k, SHOTS_LEFT] == 0
-            rewards[k] = points - rules.scratch_penalty if potted[k, CUE_BALL] else float(points)
+            scratch = potted[k, CUE_BALL]
+            progress.points[k], progress.scratch[k] = points, scratch
+            progress.score[k] += points
+            progress.shots_left[k] -= 1
+            progress.is_success[k] = progress.is_success[k] or success
+            progress.over[k] = decided or progress.shots_left[k] == 0
+            rewards[k] = points - rules.scratch_penalty if scratch else float(points)
         observe(k, rules, progress, observations)

@@ -1,8 +1,7 @@
 """Rendering of the shots of an environment, in the render modes of Gymnasium.
 
-A step stores only the start of its shot. When a frame is needed, the shot is simulated and recorded again, with the
-same bits, and then drawn. A render mode therefore costs almost nothing until `render` is called, and pygame is imported
-with the first frame.
+With a render mode a step records its shot while it simulates it. The shot is drawn when a frame is needed, and pygame
+is imported with the first frame.
 """
 
 from __future__ import annotations
@@ -19,11 +18,12 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.engine import PIC, Engine, ShotInput
+from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
-from billiards_env.envs.episodes import SCORE, SHOTS_LEFT, Episodes
+from billiards_env.envs.episodes import Episodes, Tally
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene
+from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
 if TYPE_CHECKING:
@@ -48,44 +48,43 @@ Image = NDArray[np.uint8]
 
 
 class DrawnShot(NamedTuple):
-    """A shot to draw, or the balls at rest if its time limit is 0 s.
+    """A shot to draw, or the balls at rest if it lasts 0 s.
 
     Attributes:
-        shot: The start of the shot.
+        shot: The shot, recorded.
         left: Text on the left, visible during the whole shot.
         right: Text on the right, visible at the end of the shot.
         circles: Circles on the cloth: x, y and radius, m.
     """
 
-    shot: ShotInput
+    shot: ShotResult
     left: str
     right: str = ""
     circles: Circles = ()
 
 
 def balls_at_rest(
-    positions: NDArray[np.float64], left: str, in_play: NDArray[np.bool_] | None = None, circles: Circles = ()
+    scene: Scene, positions: NDArray[np.float64], in_play: NDArray[np.bool_], left: str, circles: Circles = ()
 ) -> DrawnShot:
     """Returns balls at rest for drawing.
 
     Args:
-        positions: (n, 2) m; copied.
+        scene: The scene.
+        positions: (n, 2) m.
+        in_play: (n,) bool.
         left: Text on the left.
-        in_play: (n,) bool; None for all balls. Copied.
         circles: Circles on the cloth, as in `DrawnShot`.
     """
     n = len(positions)
-    playing = np.ones(n, np.bool_) if in_play is None else in_play.copy()
-    return DrawnShot(
-        ShotInput(positions.copy(), np.zeros((n, 2)), np.zeros((n, 3)), playing, 0.0), left, circles=circles
-    )
+    start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, 0.0)
+    return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
 
 
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
-    shots = episodes.shots
-    circles = _goal_circles(episodes.settings.task, episodes.goals[k])
-    return balls_at_rest(shots.positions[k], episodes.settings.task, shots.in_play[k], circles)
+    settings, shots = episodes.settings, episodes.shots
+    circles = _goal_circles(settings.task, episodes.goals[k])
+    return balls_at_rest(settings.scene, shots.positions[k], shots.in_play[k], settings.task, circles)
 
 
 def drawn_shot(
@@ -93,7 +92,7 @@ def drawn_shot(
     k: int,
     action: NDArray[np.float64],
     reward: float,
-    tally: NDArray[np.int64],
+    tally: Tally,
     goals: NDArray[np.float64],
 ) -> DrawnShot:
     """Returns the last shot of episode k for drawing.
@@ -103,17 +102,15 @@ def drawn_shot(
         k: The episode.
         action: (2,) or (5,) action of the shot.
         reward: Reward of the shot.
-        tally: (N_TALLY,) row of `Episodes.tally` after the shot.
+        tally: The tally after the shots.
         goals: (g, 2) goals of the shot, m.
     """
-    settings, n = episodes.settings, episodes.settings.scene.n_balls
-    velocities, spins = np.zeros((n, 2)), np.zeros((n, 3))
-    velocities[0], spins[0], _ = cue_strike(action, settings.scene, settings.max_speed)
-    limit = settings.scene.physics.max_time or math.inf
-    shot = ShotInput(episodes.start[k].copy(), velocities, spins, ~episodes.potted_before[k], limit)
-    number = settings.max_shots - int(tally[SHOTS_LEFT])
-    left = f"{settings.task}   shot {number} of {settings.max_shots}   {math.hypot(*velocities[0]):.2f} m/s"
-    return DrawnShot(shot, left, f"reward {reward:g}   score {tally[SCORE]}", _goal_circles(settings.task, goals))
+    assert episodes.recorded is not None
+    shot, settings = episodes.recorded[k], episodes.settings
+    number = settings.max_shots - tally.shots_left[k]
+    speed = math.hypot(*cue_strike(action, settings.scene, settings.max_speed).velocity)
+    left = f"{settings.task}   shot {number} of {settings.max_shots}   {speed:.2f} m/s"
+    return DrawnShot(shot, left, f"reward {reward:g}   score {tally.score[k]}", _goal_circles(settings.task, goals))
 
 
 def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:
@@ -127,23 +124,15 @@ class Renderer:
     Args:
         scene: The scene of the environments.
         render_mode: One of `RENDER_MODES`.
-        engine: The engine.
         count: Number of environments.
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        render_mode: str,
-        engine: Engine = PIC,
-        count: int = 1,
-    ) -> None:
+    def __init__(self, scene: Scene, render_mode: str, count: int = 1) -> None:
         self.render_mode = render_mode
         self._scene = scene
-        self._engine = engine
         self._count = count
         self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
@@ -229,8 +218,8 @@ class Renderer:
             self._canvas = Canvas(self._scene, WIDTH_OF_MANY if tiled else WIDTH)
         films = []
         for shot, left, right, circles in shots:
-            recording = run_shot(self._scene, shot, self._engine, record=True).recording()
-            films.append(self._canvas.film(recording, FPS, left, right, only_last=only_last, circles=circles))
+            film = self._canvas.film(shot.recording(), FPS, left, right, only_last=only_last, circles=circles)
+            films.append(film)
         return films
 
 

@@ -15,12 +15,11 @@ from billiards_env.checks import one_of, shaped, short, whole
 from billiards_env.engine import STATUS, parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
-from billiards_env.envs.arguments import check_options
+from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.episodes import POINTS, SCORE, SHOTS_LEFT, SUCCESS
+from billiards_env.envs.episodes import Tally
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.jit import streams
-from billiards_env.physics.state import CUE_BALL
 
 Bools = NDArray[np.bool_]
 
@@ -97,6 +96,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         "render_fps": FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
+    _spec = None
+    spec = json_spec
     _renderer: Renderer | None = None  # Gymnasium closes an environment even if its construction failed
 
     def __init__(
@@ -113,9 +114,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.threads = None if threads is None else whole("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(**arguments)
         self.render_mode = env.render_mode
-        self._renderer = (
-            None if env.render_mode is None else Renderer(env.scene, env.render_mode, env.engine, self.num_envs)
-        )
+        self._renderer = None if env.render_mode is None else Renderer(env.scene, env.render_mode, self.num_envs)
         self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
@@ -123,7 +122,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._actions_shape = self.num_envs, ACTIONS[env.action]
 
-        self._episodes = env.episodes(self.num_envs)
+        self._episodes = env.episodes(self.num_envs, record=env.render_mode is not None)
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # -1: not seeded yet
         self._begun = np.zeros(self.num_envs, np.bool_)
@@ -248,14 +247,15 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         checked = self._checked_actions(actions, skip)
         resets = skip.any()
         same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-        rewards, potted, last = np.empty(m), np.empty(shots.in_play.shape, np.bool_), self._new_observations()
-        over, tally = np.empty(m, np.bool_), np.empty_like(episodes.tally)
+        rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
+        tally = Tally(*map(np.empty_like, episodes.tally))
         goals = episodes.goals if self._renderer is None else episodes.goals.copy()
         observations = self._new_observations() if same_step else last
 
         def work(begin: int, end: int) -> None:
-            episodes.shoot(begin, end, skip, checked, rewards, potted, last)
-            tally[begin:end] = episodes.tally[begin:end]
+            episodes.shoot(begin, end, skip, checked, rewards, last)
+            for kept, array in zip(tally, episodes.tally, strict=True):
+                kept[begin:end] = array[begin:end]
             if resets:
                 episodes.draw(begin, end, skip, self._streams)
                 episodes.begin(begin, end, skip, last)
@@ -264,7 +264,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.draw(begin, end, over, self._streams)
                 episodes.begin(begin, end, over, observations)
 
-        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, episodes.tally, episodes.on)]
+        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, *episodes.tally, episodes.on)]
         if resets or same_step:
             before += [(array, array.copy()) for array in (self._streams, episodes.goals)]
         try:
@@ -279,7 +279,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 [
                     drawn_layout(episodes, k)
                     if skip[k]
-                    else drawn_shot(episodes, k, checked[k], rewards[k], tally[k], goals[k])
+                    else drawn_shot(episodes, k, checked[k], rewards[k], tally, goals[k])
                     for k in range(self.num_envs)
                 ]
             )
@@ -287,7 +287,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if cut_off.any():
             k = int(np.argmax(cut_off))
             episodes.warn_cut_off(k, checked[k])
-        info = self._info(tally, potted)
+        info = {**episodes.info, **tally._asdict(), "status": _STATUS[shots.status]}
         if same_step and over.any():
             infos = {
                 **_masked(info, ~over),
@@ -319,27 +319,6 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         """Closes the window of the render mode "human"."""
         if self._renderer is not None:
             self._renderer.close()
-
-    def _info(self, tally: NDArray[np.int64], potted: Bools) -> dict[str, NDArray[Any]]:
-        shots = self._episodes.shots
-        success = tally[:, SUCCESS] == 1
-        info = {
-            "shot_time": shots.time.copy(),
-            "n_events": shots.n_events.copy(),
-            "status": _STATUS[shots.status],
-            "first_hit": shots.first_hit.copy(),
-            "cushions": shots.cushions.copy(),
-            "potted": potted,
-            "scratch": potted[:, CUE_BALL].copy(),
-            "points": tally[:, POINTS].copy(),
-            "score": tally[:, SCORE].copy(),
-            "shots_left": tally[:, SHOTS_LEFT].copy(),
-            "success": success,
-            "is_success": success.copy(),
-        }
-        if self.single_env.action == "strike":
-            info["miscue"] = self._episodes.miscues.copy()
-        return info
 
     def _new_observations(self) -> NDArray[np.float32]:
         return np.empty((self.num_envs, len(self.single_observation_space.low)), np.float32)  # pyright: ignore
@@ -397,7 +376,7 @@ def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:
     infos: dict[str, Any] = {}
     for key, values in info.items():
         if everywhere:
-            infos[key] = values
+            infos[key] = values.copy()
         elif values.dtype == object:
             infos[key] = np.where(mask, values, _NOTHING)
         else:
@@ -408,6 +387,8 @@ def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:
 
 def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:
     """Returns an object array of the rows in the mask, with None for the other rows."""
+    if mask.all():
+        return np.fromiter(array, object, len(array))
     rows = np.full(len(array), None)
     rows[mask] = np.fromiter(array[mask], dtype=object)
     return rows

@@ -157,7 +157,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     |---|---|---|---|
     | `rules` | str | `"eight_ball"` | the game |
     | `n_players` | int | `2` | number of players |
-    | `scene` | str, dict or None | `None` | a scene's name or data as in `Billiards-v0`; None for that of the game |
+    | `scene` | see right | `None` | a scene as in `Billiards-v0`; None for that of the game |
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
@@ -185,7 +185,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self,
         rules: str = "eight_ball",
         n_players: int = 2,
-        scene: str | Mapping[str, Any] | None = None,
+        scene: str | Scene | Mapping[str, Any] | None = None,
         n_object_balls: int | None = None,
         target: int | None = None,
         action: str = "velocity",
@@ -202,7 +202,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         super().__init__()
         if flag("miss", miss) and not calls:
             raise ValueError("miss = True with calls = False: expected calls = True, the miss rule gives a choice")
-        board = _make_scene(rules, scene, n_object_balls)
+        one_of("rules", rules, tuple(RULES))
+        board = make_scene(scene, n_object_balls, RULES[rules].scene, RULES[rules].n_object_balls[1])
         game_rules = RULES[rules]
         if flag("calls", calls) and not game_rules.pockets:
             raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
@@ -217,7 +218,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
-        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode, self.setup.engine)
+        self._renderer = None if render_mode is None else Renderer(self.setup.scene, render_mode)
 
         n, players = self.setup.scene.n_balls, self.setup.n_players
         self.possible_agents = [f"player_{i}" for i in range(players)]
@@ -280,7 +281,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.agents[self.game.state.player]
         if self._renderer is not None:
             in_play = np.isin(np.arange(len(self.game.positions)), sorted(self.game.state.on_table))
-            self._renderer.begin([balls_at_rest(self.game.positions, self.setup.rules, in_play)])
+            self._renderer.begin([balls_at_rest(self.setup.scene, self.game.positions, in_play, self.setup.rules)])
 
     def step(self, action: NDArray[np.float32] | None) -> None:
         """Plays the selected agent's shot.
@@ -339,7 +340,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         self.agent_selection = self.possible_agents[state.player]
         if self._renderer is not None:
             left = f"{self.setup.rules}   {agent}   shot {len(self._strokes)} of {self.max_shots}"
-            self._renderer.step([DrawnShot(played.shot_input, left, self._result_text(played))])
+            self._renderer.step([DrawnShot(played.shot, left, self._result_text(played))])
 
     def observe(self, agent: str) -> NDArray[np.float32]:
         """Returns the observation of `agent`, see the class's docstring."""
@@ -434,17 +435,6 @@ def _part(value: float, count: int) -> int:
 def _from(viewer: int, values: tuple[int, ...]) -> tuple[int, ...]:
     """Returns the values of all players, beginning with those of one player."""
     return values[viewer:] + values[:viewer]
-
-
-def _make_scene(rules: str, scene: str | Mapping[str, Any] | None, n_object_balls: int | None) -> Scene:
-    """Returns the scene of a game; None selects the defaults of the game."""
-    one_of("rules", rules, tuple(RULES))
-    game_rules = RULES[rules]
-    if scene is None:
-        scene = game_rules.scene
-    if isinstance(scene, str) and n_object_balls is None:
-        n_object_balls = game_rules.n_object_balls[1]
-    return make_scene(scene, n_object_balls)
 
 
 def env(**kwargs: Any) -> OrderEnforcingWrapper[str, NDArray[np.float32], NDArray[np.float32]]:

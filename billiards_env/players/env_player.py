@@ -42,16 +42,16 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
 
     The environment does not change.
     """
-    m, n = len(actions), env.scene.n_balls
+    m = len(actions)
     episodes, found = env.episodes(m), np.empty(m)
     episodes.shots.positions[:] = env.positions
     episodes.shots.in_play[:] = ~env.potted
     episodes.goals[:], episodes.on[:] = env.goals, env.on
-    no_skip, off = np.zeros(m, np.bool_), np.empty((m, n), np.bool_)
+    no_skip = np.zeros(m, np.bool_)
     observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, no_skip, actions, found, off, observations)
+        episodes.shoot(begin, end, no_skip, actions, found, observations)
 
     parallel_for(work, m)
     return found

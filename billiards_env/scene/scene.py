@@ -122,10 +122,10 @@ class Balls:
             raise ValueError("balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move")
 
     @classmethod
-    def uniform(cls, count: int, radius: float = POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
-        """Returns `count` equal balls of `radius` metres and `mass` kilograms."""
-        count = whole("count", count, "balls")
-        return cls((radius,) * count, (mass,) * count)
+    def uniform(cls, n_balls: int, radius: float = POOL_RADIUS, mass: float = _POOL_MASS) -> Balls:
+        """Returns `n_balls` equal balls of `radius` metres and `mass` kilograms."""
+        n_balls = whole("n_balls", n_balls, "balls")
+        return cls((radius,) * n_balls, (mass,) * n_balls)
 
     def __len__(self) -> int:
         return len(self.radius)

@@ -4,6 +4,7 @@ Modules:
     simulation: `simulate` and `simulate_batch`.
     result: The result of one shot.
     sensitivity: The derivative of a shot with respect to its start.
+    records: Shots as files.
     strikes: The motion of the cue ball after a strike.
     strike_map: The success of strikes over two parameters.
 """

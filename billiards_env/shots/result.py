@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, fits, numbers, short
+from billiards_env.checks import numbers, short
+from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.log import (
     BALL,
     EVENT_X,
@@ -107,6 +107,7 @@ class ShotResult:
     scene: Scene | None = None
     engine: str = ""
     _log: Floats | None = None  # the rows of `Log.events`; None for PIT
+    _arguments: tuple[ShotInput, Engine, int] | None = None  # those of `run_shot`
 
     def __repr__(self) -> str:
         potted, contacts = np.flatnonzero(self.potted), self.cushions
@@ -120,23 +121,27 @@ class ShotResult:
             lines.append(f"recorded ({self.engine}): events, at(t), plot(), to_html(path), to_gif(path), to_mp4(path)")
         return "\n  ".join(lines)
 
-    def at(self, t: float) -> Floats:
+    def at(self, t: ArrayLike) -> Floats:
         """Returns the positions of the balls at time t, from their trajectories.
 
         Args:
-            t: Seconds since the start of the shot. After its end the balls stay where they are.
+            t: Seconds since the start of the shot, a number or an array of any shape. After the end of the shot the
+                balls stay where they are.
 
         Returns:
-            (n, 2) float64, m. A potted ball is at the centre of its pocket.
+            (..., n, 2) float64, m, with the shape of t in front. A potted ball is at the centre of its pocket.
 
         Raises:
-            ValueError: If the shot was not recorded, or t is negative or not finite.
+            ValueError: If the shot was not recorded, or a time is negative or not finite.
         """
         if self.trajectory is None:
             raise ValueError("shot.at: the shot was not recorded, expected simulate(..., record=True)")
-        if not fits(t, Range(0.0, sys.float_info.max)):
+        times = numbers("t", t)
+        if not (np.isfinite(times) & (times >= 0)).all():
             raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
-        return self.trajectory.at(min(float(t), self.time))
+        balls = range(len(self.potted))
+        paths = [self.trajectory.path(ball, np.minimum(times, self.time).ravel()) for ball in balls]
+        return np.stack(paths, axis=1).reshape(*times.shape, len(balls), 2)
 
     def sensitivity(self, t: float | None = None) -> Sensitivity:
         """Returns the derivative of the positions at time t with respect to the initial state of the balls.
@@ -261,6 +266,20 @@ class ShotResult:
         from billiards_env.drawing.page import notebook_output
 
         return notebook_output(self.recording("_repr_html_"))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the input and the result of the shot as JSON, for `shots.records.load` and `billiards replay`.
+
+        Args:
+            path: The file, which is written completely or not at all.
+
+        Raises:
+            ValueError: If the shot was not recorded.
+            OSError: If the file cannot be written.
+        """
+        from billiards_env.shots import records
+
+        records.save(path, records.record_of(self))
 
     def recording(self, method: str = "recording") -> Recording:
         """Returns the shot as the `Recording` that `billiards_env.drawing` uses.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -130,6 +132,7 @@ def run_shot(
         cushions_before_hit=shots.cushions_before_hit[0],
         n_contact_rule=shots.n_contact_rule.item(),
         **(read_log(log, scene, engine) if record else {}),
+        _arguments=(shot, engine, max_events) if record else None,
     )
 
 
@@ -137,7 +140,8 @@ def run_shot(
 class BatchResult:
     """The outcome of m shots: the fields of `ShotResult` with a leading axis.
 
-    The arrays share one block of memory. To keep one field and free the others, copy it.
+    `len(batch)` is m. `batch[i]` runs shot i again with `record=True` and returns its `ShotResult`. The arrays share
+    one block of memory. To keep one field and free the others, copy it.
 
     Attributes:
         positions: (m, n, 2) float64, m.
@@ -148,7 +152,7 @@ class BatchResult:
         cushions: (m, n) int32.
         cushions_before_hit: (m, n) int32.
         n_events: (m,) int64.
-        status: (m,) int64, indices into `engine.STATUS`.
+        status: (m,) array of str, as in `ShotResult`.
         first_hit: (m,) int64.
         n_contact_rule: (m,) int64.
     """
@@ -161,15 +165,34 @@ class BatchResult:
     cushions: NDArray[np.int32]
     cushions_before_hit: NDArray[np.int32]
     n_events: NDArray[np.int64]
-    status: NDArray[np.int64]
+    status: NDArray[Any]
     first_hit: NDArray[np.int64]
     n_contact_rule: NDArray[np.int64]
+    _arguments: tuple[
+        Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]
+    ]  # those of `simulate`, with a leading axis
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __iter__(self) -> Iterator[ShotResult]:
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, i: int) -> ShotResult:
+        k = operator.index(i)
+        if not -len(self) <= k < len(self):
+            raise IndexError(f"batch[{k}]: expected a shot from 0 to {len(self) - 1}")
+        scene, start, settings = self._arguments
+        positions, velocities, spins, in_play = (None if array is None else array[k] for array in start)
+        assert positions is not None
+        assert velocities is not None
+        return simulate(scene, positions, velocities, spins=spins, in_play=in_play, record=True, **settings)
 
     def __repr__(self) -> str:
         m, n = self.potted.shape
         lines = [f"BatchResult: {m} shots of {n} balls"]
         if m > 0:
-            counts = np.bincount(self.status, minlength=len(STATUS)).tolist()
+            counts = [np.count_nonzero(self.status == name) for name in STATUS]
             cue_ball, object_balls = self.potted[:, 0].sum(), self.potted[:, 1:].any(axis=1).sum()
             lines += [
                 f"status: {', '.join(f'{name} {k}' for name, k in zip(STATUS, counts, strict=True) if k)}",
@@ -237,8 +260,14 @@ def simulate_batch(
         whole("threads", threads, "threads")
     m = len(positions)
     shots = empty_shots(m, scene.n_balls)
-    limit = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time, shots, threads).limit
+    # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
+    given, turning = _motion(velocities, spins)
+    moving, turning = numbers("velocities", given), None if turning is None else numbers("spins", turning)
+    limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
+    playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
     parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    outcome = shots._asdict()
-    return BatchResult(potted=~outcome.pop("in_play"), **outcome)
+    outcome = shots._asdict() | {"status": np.array(STATUS, dtype=object)[shots.status]}
+    settings = {"mode": mode, "dt": dt, "fix": fix, "max_time": max_time, "max_events": max_events}
+    arguments = scene, (positions, moving, turning, playing), settings
+    return BatchResult(potted=~outcome.pop("in_play"), _arguments=arguments, **outcome)

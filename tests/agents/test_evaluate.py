@@ -40,7 +40,7 @@ class TwoShots(gym.Env):
             float(action[0]),
             over,
             False,
-            {"success": over and self.even, "score": 3 * self.steps + self.even},
+            {"is_success": over and self.even, "score": 3 * self.steps + self.even},
         )
 
 
@@ -81,7 +81,12 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
         {
             "timesteps": 2048,
             "n_envs": 32,
-            "env": {"scene": {"balls": balls, "table": {"cushion_height": 0.15}}, "task": "carom", "max_speed": 1.0},
+            "env": {
+                "scene": {"balls": balls, "table": {"cushion_height": 0.15}},
+                "task": "carom",
+                "layout": "random",
+                "max_speed": 1.0,
+            },
             "policy": {"hidden": [16]},
             "ppo": {"n_steps": 8, "learning_rate": 3e-3, "gae_lambda": 1.0},
         }

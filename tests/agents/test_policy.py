@@ -273,7 +273,7 @@ def test_the_untrained_head_pots_pots_more_than_nine_balls_in_ten():
     envs, actor = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep"), make("pots")
     observations, _ = envs.reset(seed=0)
     *_, infos = envs.step(actor.predict(observations, deterministic=True)[0])
-    assert infos["final_info"]["success"].mean() > 0.9
+    assert infos["final_info"]["is_success"].mean() > 0.9
 
 
 def test_untrained_policies_of_strikes_reach_more_goals_than_those_of_velocities():
@@ -283,7 +283,7 @@ def test_untrained_policies_of_strikes_reach_more_goals_than_those_of_velocities
         envs, actor = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep", **env), make("pots", **env)
         observations, _ = envs.reset(seed=0)
         actions = actor.predict(observations, deterministic=True)[0]
-        success[action] = envs.step(actions)[-1]["final_info"]["success"].mean()
+        success[action] = envs.step(actions)[-1]["final_info"]["is_success"].mean()
     assert np.abs(actions[:, 2:4]).max(axis=1).mean() > 0.2
     assert success["strike"] > success["velocity"] + 0.1, success
 

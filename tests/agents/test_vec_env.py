@@ -17,7 +17,7 @@ from agents.train import open_run, train
 from agents.vec_env import SameStepVecEnv
 
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
-KEPT = ("terminal_observation", "TimeLimit.truncated", "success", "is_success")
+KEPT = ("terminal_observation", "TimeLimit.truncated", "is_success")
 
 
 def pair(num_envs, **kwargs) -> tuple[Any, Any]:

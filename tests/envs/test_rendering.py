@@ -14,9 +14,11 @@ from gymnasium.error import DependencyNotInstalled
 from gymnasium.utils.env_checker import check_env
 
 from billiards_env import envs as billiards_envs
-from billiards_env.envs import RecordVideo
+from billiards_env.engine import run_shots_of
+from billiards_env.envs import RecordVideo, episodes
 from billiards_env.envs.rendering import FPS, RENDER_MODES
 from billiards_env.envs.tasks import TASKS
+from billiards_env.shots import simulation
 
 make: Any = gym.make  # Any: the type of the result of `render` depends on the render mode
 make_vec: Any = gym.make_vec
@@ -73,6 +75,31 @@ def test_a_render_mode_does_not_change_the_results(kwargs):
                 assert other[1:3] == (reward, over)
                 assert other[4]["shot_time"] == info["shot_time"]
                 env.render()
+
+
+@pytest.mark.parametrize("render_mode", RENDER_MODES)
+@pytest.mark.parametrize("vector", [False, True])
+def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
+    limits = []
+
+    def counting(*choice):
+        def run(begin, end, scene, limit, *rest):
+            limits.append(limit)
+            run_shots_of(*choice)(begin, end, scene, limit, *rest)
+
+        return run
+
+    for module in (episodes, simulation):
+        monkeypatch.setattr(module, "run_shots_of", counting)
+    make_one = {"id": "Billiards-v0", "render_mode": render_mode, "max_shots": 2}
+    env = make_vec(**make_one, num_envs=2) if vector else make(**make_one)
+    env.reset(seed=0)
+    for _ in range(2):
+        env.step(np.stack([SLOWLY, SLOWLY]) if vector else SLOWLY)
+        env.render()
+    env.close()
+    # Balls at rest are drawn as a shot of 0 s.
+    assert sum(limit > 0 for limit in limits) == (4 if vector else 2)
 
 
 def test_rgb_array_is_the_end_of_the_last_shot():

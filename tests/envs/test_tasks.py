@@ -284,7 +284,6 @@ def test_the_balls_that_are_on_at_the_start():
 
 def test_the_table_of_tasks():
     assert all(task.judge.__name__ == f"judge_{name}" for name, task in TASKS.items())
-    for task in TASKS.values():
-        count = max(task.n_object_balls[0], 1)
-        env = BilliardsEnv(task=task.judge.__name__[6:], scene=task.scene, n_object_balls=count, layout=None)
+    for name, task in TASKS.items():
+        env = BilliardsEnv(task=name)
         assert (env.layout, env.max_shots) == (task.layout, task.max_shots)

@@ -184,7 +184,7 @@ def test_returned_arrays_share_no_memory(mode):
             twin.reset(options={"reset_mask": mask})
     for a, b in itertools.combinations(given, 2):
         assert not np.may_share_memory(a, b)
-    inner = [envs._streams, *envs._episodes.shots, envs._episodes.tally, envs._episodes.over, envs._episodes.start]
+    inner = [envs._streams, *envs._episodes.shots, *envs._episodes.tally, envs._episodes.over, envs._episodes.start]
     assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 

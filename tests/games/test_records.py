@@ -10,27 +10,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import Scene, __version__, simulate
+from billiards_env import Scene, __version__, simulate, strike
 from billiards_env.games import NO_CALL, RULES, Call, History, Stroke, opening, play, records
 from billiards_env.scene import Balls
+from billiards_env.shots import records as shot_records
+from billiards_env.shots.records import record_shot
 from tests.helpers.games import setup
 
 POOL = [[-0.635, 0.0], [0.635, 0.3]]
 MASSES = Scene(Balls((0.03, 0.03, 0.04), (0.2, 0.1 + 0.2, math.inf)))
 SHOTS = {
-    "plain": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45]),
-    "numpy": lambda: records.record_shot(Scene.named("pool"), np.array(POOL), np.array([2.0, 0.45], np.float32)),
-    "spins": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
-    "in_play": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
-    "pit": lambda: records.record_shot(
+    "plain": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45]),
+    "numpy": lambda: record_shot(Scene.named("pool"), np.array(POOL), np.array([2.0, 0.45], np.float32)),
+    "spins": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], spins=[1 / 3, -20.0, 30.1]),
+    "in_play": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], in_play=[True, False]),
+    "pit": lambda: record_shot(
         Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=np.float64(2.5)
     ),
-    "masses": lambda: records.record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
-    "event_limit": lambda: records.record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
+    "masses": lambda: record_shot(MASSES, [[-0.5, 0.0], [0.1, 0.01], [0.7, -0.0]], [1.0, -0.0]),
+    "event_limit": lambda: record_shot(Scene.named("pool"), POOL, [2.0, 0.45], max_events=3),
     **{
-        f"in {name}": (
-            lambda name=name: records.record_shot(Scene.named(name, 1), [[-0.5, 0.1], [0.5, 0.1]], [1.7, 0.1])
-        )
+        f"in {name}": (lambda name=name: record_shot(Scene.named(name, 1), [[-0.5, 0.1], [0.5, 0.1]], [1.7, 0.1]))
         for name in ("ideal", "real_pool")
     },
 }
@@ -128,7 +128,7 @@ def test_record_shot_rejects_what_simulate_rejects():
         ((POOL, [1.0, 0.0]), {"max_events": -1}),
     ]:
         with pytest.raises(ValueError, match=r"expected"):
-            records.record_shot(scene, *args, **kwargs)
+            record_shot(scene, *args, **kwargs)
 
 
 def test_a_replay_with_another_result_raises():
@@ -191,7 +191,7 @@ def test_errors_contain_the_path(content, message, tmp_path):
 
 def test_a_file_that_is_too_large_is_rejected(tmp_path, monkeypatch):
     records.save(tmp_path / "shot.json", SHOTS["plain"]())
-    monkeypatch.setattr(records, "MAX_BYTES", 100)
+    monkeypatch.setattr(shot_records, "MAX_BYTES", 100)
     with pytest.raises(ValueError, match="more than 100 bytes"):
         records.load(tmp_path / "shot.json")
     with pytest.raises(ValueError, match=r"a text of \d+ characters: expected at most 100"):
@@ -202,7 +202,7 @@ def test_a_large_file_of_empty_lists_is_rejected_before_it_is_parsed(tmp_path, m
     """Such a file of 63 MB once took 1.9 GB and ten seconds."""
     path = tmp_path / "lists.json"
     path.write_bytes(b"[" + b"[]," * (21 * 2**20) + b"[]]")
-    monkeypatch.setattr(records.json, "loads", lambda *_, **__: pytest.fail("the file was parsed"))
+    monkeypatch.setattr(shot_records.json, "loads", lambda *_, **__: pytest.fail("the file was parsed"))
     with pytest.raises(ValueError, match="a file of more than 4194304 bytes: expected at most 4194304"):
         records.load(path)
 
@@ -436,7 +436,22 @@ def test_loading_does_not_simulate(monkeypatch):
     def fail(*args, **kwargs):
         raise AssertionError("a shot was run")
 
-    monkeypatch.setattr(records, "simulate", fail)
+    monkeypatch.setattr(shot_records, "simulate", fail)
     monkeypatch.setattr(records, "play", fail)
     records.from_json(SHOT_TEXT)
     records.from_json(GAME_TEXT)
+
+
+def test_a_shot_saves_itself(tmp_path):
+    scene = Scene.named("pool")
+    hit = strike(scene, 2.0, 0.2, side=0.3)
+    shot = simulate(scene, POOL, hit, max_time=3.0, record=True)
+    shot.save(tmp_path / "shot.json")
+    record = shot_records.load(tmp_path / "shot.json")
+    assert record == record_shot(scene, POOL, hit, max_time=3.0)
+    assert (record.velocities[0], record.max_time) == (tuple(hit.velocity.tolist()), 3.0)
+    assert shot_records.replay(record).positions.tobytes() == shot.positions.tobytes()
+    with pytest.raises(ValueError, match=r"shot.save: the shot was not recorded"):
+        simulate(scene, POOL, hit).save(tmp_path / "shot.json")
+    with pytest.raises(ValueError, match="format = 'billiards_env/game': expected 'billiards_env/shot'"):
+        shot_records.from_json(GAME_TEXT)

@@ -74,7 +74,7 @@ def run_batch(m: int, n: int, threads: int | None, max_time: float, **options: A
 
 def step_one(**options: Any) -> None:
     """Plays a long shot in the environment; checks that the state is unchanged."""
-    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom", "max_shots": 3, **options}
+    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom", "layout": "random", "max_shots": 3, **options}
     env: Any = gym.make("Billiards-v0", **arguments).unwrapped
     env.reset(seed=0)
     before = env.positions, env.potted
@@ -91,7 +91,7 @@ def step_one(**options: Any) -> None:
 
 def step_many(num_envs: int, threads: int | None, mode: str) -> None:
     """Plays long shots in the vector environment; checks that the state is unchanged."""
-    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom"}
+    arguments = {"scene": gas(60)[0].to_dict(), "task": "carom", "layout": "random"}
     envs: Any = gym.make_vec(
         "Billiards-v0", num_envs, vectorization_mode=None, threads=threads, autoreset_mode=mode, **arguments
     )
@@ -99,7 +99,7 @@ def step_many(num_envs: int, threads: int | None, mode: str) -> None:
 
     def now() -> list[Any]:
         tables = envs._episodes
-        return [a.copy() for a in (envs.positions, envs.potted, tables.tally, tables.over, envs._streams)]
+        return [a.copy() for a in (envs.positions, envs.potted, *tables.tally, tables.over, envs._streams)]
 
     before = now()
     actions = np.tile([1.0, 0.3], (num_envs, 1))
@@ -152,7 +152,7 @@ def compile_kernels() -> None:
     for n in (2, MANY_BALLS):
         for options in ({}, SMALL_STEPS):
             simulate(*gas(n), max_time=1e-6, **options)
-    arguments: Any = {"scene": gas(60)[0].to_dict(), "task": "carom"}
+    arguments: Any = {"scene": gas(60)[0].to_dict(), "task": "carom", "layout": "random"}
     env = gym.make("Billiards-v0", **arguments)
     env.reset(seed=0)
     env.step(np.zeros(2, np.float32))

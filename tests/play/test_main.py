@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pygame")
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
@@ -125,7 +125,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
 )
 def test_errors_are_one_line(arguments, message, frames, saved, tmp_path):
     shot = tmp_path / "shot.json"
-    records.save(shot, records.record_shot(Scene.named("pool"), BALLS[:2], [1.0, 0.0]))
+    simulate(Scene.named("pool"), BALLS[:2], [1.0, 0.0], record=True).save(shot)
     given = [str({"SAVED": saved[0], "SHOT": shot}.get(a, a)) for a in arguments]
     with pytest.raises(SystemExit, match=message) as caught:
         main(given)

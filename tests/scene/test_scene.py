@@ -327,7 +327,7 @@ def test_balls_rejects_bad_arguments(radius, mass, message, kind):
 
 @pytest.mark.parametrize("count", [0, -1, True, 1.0, "2"])
 def test_uniform_needs_a_whole_number_of_balls(count):
-    with rejected(f"count = {count!r}: expected a whole number from 1 to 100000"):
+    with rejected(f"n_balls = {count!r}: expected a whole number from 1 to 100000"):
         Balls.uniform(count)
 
 

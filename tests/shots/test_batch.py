@@ -1,6 +1,7 @@
 import dataclasses
 import math
 import multiprocessing
+import pickle
 import re
 import threading
 import time
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate, simulate_batch
+from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.engine.threads import parallel_for
 from tests.helpers.shots import check_batch, draw_starts
 
@@ -215,6 +216,34 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
         simulate_batch(Scene.named("pool"), [CLEAR] * 100, [[1.0, 0.0]] * 100, threads=3).first_hit.tolist()
         == [1] * 100
     )
+
+
+def test_a_shot_of_a_batch_is_recorded_again():
+    scene = Scene.named("pool", 3)
+    places, velocities, spins = draw_starts(scene, 5)
+    playing = np.ones((5, 4), np.bool_)
+    playing[:, 3] = False
+    batch: Any = simulate_batch(scene, places, velocities, spins=spins, in_play=playing, max_time=1.0)
+    expected: list[Any] = [
+        simulate(scene, places[k], velocities[k], spins=spins[k], in_play=playing[k], max_time=1.0, record=True)
+        for k in range(5)
+    ]
+    for array in (places, velocities, spins, playing):
+        array[...] = 0  # the batch has copies
+    assert len(batch) == 5
+    copied: Any
+    for copied in (batch, pickle.loads(pickle.dumps(batch))):
+        for shot, other in zip(copied, expected, strict=True):
+            assert shot.positions.tobytes() == other.positions.tobytes()
+            assert np.array_equal(shot.events, other.events)
+    assert np.array_equal(batch[-1].events, expected[4].events)
+    hits = simulate_batch(
+        scene, places, strike(scene, np.ones(5), 0.0, 0.2), in_play=[True] + [False] * 3, max_time=0.1
+    )
+    assert np.array_equal(hits[2].spins, hits.spins[2])
+    assert hits.spins[2].any()
+    with pytest.raises(IndexError, match=r"batch\[5\]: expected a shot from 0 to 4"):
+        batch[5]
 
 
 def test_a_batch_prints_a_summary():

@@ -113,6 +113,16 @@ def test_a_shot_without_a_record_has_no_positions_at_other_times():
         simulate(POOL, PLACES, [1.0, 0.0]).at(0.1)
 
 
+def test_positions_at_an_array_of_times(recorded):
+    times = np.append(np.linspace(0.0, recorded.time + 1.0, 7), recorded.events["time"][:5]).reshape(4, 3)
+    positions = recorded.at(times)
+    assert positions.shape == (4, 3, *recorded.positions.shape)
+    for index in np.ndindex(4, 3):
+        expected = recorded.trajectory.at(min(times[index], recorded.time))
+        assert positions[index].tobytes() == recorded.at(times[index]).tobytes() == expected.tobytes()
+    assert recorded.at([]).shape == (0, *recorded.positions.shape)
+
+
 @pytest.mark.parametrize("t", [-1e-9, math.nan, math.inf])
 def test_a_bad_time_is_rejected(recorded, t):
     with rejected(f"t = {t!r}: expected a finite number of seconds >= 0"):

@@ -12,4 +12,4 @@ def test_success_rates():
     noisy = measure("geometric", {}, (0.125, 0.075), 150, 1)["success_rate"]
     assert noisy < rates["geometric"] - 0.1
     assert measure("geometric", {"n_object_balls": 3, "max_shots": 5}, (0.0, 0.0), 40, 1)["success_rate"] > 0.75
-    assert measure("search:300", {"scene": "carom", "task": "carom"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5
+    assert measure("search:300", {"task": "carom", "layout": "random"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5

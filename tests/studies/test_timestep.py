@@ -195,7 +195,7 @@ def test_successes_agree_with_the_environment(blocked):
             achieved = []
             for places, action in zip(positions[:200], actions[:200], strict=True):
                 env.reset(options={"positions": places})
-                achieved.append(env.step(action)[-1]["success"])
+                achieved.append(env.step(action)[-1]["is_success"])
             assert policy["success"][world] / COUNT == pytest.approx(np.mean(achieved), abs=0.05)
 
 

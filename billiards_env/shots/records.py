@@ -1,0 +1,392 @@
+"""Shots as JSON files that are validated when loaded and replay bit for bit.
+
+```python
+>>> from billiards_env import Scene
+>>> from billiards_env.shots import records
+>>> record = records.record_shot(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
+>>> records.from_json(records.to_json(record)) == record
+True
+>>> records.replay(record).potted.tolist()
+[False, True]
+
+```
+
+A file holds the input of a shot and its result. `replay` compares its result with the recorded one and so checks that
+this machine and this version of the engine produce the same bits. Numbers are written with enough digits to restore the
+same double. A file contains only data, no code. Invalid content raises a `ValueError` that names the invalid value.
+`games.records` writes games in the same format.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from billiards_env.checks import Range, flag, one_of, real, short, whole
+from billiards_env.engine.inputs import check_shot
+from billiards_env.engine.modes import checked_engine
+from billiards_env.engine.shots import STATUS
+from billiards_env.files import replacing
+from billiards_env.scene import Scene
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import simulate
+from billiards_env.shots.strikes import Strike
+
+VERSION = 2
+"""The version of the format that is written, and the newest version that is read."""
+
+MAX_BYTES = 4 * 2**20
+"""The largest file that is read. The parsed data can take thirty times as much memory."""
+
+MAX_BALLS = 1000
+"""The largest number of balls in a scene that is read."""
+
+SHOT = "billiards_env/shot"
+
+Rows = tuple[tuple[float, ...], ...]
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ShotEnd:
+    """The result of a shot, for comparison.
+
+    Attributes:
+        status: As in `ShotResult`.
+        time: Duration, s.
+        n_events: Number of events.
+        positions: x and y of each ball, m.
+        potted: One bool per ball.
+    """
+
+    status: str
+    time: float
+    n_events: int
+    positions: Rows
+    potted: tuple[bool, ...]
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ShotRecord:
+    """The arguments of `simulate` for a shot, and its result.
+
+    Attributes:
+        scene: The scene.
+        positions: x and y of each ball, m.
+        velocities: x and y for each ball, m/s.
+        spins: x, y and z for each ball, rad/s; None for zero spin.
+        in_play: One bool per ball.
+        mode: The engine.
+        dt: The timestep of "pit", s; None for "pic".
+        fix: As in `simulate`.
+        max_time: Time limit, s; None for that of the scene.
+        max_events: As in `simulate`.
+        end: The result.
+    """
+
+    scene: Scene
+    positions: Rows
+    velocities: Rows
+    spins: Rows | None
+    in_play: tuple[bool, ...]
+    mode: str
+    dt: float | None
+    fix: str | None
+    max_time: float | None
+    max_events: int
+    end: ShotEnd
+
+
+def record_shot(scene: Scene, positions: ArrayLike, velocities: ArrayLike | Strike, **options: Any) -> ShotRecord:
+    """Simulates a shot and returns its record, for `save`. The arguments and the errors are those of `simulate`."""
+    return record_of(simulate(scene, positions, velocities, record=True, **options))
+
+
+def record_of(shot: ShotResult) -> ShotRecord:
+    """Returns the record of a shot of `simulate(..., record=True)`, for `save`.
+
+    Raises:
+        ValueError: If the shot was not recorded.
+    """
+    if shot.scene is None or shot._arguments is None:
+        raise ValueError("shot.save: the shot was not recorded, expected simulate(..., record=True)")
+    start, engine, max_events = shot._arguments
+    turns = start.spins.any() or np.signbit(start.spins).any()
+    return ShotRecord(
+        scene=shot.scene,
+        positions=rows(start.positions),
+        velocities=rows(start.velocities),
+        spins=rows(start.spins) if turns else None,
+        in_play=tuple(start.in_play.tolist()),
+        mode=engine.mode,
+        dt=engine.dt,
+        fix=engine.fix,
+        max_time=None if start.limit in (shot.scene.physics.max_time, math.inf) else start.limit,
+        max_events=int(max_events),
+        end=_end_of_shot(shot),
+    )
+
+
+def replay(record: ShotRecord, *, check: bool = True, record_events: bool = False) -> ShotResult:
+    """Plays a recorded shot again.
+
+    Args:
+        record: The record.
+        check: Whether to compare the result with the recorded one, bit for bit.
+        record_events: Whether to record the events and trajectories.
+
+    Returns:
+        The shot.
+
+    Raises:
+        ValueError: If the result differs from the recorded one.
+    """
+    shot = simulate(
+        record.scene,
+        record.positions,
+        record.velocities,
+        mode=record.mode,
+        dt=record.dt,
+        fix=record.fix,
+        spins=record.spins,
+        in_play=record.in_play,
+        record=record_events,
+        max_time=record.max_time,
+        max_events=record.max_events,
+    )
+    if check:
+        compare(record.end, _end_of_shot(shot))
+    return shot
+
+
+def save(path: str | os.PathLike[str], record: ShotRecord) -> None:
+    """Writes a record to a file, completely or not at all; an existing file is replaced.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    write(path, to_json(record))
+
+
+def load(path: str | os.PathLike[str]) -> ShotRecord:
+    """Reads a record from a file and validates it without simulating it.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If the file is too large, has another format or a newer version, or its content is invalid.
+    """
+    return read(path, from_json)
+
+
+def to_json(record: ShotRecord) -> str:
+    """Returns a record as JSON text with one line per field."""
+    if not isinstance(record, ShotRecord):
+        raise TypeError(f"record = {short(record)}: expected the result of record_shot")
+    data = {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
+    return json_text(SHOT, {**data, "scene": record.scene.to_dict(), "end": dataclasses.asdict(record.end)})
+
+
+def from_json(text: str) -> ShotRecord:
+    """Builds a record from JSON text; see `load`.
+
+    Raises:
+        ValueError: As `load` does.
+    """
+    return parse(text, {SHOT: shot_of})
+
+
+def write(path: str | os.PathLike[str], text: str) -> None:
+    """Writes a text to a file, completely or not at all."""
+    content = text.encode()
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(content)
+
+
+def read(path: str | os.PathLike[str], build: Callable[[str], T]) -> T:
+    """Returns what `build` makes of the text of a file; errors name the file."""
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except (FileNotFoundError, IsADirectoryError) as error:
+        is_not = "does not exist" if isinstance(error, FileNotFoundError) else "is a folder"
+        raise type(error)(f"path = {os.fspath(path)!r}: expected the file of a shot or a game, it {is_not}") from None
+    try:
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
+        return build(content.decode("utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{os.fspath(path)}: {error}") from error
+
+
+def json_text(kind: str, data: Mapping[str, Any]) -> str:
+    """Returns the JSON text of a file of a kind, with one line per field."""
+    from billiards_env import __version__
+
+    content = {"format": kind, "version": VERSION, "written_by": f"billiards_env {__version__}", **data}
+    lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]]) -> T:
+    """Returns what the function of the file's kind builds from its data."""
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
+    try:
+        data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"line {error.lineno}: expected the JSON of a shot or a game ({error.msg})") from error
+    except RecursionError:
+        raise ValueError("nested too deeply: expected the JSON of a shot or a game") from None
+    kind: Any = _mapping("the file", data).get("format")
+    if kind not in tuple(kinds):
+        raise ValueError(f"format = {short(kind)}: expected {' or '.join(map(repr, kinds))}")
+    version = whole("version", data.get("version"), Range(1, None))
+    if version > VERSION:
+        raise ValueError(
+            f"version = {version}: expected at most {VERSION}; the file was written by a newer version of "
+            f"billiards_env ({short(data.get('written_by'))})"
+        )
+    try:
+        return kinds[kind](data)
+    except (TypeError, OverflowError, RecursionError) as error:  # a wrong type, or a number too large for a float
+        raise ValueError(str(error)) from error
+
+
+HEAD = ("format", "version", "written_by", "scene", "mode", "dt", "fix", "positions", "end")
+"""The keys that files of shots and of games share."""
+
+_SHOT_FIELDS = (*HEAD, "velocities", "spins", "in_play", "max_time", "max_events")
+_SHOT_END = tuple(field.name for field in dataclasses.fields(ShotEnd))
+
+
+def shot_of(data: dict[str, Any]) -> ShotRecord:
+    """Returns the record of a shot from the data of its file."""
+    fields("the file", data, _SHOT_FIELDS)
+    scene, mode, dt, fix = head(data)
+    n = scene.n_balls
+    positions = rows_of("positions", data["positions"], n, 2)
+    velocities = rows_of("velocities", data["velocities"], n, 2)
+    spins = None if data["spins"] is None else rows_of("spins", data["spins"], n, 3)
+    in_play = bools("in_play", data["in_play"], n)
+    max_time = None if data["max_time"] is None else real("max_time", data["max_time"])
+    max_events = whole("max_events", data["max_events"], "max_events")
+    check_shot(scene, positions, velocities, spins, in_play, max_time)
+    end = fields("end", data["end"], _SHOT_END)
+    one_of("end.status", end["status"], tuple(STATUS))
+    return ShotRecord(
+        scene=scene,
+        positions=positions,
+        velocities=velocities,
+        spins=spins,
+        in_play=in_play,
+        mode=mode,
+        dt=dt,
+        fix=fix,
+        max_time=max_time,
+        max_events=max_events,
+        end=ShotEnd(
+            status=end["status"],
+            time=real("end.time", end["time"]),
+            n_events=whole("end.n_events", end["n_events"], Range(0, 2**62)),
+            positions=rows_of("end.positions", end["positions"], n, 2),
+            potted=bools("end.potted", end["potted"], n),
+        ),
+    )
+
+
+def _end_of_shot(shot: ShotResult) -> ShotEnd:
+    return ShotEnd(shot.status, shot.time, shot.n_events, rows(shot.positions), tuple(shot.potted.tolist()))
+
+
+def compare(recorded: Any, now: Any) -> None:
+    """Raises a ValueError that names the first difference; compares text, which distinguishes 0.0 and -0.0."""
+    for field in dataclasses.fields(recorded):
+        old, new = getattr(recorded, field.name), getattr(now, field.name)
+        if repr(old) != repr(new):
+            raise ValueError(
+                f"the replay differs from the record: {field.name} = {short(new)}, expected {short(old)}; "
+                "this can happen if another version of the engine wrote the record"
+            )
+
+
+def rows(array: Any) -> Rows:
+    """Returns an array as tuples."""
+    return tuple(map(tuple, np.asarray(array).tolist()))
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in data:
+            raise ValueError(f"key {short(key)} appears twice: expected each key once")
+        data[key] = value
+    return data
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name}: expected a finite number")
+
+
+def _mapping(name: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} = {short(value)}: expected a mapping")
+    return value
+
+
+def fields(name: str, value: Any, keys: tuple[str, ...]) -> dict[str, Any]:
+    """Returns `value`; raises unless it is a mapping with exactly the given keys."""
+    data = _mapping(name, value)
+    for key in data:
+        if key not in keys:
+            raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, keys))}")
+    for key in keys:
+        if key not in data:
+            raise ValueError(f"key {key!r} of {name} is missing")
+    return data
+
+
+def items(name: str, value: Any, count: int | None = None) -> list[Any]:
+    """Returns `value`; raises unless it is a list, of a length if `count` is not None."""
+    if not isinstance(value, list) or count not in (None, len(value)):
+        expected = "a list" if count is None else f"a list of {count}"
+        raise ValueError(f"{name} = {short(value)}: expected {expected}")
+    return value
+
+
+def pair(name: str, value: Any, within: str) -> tuple[float, float]:
+    """Returns two numbers within a range of `checks.RANGES`."""
+    x, y = items(name, value, 2)
+    return real(f"{name}[0]", x, within), real(f"{name}[1]", y, within)
+
+
+def rows_of(name: str, value: Any, count: int, width: int) -> Rows:
+    """Returns `count` rows of `width` numbers."""
+    return tuple(
+        tuple(real(f"{name}[{i}][{j}]", v) for j, v in enumerate(items(f"{name}[{i}]", row, width)))
+        for i, row in enumerate(items(name, value, count))
+    )
+
+
+def bools(name: str, value: Any, count: int) -> tuple[bool, ...]:
+    """Returns `count` bools."""
+    return tuple(flag(f"{name}[{i}]", item) for i, item in enumerate(items(name, value, count)))
+
+
+def head(data: Mapping[str, Any]) -> tuple[Scene, str, float | None, str | None]:
+    """Returns the fields that shots and games share: scene, mode, dt and fix."""
+    if not isinstance(data["written_by"], str):
+        raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
+    scene = Scene.from_dict(data["scene"])
+    whole("number of balls", scene.n_balls, Range(1, MAX_BALLS))
+    mode, dt, fix = data["mode"], data["dt"], data["fix"]
+    dt = None if dt is None else real("dt", dt)
+    checked_engine(mode, dt, fix)
+    return scene, mode, dt, fix
