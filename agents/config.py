@@ -81,7 +81,7 @@ def distinct(values: tuple[T, ...]) -> tuple[T, ...]:
 
 
 def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the arguments of the environment, with the defaults of the missing ones.
+    """Returns the arguments of the environment, with the defaults of the missing ones, also those of the task.
 
     Raises:
         ValueError: If an argument is unknown.
@@ -92,8 +92,10 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
         one_of("key of env", key, tuple(parameters))
     given = {key: value if isinstance(value, bool) else number(value) for key, value in given.items()}
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
-    if found["max_shots"] is None and found["task"] in TASKS:
-        found["max_shots"] = TASKS[found["task"]].max_shots
+    if found["task"] in TASKS:
+        task = TASKS[found["task"]]
+        of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
+        found |= {name: default for name, default in of_task.items() if found[name] is None}
     return found
 
 

@@ -16,7 +16,7 @@ VARIANTS = [
     {"layout": "tight_rack", "scene": "pooltool_pool"},
     {"scene": "blocked_pool", "layout": "snookered", "max_shots": 2},
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
-    {"scene": "ideal", "task": "carom", "n_object_balls": 5, "max_shots": 2},
+    {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
     {"scene": "carom", "task": "carom", "layout": "carom_opening", **LONG},
     {"scene": "real_carom", "task": "three_cushion"},
     {"scene": "pooltool_carom", "task": "three_cushion", **LONG},
