@@ -81,7 +81,7 @@ def distinct(values: tuple[T, ...]) -> tuple[T, ...]:
 
 
 def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the arguments of the environment, with the defaults of the missing ones, also those of the task.
+    """Returns all arguments of the environment. Missing ones have their defaults, or those of the task.
 
     Raises:
         ValueError: If an argument is unknown.

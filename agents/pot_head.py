@@ -55,7 +55,7 @@ def _hand(rows: Floats) -> Floats:
 class Columns(NamedTuple):
     """The columns of a pot's features, as slices. `ease` and those after it are inputs of the networks.
 
-    The inputs are numbers of the order of 1 that reflections of the table do not change.
+    The inputs are of order 1. Reflecting the table does not change them.
 
     Attributes:
         exists: 1 if the pot exists.
@@ -64,7 +64,7 @@ class Columns(NamedTuple):
         dx, dy: The cue ball's direction at each speed.
         speed: The speeds, over the largest speed; 0 if the pot is not possible at this speed.
         ease: The logarithm of the tolerance.
-        geometry: The mouth, the angle of the cut, the ways of both balls, the room, and whether it is a bank.
+        geometry: The mouth, the angle of the cut, the path lengths of both balls, the room, and whether it is a bank.
         pace: The same as `speed`.
         gaps: The gaps along the path of the cue ball after the hit, for each speed.
         rest: The share of the balls that are left, and the rest of the observation after the goal.
@@ -100,7 +100,10 @@ class Columns(NamedTuple):
 
 
 def columns(rest: int, goals: int, strikes: bool) -> Columns:
-    """Returns the columns of a pot for `rest` numbers after the goal, 0 or 1 goals, and actions that may be strikes."""
+    """Returns the columns of a pot.
+
+    `rest` is the number of values after the goal in an observation, and `goals` is 0 or 1.
+    """
     with_goal = (10 + 2 * _S) * goals, _S * goals
     widths = (1, 1, 1, _S, _S, _S, 1, 7, _S, _S * pots.N_GAPS, 1 + rest, *with_goal, 2 * strikes)
     return Columns(*(slice(end - width, end) for width, end in zip(widths, itertools.accumulate(widths), strict=True)))

@@ -34,9 +34,9 @@ GAS_SPEED = 1.0  # m/s, root mean square along each axis
 N_SINGLES = 1000  # shots run one at a time
 
 DISKS = (2, 16, 128, 1024, 10_000)
-"""Numbers of disks of the gases that grow."""
+"""Number of disks of each gas; its table grows with it."""
 SHARE = 0.1
-"""Share of the table's area covered by the disks of such a gas."""
+"""Share of the table that the disks cover."""
 GROWTH_SECONDS = 2.0  # simulated
 
 Floats = NDArray[np.float64]

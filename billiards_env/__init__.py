@@ -31,7 +31,7 @@ _MODULES = {
     "simulate_batch": "shots.simulation",
     "strike": "shots.strikes",
 }
-"""The modules of the names that are imported on first use."""
+"""The module of each name that is imported on first use."""
 
 
 def __getattr__(name: str) -> Any:

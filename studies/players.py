@@ -1,4 +1,4 @@
-"""Measures the players without training of `billiards_env.players` in `Billiards-v0`."""
+"""Measures the players of `billiards_env.players`, which do not learn, in `Billiards-v0`."""
 
 from __future__ import annotations
 

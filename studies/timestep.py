@@ -1,8 +1,8 @@
 """Studies the effect of the timestep on the learned policies: `python -m studies.timestep configs/study/pot.yaml`.
 
 One recipe is trained in several worlds with several seeds each. One world is exact; in the others the same balls move
-in steps of dt. Then every policy plays the same layouts once in every world, without exploration noise. A false success
-succeeds in the world of the training and fails in the exact one; `studies.causes` finds its cause.
+in steps of dt. Then every policy plays the same layouts once in every world, without exploration noise. A shot is a
+false success if it succeeds in the world of the training and fails in the exact one. `studies.causes` finds the cause.
 
 The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figure
 to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are

@@ -147,8 +147,8 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
         (["simulate", "--positions", "0", "0"], "--positions with 2 numbers: expected 4, x and y of 2 balls"),
         (["simulate", "--out", "shot.txt"], "--out = 'shot.txt': expected a name that ends in one of .html .png"),
         (["simulate", "--out", "no/shot.png"], "path = 'no/shot.png': expected an existing folder"),
-        (["replay", "no.json"], "path = 'no.json': expected the file of a shot or a game, it does not exist"),
-        (["replay", "."], "path = '.': expected the file of a shot or a game, it is a folder"),
+        (["replay", "no.json"], "path = 'no.json': expected a file of a shot or a game, but it does not exist"),
+        (["replay", "."], "path = '.': expected a file of a shot or a game, but it is a folder"),
         (["replay", "shot.json", "--out", "copy.json"], "--out = 'copy.json': expected a name that ends in"),
     ],
 )

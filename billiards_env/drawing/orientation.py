@@ -81,8 +81,8 @@ class Turning(NamedTuple):
 def turning(recording: Recording, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
     """Returns the rotation of the balls in a recorded shot.
 
-    `faces` are the (n, 4) orientations at the start; None for balls that are not turned. `error` is the largest one on
-    each piece of the trajectory, rad.
+    `faces` are the (n, 4) orientations at the start; None for balls that are not turned. `error` is the largest
+    error allowed on each piece of the trajectory, rad.
     """
     n, paths = recording.scene.n_balls, recording.trajectory
     order = np.argsort(paths.ball, kind="stable")

@@ -67,7 +67,7 @@ WEAK = 0.02
 
 
 def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
-    """Draws a shot in axes, in metres, and returns them; None stands for those of a new figure.
+    """Draws a shot in metres and returns the axes. Without `ax` it makes a figure.
 
     Another run of the shot, `compare`, is drawn with dashed paths and rings.
 

@@ -66,7 +66,7 @@ class Engine(NamedTuple):
     Attributes:
         mode: "pic" or "pit".
         dt: Timestep of "pit", s; None for "pic".
-        fix: One of `FIXES`, the treatment of overlaps in "pit"; None for the first of them and for "pic".
+        fix: How "pit" treats overlaps, one of `FIXES`; None means the first. None for "pic".
     """
 
     mode: str = "pic"
@@ -142,7 +142,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table, mass = scene.physics, scene.table, scene.balls.mass
     cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
     for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
-        one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # a name of `scene` without a law
+        one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     motion, cushion = MOTIONS[p.motion], CUSHIONS[p.cushion]
     mu_limit, mu_drop, mu_rate = ball_friction(p)
     slide, roll = p.mu_slide * p.g, p.mu_roll * p.g

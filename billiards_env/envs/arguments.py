@@ -51,7 +51,7 @@ def _set_spec(env: Any, spec: EnvSpec | None) -> None:
 
 
 json_spec: Any = property(lambda env: env._spec, _set_spec)
-"""The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, so that it is JSON."""
+"""The attribute `spec` of an environment. A `Scene` in its arguments becomes a dict, which JSON can hold."""
 
 
 def check_options(

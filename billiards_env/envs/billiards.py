@@ -221,13 +221,13 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
     - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
-    - An `EnvSpec` can be converted to JSON and back: all other arguments are JSON values, and the spec has a dict in
-      place of a `Scene`. `billiards_env.checks.RANGES` contains the range of each number.
+    - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
+      values. `billiards_env.checks.RANGES` contains the range of each number.
 
     ## Rendering
 
     Rendering needs pygame (extra `render`). With a render mode each step also records its shot. Frames are drawn to
-    scale, 30 for each second of a shot.
+    scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.

@@ -99,7 +99,7 @@ class Starts(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """What m episodes have counted, with the names of the keys of `info`.
+    """The counts of m episodes. Each field has the name of its key in `info`.
 
     Attributes:
         points: (m,) int64: points of the last shot.

@@ -110,8 +110,8 @@ class FrictionImpulse(NamedTuple):
     """The impulse of friction on the first ball of a contact.
 
     Attributes:
-        nx: Horizontal unit vector h from the first to the second ball along x.
-        ny: The same along y.
+        nx: x component of the horizontal unit vector h from the first to the second ball.
+        ny: Its y component.
         across: Impulse across, kg m/s.
         up: Impulse up, kg m/s.
     """

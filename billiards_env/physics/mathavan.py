@@ -36,7 +36,7 @@ _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1
 
 
 class CushionNose(NamedTuple):
-    """The nose of a cushion, at an angle above the ball's centre, and the friction.
+    """The nose of a cushion, by its angle above the ball's centre, and the coefficients of friction.
 
     Attributes:
         sin: Sine of the angle.

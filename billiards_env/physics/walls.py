@@ -479,7 +479,7 @@ def _piece_overlap(x, y, radius, wall, outside, outline):
 
 @inlined
 def overlap_time(path, radius, wall, beyond, speed, outline):
-    """Returns the time since a ball that is beyond a cushion touched it, s.
+    """Returns how long ago a ball that overlaps a cushion first touched it, s.
 
     Args:
         path: The straight `Path` of the ball.

@@ -1,4 +1,4 @@
-"""The state of the game window as plain data: each action, such as `go`, and `tick` return a new `Model`.
+"""The state of the game window as plain data. Actions, such as `go`, and `tick` take a `Model` and return the next one.
 
 The phases of a model are:
 
@@ -303,7 +303,7 @@ def aim_at(model: Model, point: Point) -> Model:
 
 @_only("aiming")
 def set_tip(model: Model, side: float, top: float) -> Model:
-    """Moves the cue's tip to an offset to the left and up, in ball radii, or less, where the cue does not slip."""
+    """Sets the offset of the cue's tip, to the left and up, in ball radii. It stays where the tip does not slip."""
     if not model.has_spin:
         return model
     tip = on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset)
@@ -326,12 +326,12 @@ def set_elevation(model: Model, degrees: float) -> Model:
 
 @_only("aiming")
 def level(model: Model) -> Model:
-    """Levels the cue at the centre of the ball."""
+    """Levels the cue and moves its tip to the centre of the ball."""
     return _with_aim(dataclasses.replace(model, tip=(0.0, 0.0), elevation=0.0), model.angle, model.speed)
 
 
 def go(model: Model) -> Model:
-    """Places the cue ball, shoots, skips the shot that is shown, or closes the help."""
+    """Places the cue ball, shoots, skips to the end of the shot, ends the replay, or closes the help."""
     if model.help:
         return toggle_help(model)
     if model.phase == "placing":

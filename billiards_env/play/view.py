@@ -86,7 +86,7 @@ class View:
     def draw(self, model: Model, message: str = "", question: Sequence[tuple[str, str]] = ()) -> Surface:
         """Returns the frame of a model, valid until the next call.
 
-        A `message` replaces the hint on the keys, and the rows of two texts of a `question` cover the table.
+        A `message` replaces the hint on the keys. A `question` covers the table; each of its rows has two texts.
         """
         self._frame.fill(PAPER)
         self._draw_shot(model) if model.phase in ("rolling", "replaying") else self._draw_turn(model)

@@ -38,7 +38,7 @@ def situation(env: BilliardsEnv) -> Situation:
 
 
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
-    """Returns the (m,) rewards of actions (m, 2) or (m, 5), each as the next step of an environment.
+    """Returns the reward (m,) of each action (m, 2) or (m, 5), if it were the next step of the environment.
 
     The environment does not change.
     """

@@ -101,7 +101,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
-    """Returns the situation of a player, whose shots the rules rate. A cue ball in hand is at its place in `game`."""
+    """Returns the situation of the player to shoot. The rules rate its shots. `game` has the place of a ball in hand."""
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:

@@ -172,7 +172,7 @@ def pot_shots(
 
 @allocating_entry_point
 def write_pots(scene, cue, balls, positions, potted, stroke, banks, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` ends `TableArrays`."""
+    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last fields of `TableArrays`."""
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):

@@ -117,7 +117,7 @@ def record_of(shot: ShotResult) -> ShotRecord:
         ValueError: If the shot was not recorded.
     """
     if shot.scene is None or shot._arguments is None:
-        raise ValueError("shot.save: the shot was not recorded, expected simulate(..., record=True)")
+        raise ValueError(f"shot = {short(shot)}: expected a recorded shot, from simulate(..., record=True)")
     start, engine, max_events = shot._arguments
     turns = start.spins.any() or np.signbit(start.spins).any()
     return ShotRecord(
@@ -217,7 +217,7 @@ def read(path: str | os.PathLike[str], build: Callable[[str], T]) -> T:
             content = file.read(MAX_BYTES + 1)
     except (FileNotFoundError, IsADirectoryError) as error:
         is_not = "does not exist" if isinstance(error, FileNotFoundError) else "is a folder"
-        raise type(error)(f"path = {os.fspath(path)!r}: expected the file of a shot or a game, it {is_not}") from None
+        raise type(error)(f"path = {os.fspath(path)!r}: expected a file of a shot or a game, but it {is_not}") from None
     try:
         if len(content) > MAX_BYTES:
             raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")

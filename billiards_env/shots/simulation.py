@@ -181,7 +181,7 @@ class BatchResult:
     def __getitem__(self, i: int) -> ShotResult:
         k = operator.index(i)
         if not -len(self) <= k < len(self):
-            raise IndexError(f"batch[{k}]: expected a shot from 0 to {len(self) - 1}")
+            raise IndexError(f"batch[{k}]: expected an index from {-len(self)} to {len(self) - 1}")
         scene, start, settings = self._arguments
         positions, velocities, spins, in_play = (None if array is None else array[k] for array in start)
         assert positions is not None

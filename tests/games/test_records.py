@@ -451,7 +451,7 @@ def test_a_shot_saves_itself(tmp_path):
     assert record == record_shot(scene, POOL, hit, max_time=3.0)
     assert (record.velocities[0], record.max_time) == (tuple(hit.velocity.tolist()), 3.0)
     assert shot_records.replay(record).positions.tobytes() == shot.positions.tobytes()
-    with pytest.raises(ValueError, match=r"shot.save: the shot was not recorded"):
+    with pytest.raises(ValueError, match=r"shot = ShotResult.*: expected a recorded shot"):
         simulate(scene, POOL, hit).save(tmp_path / "shot.json")
     with pytest.raises(ValueError, match="format = 'billiards_env/game': expected 'billiards_env/shot'"):
         shot_records.from_json(GAME_TEXT)

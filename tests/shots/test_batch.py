@@ -242,7 +242,7 @@ def test_a_shot_of_a_batch_is_recorded_again():
     )
     assert np.array_equal(hits[2].spins, hits.spins[2])
     assert hits.spins[2].any()
-    with pytest.raises(IndexError, match=r"batch\[5\]: expected a shot from 0 to 4"):
+    with pytest.raises(IndexError, match=r"batch\[5\]: expected an index from -5 to 4"):
         batch[5]
 
 
