@@ -101,7 +101,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
-    """Returns the situation of the player to shoot. The rules rate its shots. `game` has the place of a ball in hand."""
+    """Returns the situation of the player to shoot. The rules rate its shots. `game` places a cue ball in hand."""
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:
