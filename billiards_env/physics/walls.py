@@ -232,8 +232,10 @@ def _outline_time(path, radius, end, leaves, side, outline):
         for k in range(len(rails)):
             if rails[k, RAIL_SIDE] == side and rails[k, RAIL_FROM] < along < rails[k, RAIL_TO]:
                 number = int(rails[k, RAIL_LINE])
-                t = _segment_time(path, radius, end, outline.lines[number])  # differs from `leaves` by its rounding
-                if t < math.inf:
+                t = _segment_time(path, radius, end, outline.lines[number])
+                # The two times differ by the rounding of the gap. If the ball accelerates from rest into the rail, this
+                # is large enough for another cushion to come first.
+                if t <= (1.0 + MARGIN) * leaves:
                     return t, number
     return any_wall_time(path, radius, end, outline)
 

@@ -55,6 +55,14 @@ def play(scene, places, velocities, spins=None, record=True, **options):
 # The rectangle
 
 
+def test_a_ball_frozen_in_a_corner_hits_the_cushion_that_it_moves_to_at_once():
+    # The spin accelerates the ball into the other cushion. The rounding of that gap is 5 ns of acceleration from rest.
+    scene = Scene(Balls((0.02,), (0.05,)), with_corners(Table(1.0, 0.8, 0.028)), Scene.named("uk_pool").physics)
+    shot = simulate(scene, [[0.48, 0.38]], [0.0, 1.0], spins=[[0.0, 50.0, 0.0]], record=True)
+    assert shot.events["other"][0] == 2
+    assert shot.events["time"][0] < 1e-15
+
+
 @pytest.mark.parametrize("physics", LAWS.values(), ids=LAWS)
 @pytest.mark.parametrize("pit", [False, True])
 def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
