@@ -20,7 +20,11 @@ from billiards_env.files import check_path
 from billiards_env.scene import SCENES
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from billiards_env.shots.result import ShotResult
+
+    Floats = NDArray[np.float64]
 
 COMMANDS = {
     "agents.train": "train PPO with a configuration, for example configs/ppo/pot.yaml",
@@ -95,11 +99,22 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no layout")
     add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
     add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
+    add("--speed", type=number, help="strike with a cue of this speed, m/s, in place of --velocity and --spin")
+    add("--heading", type=_radians, help="direction of the cue in degrees from the x axis (default: towards ball 1)")
+    add("--side", type=number, help="offset of the tip to the left, in ball radii (default: 0)")
+    add("--top", type=number, help="offset of the tip above the centre, in ball radii (default: 0)")
+    add("--elevation", type=_radians, help="angle of the cue above the horizontal in degrees (default: 0)")
     add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
     add("--max-time", type=number, help="time at which the shot ends, s")
     _add_out(parser)
+
+
+def _radians(text: str) -> Any:
+    """Converts a text with a number of degrees to radians, and returns any other text unchanged."""
+    value = number(text)
+    return value if isinstance(value, str) else np.deg2rad(value)
 
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
@@ -131,17 +146,34 @@ def simulate(args: argparse.Namespace) -> None:
         )
     else:
         positions = np.reshape(args.positions, (-1, 2))
-    velocity = args.velocity
-    if velocity is None:
-        aim = positions[min(1, scene.n_balls - 1)] - positions[0]
-        velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
+    velocity, spin = _cue_ball(args, scene, positions)
     options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
-    shot = simulation.simulate(scene, positions, velocity, spins=args.spin, record=True, **options)
+    shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
     print(shot)
     for path in args.out:
         if path.suffix == ".json":
             shot.save(path)
         _write(shot, path)
+
+
+def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
+    """Returns the velocity and the spin of the cue ball that the arguments of `simulate` describe."""
+    from billiards_env.shots.strikes import strike
+
+    aim = positions[min(1, scene.n_balls - 1)] - positions[0]
+    stroke = {name: getattr(args, name) for name in ("heading", "side", "top", "elevation")}
+    given = {name: value for name, value in stroke.items() if value is not None}
+    if args.speed is None:
+        if given:
+            raise ValueError(f"--{next(iter(given))} without --speed: expected the speed of the cue")
+        velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
+        return args.velocity or velocity, args.spin
+    if args.velocity or args.spin:
+        raise ValueError("--speed with --velocity or --spin: expected the motion of the cue or that of the ball")
+    struck = strike(scene, args.speed, **{"heading": np.arctan2(aim[1], aim[0]), **given})
+    if struck.miscue:
+        print("the tip slips on the ball: a miscue")
+    return struck.velocity, struck.spin
 
 
 def replay(args: argparse.Namespace) -> None:

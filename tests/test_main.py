@@ -16,6 +16,8 @@ from billiards_env.jit import decorators as jit
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
+from billiards_env.shots import records as shot_records
+from billiards_env.shots.strikes import strike
 
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 
@@ -70,6 +72,20 @@ def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):
     assert first.startswith("ShotResult: 4 balls, rest after ")
     assert hit.startswith("  first hit: ball ")
     assert lines(capsys, "simulate", "--balls", "0")[2] == "  first hit: none"
+
+
+def test_simulate_strikes_the_cue_ball_with_a_cue(capsys, tmp_path):
+    path = tmp_path / "shot.json"
+    places = ["--positions", "-0.635", "0", "0.635", "0.3"]
+    stroke = ["--speed", "2", "--heading", "30", "--side", "0.2", "--top", "-0.25", "--elevation", "5"]
+    lines(capsys, "simulate", *places, *stroke, "--out", str(path))
+    expected = strike(Scene.named("pool"), 2.0, np.pi / 6, 0.2, -0.25, np.pi / 36)
+    shot = shot_records.load(path)
+    assert list(shot.velocities[0]) == pytest.approx(expected.velocity.tolist(), rel=1e-15)
+    assert shot.spins is not None
+    assert list(shot.spins[0]) == pytest.approx(expected.spin.tolist(), rel=1e-15)
+    towards = lines(capsys, "simulate", *places, "--speed", "2", "--side", "0.9")
+    assert towards[0] == "the tip slips on the ball: a miscue"
 
 
 @pytest.fixture
@@ -141,6 +157,12 @@ def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path)
         (["simulate", "--mode", "pit", "--dt", "0.1", "--fix", "push"], "fix = 'push': expected one of 'push_apart', "),
         (["simulate", "--max-time", "abc"], "max_time = 'abc': expected a number, not str"),
         (["simulate", "--velocity", "2", "fast"], "velocities = [2.0, 'fast']: expected finite numbers in an array"),
+        (["simulate", "--side", "0.3"], "--side without --speed: expected the speed of the cue"),
+        (
+            ["simulate", "--speed", "2", "--spin", "0", "0", "9"],
+            "--speed with --velocity or --spin: expected the motion",
+        ),
+        (["simulate", "--speed", "2", "--heading", "east"], "heading = 'east': expected finite numbers in an array"),
         (["simulate", "--scene", "pol"], "scene = 'pol': expected one of 'pool', "),
         (["simulate", "--layout", "rak"], "layout = 'rak': expected one of 'random', "),
         (["simulate", "--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
