@@ -26,7 +26,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import recipes, run_outs, timestep_report
+from studies import plain, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -38,6 +38,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
+    "plain": ("studies.plain", plain.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
