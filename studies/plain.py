@@ -17,7 +17,6 @@ from typing import Any
 import gymnasium as gym
 import torch
 from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
@@ -30,7 +29,7 @@ from studies import RESULTS
 
 OUTPUT = RESULTS / "plain.json"
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"PPO": PPO, "SAC": SAC}
+ALGORITHMS: dict[str, type[PPO] | type[SAC]] = {"PPO": PPO, "SAC": SAC}
 SHOTS = {"PPO": (100_000, 1_000_000), "SAC": (20_000,)}
 """The numbers of shots after which each algorithm is evaluated, ascending."""
 SEEDS = (20, 21, 22)
