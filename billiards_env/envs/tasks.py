@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.rules.arrays import NO_FOUL, SHOT, CallNumbers, StateNumbers, size
 from billiards_env.rules.carom import is_carom
 from billiards_env.rules.facts import facts_of_shot
 from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight_ball, group_left, nine_ball
-from billiards_env.rules.state import NO_FOUL, SHOT, CallNumbers, StateNumbers, count
 from billiards_env.scene import Scene
 
 
@@ -178,7 +178,7 @@ def judge_nine_ball(k, targets, outcome):
     if verdict.foul != NO_FOUL:
         return 0, True, False
     return (
-        count(state.object_balls if verdict.over else facts.potted),
+        size(state.object_balls if verdict.over else facts.potted),
         not verdict.continues or verdict.over,
         verdict.over,
     )
@@ -204,7 +204,7 @@ def judge_eight_ball(k, targets, outcome):
     if verdict.foul != NO_FOUL:
         return 0, True, False
     won = verdict.winner == 0
-    points = count(facts.potted & group) + (1 if won else 0)
+    points = size(facts.potted & group) + (1 if won else 0)
     return points, points == 0 or facts.potted & EIGHT != 0, won
 
 

@@ -16,11 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import Engine, checked_engine
-from billiards_env.games.facts import Facts, facts_of
-from billiards_env.games.placement import Point, cue_ball_point, rack_again
-from billiards_env.games.rules import RULES, Rules
-from billiards_env.games.snooker import is_miss, is_snookered
-from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict, handed_back, next_state
+from billiards_env.games.judging import (
+    NO_CALL,
+    RULES,
+    Call,
+    Facts,
+    Rules,
+    RuleState,
+    Verdict,
+    facts_of,
+    handed_back,
+    next_state,
+)
+from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
+from billiards_env.games.snooker_fouls import is_miss, is_snookered
 from billiards_env.rules import IN_HAND
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.shots.result import ShotResult
@@ -58,8 +67,8 @@ class Setup:
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
-        called: Whether eight ball or straight pool is played with called balls and pockets, as the WPA's rules require.
-            By default any ball potted on a legal shot counts, and a player need not call.
+        call_shot: Whether shots are called in eight ball or straight pool, as the WPA's rules require (1.6). By default
+            any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
     """
 
@@ -70,7 +79,7 @@ class Setup:
     mode: str = "pic"
     dt: float | None = None
     fix: str | None = None
-    called: bool = False
+    call_shot: bool = False
     miss: bool = False
 
     def __post_init__(self) -> None:
@@ -109,7 +118,7 @@ class Setup:
             object.__setattr__(self, "target", whole("target", target, Range(0, MAX_SCORE)))
         if self.rules == "snooker":
             layouts.plan("snooker", self.scene)  # raises if the scene does not suit snooker
-        for name, possible in (("called", rules.can_call), ("miss", "replace" in rules.choices)):
+        for name, possible in (("call_shot", rules.call_kernel is not None), ("miss", "replace" in rules.choices)):
             if flag(name, getattr(self, name)) and not possible:
                 raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
         checked_engine(self.mode, self.dt, self.fix)
@@ -199,7 +208,7 @@ def opening_state(setup: Setup) -> RuleState:
         in_hand="behind" if setup.game_rules.pockets else "no",
         cue_balls=setup.game_rules.cue_balls,
         target=setup.target or 0,
-        called=setup.called,
+        call_shot=setup.call_shot,
         reds=setup.scene.n_balls - 7 if setup.rules == "snooker" else 0,
         fouls=(0,) * setup.n_players,
     )
@@ -371,7 +380,8 @@ def _after_shot(
     obstacles = state.on_table - set(verdict.spotted)
     if state.in_hand != "no":  # a cue ball in hand does not block a spot
         obstacles -= {cue}
-    setup.game_rules.spot(scene, positions, obstacles, verdict.spotted)
+    spot = spot_colours if setup.game_rules.has_spots else spot_at_foot
+    spot(scene, positions, obstacles, verdict.spotted)
     if verdict.rack:
         lying = state.on_table if verdict.rack == "rest" else frozenset({cue})
         in_hand = rack_again(scene, positions, lying, cue)
@@ -398,7 +408,7 @@ def _without_shot(game: GameState, call: Call) -> GameState:
 def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
-    safety = ("safety",) if state.called else ()
+    safety = ("safety",) if state.call_shot else ()
     one_of("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
     whole("stroke.call.ball", call.ball, Range(-1, n - 1))
     whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))

@@ -13,7 +13,8 @@ import numpy as np
 
 from billiards_env.checks import Range, flag, one_of, real, short, whole
 from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
-from billiards_env.games.state import CALLS, Call, RuleState
+from billiards_env.games.judging import Call, RuleState
+from billiards_env.rules import CALLS
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, compare, fields, head, items, pair, rows, rows_of
 from billiards_env.shots.result import ShotResult
@@ -162,7 +163,7 @@ def from_json(text: str) -> Record:
     return shots.parse(text, {shots.SHOT: shots.shot_of, GAME: _game})
 
 
-_GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "called", "miss", "state", "strokes")
+_GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "call_shot", "miss", "state", "strokes")
 _GAME_END = tuple(field.name for field in dataclasses.fields(GameEnd))
 
 
@@ -174,7 +175,9 @@ def _game(data: dict[str, Any]) -> GameRecord:
     fields("the file", data, _GAME_FIELDS)
     scene, mode, dt, fix = head(data)
     n = scene.n_balls
-    setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["called"], data["miss"])
+    setup = Setup(
+        data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["call_shot"], data["miss"]
+    )
     positions = rows_of("positions", data["positions"], n, 2)
     state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
     strokes = []

@@ -9,36 +9,7 @@ from numpy.typing import NDArray
 
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.rules.state import row_type
-
-
-class FactNumbers(NamedTuple):
-    """The facts of a shot, see `games.facts.Facts`. A set of balls is a bit mask.
-
-    Attributes:
-        first: The balls that the cue ball touched first; several if it touched them at the same instant.
-        touched: Number of balls that the cue ball touched.
-        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last one of these.
-        potted: The potted object balls.
-        first_potted: The one that was potted first; 0 if there is none or the order is not known.
-        scratch: Whether the cue ball was potted.
-        cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
-        driven: The object balls that hit a cushion or were potted (WPA 8.4).
-        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
-    """
-
-    first: int
-    touched: int
-    cushions_before_last: int
-    potted: int
-    first_potted: int
-    scratch: bool
-    cushion_after: bool
-    driven: int
-    cue_driven: bool
-
-
-FACTS = row_type(FactNumbers)
+from billiards_env.rules.arrays import FACTS, FactNumbers
 
 
 class Counts(NamedTuple):

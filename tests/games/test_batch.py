@@ -5,14 +5,14 @@ import pytest
 
 from billiards_env.games import RULES, Stroke, Verdict, custom_opening, opening, play
 from billiards_env.games.batch import best_call, judge_batch
-from billiards_env.games.state import verdict_of
+from billiards_env.games.judging import verdict_of
 from tests.helpers.games import setup
 
 GAMES = [(rules, layout) for rules, game in RULES.items() for layout in (game.layouts[0], "random")]
 
 
-def make_game(rules, layout, called=False):
-    settings = setup(rules, called=called)
+def make_game(rules, layout, call_shot=False):
+    settings = setup(rules, call_shot=call_shot)
     game = opening(settings, np.random.default_rng(1), layout)
     # A break shot with the cue ball on the table
     return settings, game._replace(state=game.state._replace(in_hand="no"))
@@ -34,7 +34,7 @@ def one_by_one(settings, game, velocities, spins):
     verdicts = []
     for velocity, spin in zip(velocities.tolist(), spins.tolist(), strict=True):
         stroke = Stroke(tuple(velocity), spin=tuple(spin))
-        if settings.called:
+        if settings.call_shot:
             found = play(settings, game, stroke).facts
             by_number = sorted(zip(found.potted, found.pockets, strict=True))
             numbered = found._replace(potted=[b for b, _ in by_number], pockets=[p for _, p in by_number])
@@ -52,7 +52,7 @@ def test_a_batch_has_the_verdicts_of_single_shots(rules, layout):
 
 @pytest.mark.parametrize("rules", ["eight_ball", "straight"])
 def test_potted_balls_are_called(rules):
-    settings, game = make_game(rules, "random", called=True)
+    settings, game = make_game(rules, "random", call_shot=True)
     velocities, spins = shots(400)
     found = judged(settings, game, velocities, spins)
     assert found == one_by_one(settings, game, velocities, spins)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from billiards_env.games import RULES, Call, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games.judging import next_state
 from billiards_env.games.placement import rack_again
-from billiards_env.games.state import next_state
 from billiards_env.scene.layouts import plan
 from tests.helpers.games import facts, setup, state
 
@@ -15,7 +15,7 @@ POT_3 = "hit 0 3, pocket 3 5"
 TWO_GROUPS = "hit 0 3, pocket 3 5, pocket 9 0"
 SAFETY, PUSH_OUT = Call(3, 5, "safety"), Call(kind="push_out")
 FOUL = facts("cushion 0")
-CALLED, SOLIDS = {"called": True}, {"called": True, "solids": 0}
+CALLED, SOLIDS = {"call_shot": True}, {"call_shot": True, "solids": 0}
 PUSH = {"choices": ("push_out",)}
 
 
@@ -189,11 +189,11 @@ def test_a_shot_that_is_handed_back_must_not_move_the_cue_ball():
 
 @pytest.mark.parametrize("rules", ["nine_ball", "carom", "snooker"])
 def test_only_eight_ball_and_straight_pool_are_called(rules):
-    with pytest.raises(ValueError, match=f"called = True with rules '{rules}'"):
-        setup(rules, called=True)
+    with pytest.raises(ValueError, match=f"call_shot = True with rules '{rules}'"):
+        setup(rules, call_shot=True)
 
 
-STRAIGHT = setup("straight", target=50, called=True)
+STRAIGHT = setup("straight", target=50, call_shot=True)
 RACK = plan("tight_rack", STRAIGHT.scene).spots[1:]
 HEAD = (STRAIGHT.scene.table.head_x, 0.0)
 RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball

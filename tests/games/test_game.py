@@ -6,7 +6,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play
-from billiards_env.games.rules import Rules
+from billiards_env.games.judging import Rules
 from billiards_env.scene import check_positions
 from billiards_env.scene.layouts import MARGIN, draw
 from tests.helpers.games import setup as usual_setup

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
+from billiards_env.games.judging import RuleState
 from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
-from billiards_env.games.state import RuleState
 from billiards_env.scene import Balls, Scene, check_positions
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.table import Table

@@ -105,13 +105,13 @@ def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(SHOT_TEXT, "version", 1)) == SHOTS["plain"]()
 
 
-@pytest.mark.parametrize("options", [{"called": True}, {"target": 40, "called": True}])
+@pytest.mark.parametrize("options", [{"call_shot": True}, {"target": 40, "call_shot": True}])
 def test_the_options_of_a_game_survive_a_file(options):
     record = recorded_game("straight", **options)
     loaded = records.from_json(records.to_json(record))
     assert loaded == record
     assert isinstance(loaded, records.GameRecord)
-    assert records.replay(loaded).state.called
+    assert records.replay(loaded).state.call_shot
 
 
 def test_an_infinite_mass_is_written_as_text():
@@ -307,7 +307,7 @@ GAME_FAULTS = [
     ("strokes.3.call", None, r"strokes\[3\].call = None: expected a mapping"),
     ("strokes.3.call.kind", "jump", r"strokes\[3\].call.kind = 'jump'"),
     ("strokes.3.call.ball", 0.5, r"strokes\[3\].call.ball = 0.5"),
-    ("called", True, "called = True with rules 'nine_ball'"),
+    ("call_shot", True, "call_shot = True with rules 'nine_ball'"),
     ("miss", 0, "miss = 0: expected True or False"),
     ("state.choices", ["replace"], r"state.choices\[0\] = 'replace'"),
     ("state.fouls", [1], r"state.fouls = \[1\]: expected 2 fouls"),

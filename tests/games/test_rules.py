@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
-from billiards_env.games.facts import Facts, facts_of
-from billiards_env.games.rules import RULES
-from billiards_env.games.state import RuleState, Verdict, next_state
+from billiards_env.games.judging import RULES, Facts, RuleState, Verdict, facts_of, next_state
 from billiards_env.rules import FOULS, IN_HAND
 from tests.helpers.games import events, facts, state
 

@@ -7,9 +7,9 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, Call, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games.judging import next_state
 from billiards_env.games.placement import SPOT_GAP, cue_ball_point, placement_area, spot_colours
-from billiards_env.games.snooker import is_miss, is_snookered, points_left
-from billiards_env.games.state import next_state
+from billiards_env.games.snooker_fouls import is_miss, is_snookered, points_left
 from billiards_env.scene.layouts import plan
 from tests.helpers.games import facts, state
 

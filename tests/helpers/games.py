@@ -3,10 +3,8 @@
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import Setup
-from billiards_env.games.facts import facts_of
-from billiards_env.games.rules import RULES
-from billiards_env.games.state import RuleState
+from billiards_env.games import RULES, RuleState, Setup
+from billiards_env.games.judging import facts_of
 from billiards_env.shots.result import EVENT_DTYPE
 
 
