@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import RULES, History, Setup, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games import RULES, Call, History, Setup, Stroke, Verdict, batch, custom_opening, opening, play
 from billiards_env.games.judging import Rules
-from billiards_env.scene import check_positions
+from billiards_env.rules import GAMES
+from billiards_env.rules.pool import any_ball
+from billiards_env.scene import check_positions, layouts
 from billiards_env.scene.layouts import MARGIN, draw
 from tests.helpers.games import setup as usual_setup
 
@@ -55,11 +57,32 @@ def test_the_rack_of_a_game_is_that_of_its_layout():
         assert tight == pytest.approx([0.635 + 2 * math.sqrt(3) * setup.scene.balls.radius[0], 0.0])
 
 
+def test_a_game_is_one_entry_of_games_and_one_of_racks(monkeypatch):
+    """Nine ball with ten balls, in which any ball may be called, but only the lowest touched first."""
+    game = GAMES["nine_ball"]._replace(name="ten_ball", n_object_balls=(10, 10), call_kernel=any_ball, deciding_ball=10)
+    monkeypatch.setitem(GAMES, "ten_ball", game)
+    monkeypatch.setitem(RULES, "ten_ball", Rules(*game))
+    monkeypatch.setitem(layouts.RACKS, "ten_ball", layouts.Rack((1, 2, 3, 4, 10, 6, 7, 8, 9, 5), fixed=(1, 10)))
+    monkeypatch.setattr(batch, "judge_shots", lambda name, states, facts, calls: calls)
+    setup = Setup("ten_ball", Scene.named("pool", 10), call_shot=True)
+    first, second = (opening(setup, np.random.default_rng(seed), "tight_rack").positions for seed in (0, 3))
+    assert first[10] == pytest.approx([0.635 + 2 * math.sqrt(3) * setup.scene.balls.radius[0], 0.0])
+    assert (first[[1, 10]].tolist(), first[1, 0]) == (second[[1, 10]].tolist(), 0.635)
+    assert sorted(first[2:10].tolist()) == sorted(second[2:10].tolist()) != first[2:10].tolist()
+    places = np.array([[0.97, 0.335], *([-0.8 + 0.16 * i, -0.5] for i in range(10))])
+    places[4] = 1.07, 0.435
+    game = custom_opening(setup, places)
+    facts = play(setup, game, Stroke((0.7, 0.7))).facts
+    assert (facts.potted, batch.best_call(setup.game_rules, game.state, facts)) == ((4,), Call(4, 3))
+    (call,) = batch.judge_batch(setup, game, [[0.7, 0.7]])
+    assert (call["ball"], call["made"]) == (4, True)
+
+
 @pytest.mark.parametrize("rules", RULES)
 def test_openings(rules):
     setup = usual_setup(rules)
-    layouts = setup.game_rules.layouts
-    for layout in layouts:
+    names = setup.game_rules.layouts
+    for layout in names:
         game = opening(setup, np.random.default_rng(3), layout)
         again = opening(setup, np.random.default_rng(3), layout)
         assert game.positions.tobytes() == again.positions.tobytes()
@@ -67,7 +90,7 @@ def test_openings(rules):
         assert game.state.break_shot == (layout != "random")
         assert game.state.in_hand == ("behind" if setup.game_rules.pockets and layout != "random" else "no")
     assert opening(setup, np.random.default_rng(3)).positions.tobytes() == (
-        opening(setup, np.random.default_rng(3), layouts[0]).positions.tobytes()
+        opening(setup, np.random.default_rng(3), names[0]).positions.tobytes()
     )
 
 
