@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 
 from billiards_env.games.judging import RuleState
-from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
+from billiards_env.games.placement import (
+    cue_ball_point,
+    nearest_free_point,
+    obstacles,
+    placement_area,
+    rack_again,
+    spotted_point,
+)
 from billiards_env.scene import Balls, Scene, check_positions
-from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.layouts import MARGIN, plan
 from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
@@ -154,3 +161,30 @@ def test_placed_balls_are_valid_for_the_engine():
             positions[ball] = place
             lying.append(ball)
         check_positions(scene, positions)
+
+
+RACK = plan("tight_rack", SCENE).spots[1:]
+HEAD = (SCENE.table.head_x, 0.0)
+RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball
+    "clear": (((0.2, 0.3), (0.1, 0.1)), ((0.2, 0.3), (0.1, 0.1)), "no"),
+    "ball in the rack": (((0.75, 0.0), (0.1, 0.1)), (HEAD, (0.1, 0.1)), "no"),
+    "ball in the rack, cue ball on the head spot": (((0.75, 0.0), (-0.63, 0.01)), ((0.0, 0.0), (-0.63, 0.01)), "no"),
+    "cue ball in the rack": (((0.2, 0.3), (0.75, 0.0)), ((0.2, 0.3), None), "behind"),
+    "cue ball in the rack, ball behind": (((-0.9, 0.3), (0.75, 0.0)), ((-0.9, 0.3), HEAD), "no"),
+    "cue ball in the rack, ball on the head spot": (((-0.63, 0.01), (0.75, 0.0)), ((-0.63, 0.01), (0.0, 0.0)), "no"),
+    "both in the rack": (((0.75, 0.0), (0.66, 0.0)), (tuple(RACK[14]), None), "behind"),
+    "both potted": ((None, (0.1, 0.1)), (tuple(RACK[14]), (0.1, 0.1)), "no"),
+}
+
+
+@pytest.mark.parametrize("case", RACK_CASES)
+def test_straight_pool_special_racking_situations(case):  # 4.8
+    (last, cue), (last_after, cue_after), in_hand = RACK_CASES[case]
+    positions = np.zeros((16, 2))
+    positions[15], positions[0] = last or (0.0, 0.0), cue
+    on_table = {0, 15} if last else {0}
+    assert rack_again(SCENE, positions, on_table, 0) == in_hand
+    assert positions[15] == pytest.approx(last_after)
+    assert cue_after is None or positions[0] == pytest.approx(cue_after)
+    full = "potted" in case or "both" in case
+    assert positions[1:15].tolist() == (RACK[:14] if full else RACK[1:]).tolist()

@@ -68,6 +68,11 @@ def test_games_in_different_states_are_judged_as_one_by_one(name):
     singles = [rules.judge(*shot) for shot in zip(states, facts, calls, strict=True)]
     assert [verdict_of(row, highest_first=name == "snooker") for row in verdicts] == singles
     assert len(set(singles)) > (1 if rules.pockets else 2)
+    for found, verdict in zip(facts, singles, strict=True):
+        assert verdict.in_hand == "no" or verdict.foul or verdict.spotted
+        assert verdict.winner < 0 or verdict.over
+        assert not (verdict.foul and verdict.points > 0)
+        assert set(verdict.spotted) <= {*found.potted, 21}  # in snooker the black after a tie
     players = np.array([len(state.scores) - 1 for state in states])
     legal = legal_balls(name, state_array(states), players)
     assert [frozenset(balls_of(int(balls))) for balls in legal] == [
