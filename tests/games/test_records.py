@@ -49,11 +49,14 @@ def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
     return records.record_game(History(settings, start, tuple(strokes)))
 
 
-RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}
-every_record = pytest.mark.parametrize("name", RECORDS)
+RECORDS = {
+    **SHOTS,
+    **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES},
+    "options": lambda: recorded_game("straight", target=40, call_shot=True),
+}
 
 
-@every_record
+@pytest.mark.parametrize("name", RECORDS)
 def test_a_record_survives_a_file(name, tmp_path):
     record = RECORDS[name]()
     records.save(tmp_path / "a.json", record)
@@ -62,6 +65,9 @@ def test_a_record_survives_a_file(name, tmp_path):
     assert repr(loaded) == repr(record)  # text distinguishes 0.0 and -0.0
     records.save(str(tmp_path / "b.json"), loaded)
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    data = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)  # strict JSON
+    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
+    assert (data["version"], data["written_by"]) == (2, f"billiards_env {__version__}")
 
 
 @pytest.mark.parametrize("name", SHOTS)
@@ -75,47 +81,24 @@ def test_a_shot_replays_bit_for_bit(name):
     assert records.replay(record).events is None
 
 
-def test_a_recorded_shot_equals_that_of_simulate():
-    record = SHOTS["pit"]()
-    shot = simulate(Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=2.5)
-    assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
-
-
 @pytest.mark.parametrize(
-    ("rules", "engine"), [*((rules, {}) for rules in RULES), ("nine_ball", {"mode": "pit", "dt": 1 / 100})]
+    ("rules", "options"),
+    [
+        *((rules, {}) for rules in RULES),
+        ("nine_ball", {"mode": "pit", "dt": 1 / 100}),
+        ("straight", {"call_shot": True}),
+    ],
 )
-def test_a_game_replays_bit_for_bit(rules, engine):
-    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **engine)))
+def test_a_game_replays_bit_for_bit(rules, options):
+    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **options)))
     assert isinstance(record, records.GameRecord)
     game = records.replay(record)
     assert game.positions.tolist() == [list(row) for row in record.end.positions]
     assert game.state.scores == record.end.scores
 
 
-@every_record
-def test_files_are_strict_json_with_format_and_version(name):
-    text = records.to_json(RECORDS[name]())
-    data = json.loads(text, parse_constant=pytest.fail)
-    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
-    assert data["version"] == 2
-    assert data["written_by"] == f"billiards_env {__version__}"
-
-
 def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(SHOT_TEXT, "version", 1)) == SHOTS["plain"]()
-
-
-@pytest.mark.parametrize("options", [{"call_shot": True}, {"target": 40, "call_shot": True}])
-def test_the_options_of_a_game_survive_a_file(options):
-    record = recorded_game("straight", **options)
-    loaded = records.from_json(records.to_json(record))
-    assert loaded == record
-    assert isinstance(loaded, records.GameRecord)
-    assert records.replay(loaded).state.call_shot
-
-
-def test_an_infinite_mass_is_written_as_text():
-    assert json.loads(records.to_json(SHOTS["masses"]()))["scene"]["balls"]["mass"][2] == "inf"
 
 
 def test_record_shot_rejects_what_simulate_rejects():
@@ -133,10 +116,8 @@ def test_record_shot_rejects_what_simulate_rejects():
 
 def test_a_replay_with_another_result_raises():
     record = SHOTS["plain"]()
-    off = np.nextafter(record.end.positions[0][0], 1.0)
-    end = dataclasses.replace(
-        record.end, positions=((float(off), record.end.positions[0][1]), *record.end.positions[1:])
-    )
+    (x, y), *others = record.end.positions
+    end = dataclasses.replace(record.end, positions=((float(np.nextafter(x, 1.0)), y), *others))
     wrong = dataclasses.replace(record, end=end)
     with pytest.raises(ValueError, match="the replay differs from the record: positions = "):
         records.replay(wrong)
@@ -237,11 +218,9 @@ SHOT_FAULTS = [
     ("colour", "red", "key 'colour' of the file is unknown"),
     ("__class__", "os.system", "key '__class__' of the file is unknown"),
     ("positions", [[0, 0]], "positions = .*: expected a list of 2"),
-    ("positions", "here", "positions = 'here'"),
     ("positions.1", [0.0], r"positions\[1\] = \[0.0\]: expected a list of 2"),
     ("positions.1.0", "0", r"positions\[1\]\[0\] = '0': expected a number"),
     ("positions.1.0", True, r"positions\[1\]\[0\] = True: expected a number"),
-    ("positions.1.0", None, r"positions\[1\]\[0\] = None: expected a number"),
     ("positions.1.0", 10**400, r"positions\[1\]\[0\] = 1000.*: expected a finite number"),
     ("positions.1.0", 5.0, "positions: ball 1 is at"),
     ("positions.1", POOL[0], "positions: balls 0 and 1 are"),
