@@ -269,17 +269,13 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     n, players = setup.scene.n_balls, setup.n_players
     whole("state.player", values["player"], Range(0, players - 1))
     whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
-    for name, kind in (
-        ("scores", (list, tuple)),
-        ("on_table", (list, tuple, set, frozenset)),
-        ("cue_balls", (list, tuple)),
-        ("fouls", (list, tuple)),
-    ):
-        if not isinstance(values[name], kind):
+    ball = Range(0, n - 1)
+    limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
+    for name, limit in limits.items():
+        if not isinstance(values[name], (list, tuple, *((set, frozenset) if name == "on_table" else ()))):
             raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
-            limits = {"scores": (-MAX_SCORE, MAX_SCORE), "fouls": (0, MAX_SCORE)}.get(name, (0, n - 1))
-            whole(f"state.{name}[{i}]", value, Range(*limits))
+            whole(f"state.{name}[{i}]", value, limit)
     for name in ("scores", "fouls"):
         if len(values[name]) != players:
             raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
@@ -419,14 +415,12 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     if (stroke.place is None) != (state.in_hand == "no"):
         expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
         raise ValueError(f"stroke.place = {short(stroke.place)}: expected {expected}")
-    checks = (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin"))
-    for name, count, within in checks:
+    for name, count, within in (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
         values = getattr(stroke, name)
-        if values is not None:
-            if len(values) != count:
-                raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
-            for i, value in enumerate(values):
-                real(f"stroke.{name}[{i}]", value, within)
+        if values is not None and len(values) != count:
+            raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
+        for i, value in enumerate(() if values is None else values):
+            real(f"stroke.{name}[{i}]", value, within)
     if any(stroke.spin) and setup.scene.physics.motion != "sliding":
         raise ValueError(
             f"stroke.spin = {short(stroke.spin)} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"

@@ -189,23 +189,19 @@ def _game(data: dict[str, Any]) -> GameRecord:
         x, y, z = (real(f"strokes[{i}].spin[{k}]", value, "spin") for k, value in enumerate(spin))
         strokes.append(Stroke(velocity, place, (x, y, z), _call(f"strokes[{i}].call", stroke["call"])))
     end = fields("end", data["end"], _GAME_END)
-    ball, score = Range(0, n - 1), Range(-(2**62), 2**62)
-    on_table = [whole(f"end.on_table[{i}]", v, ball) for i, v in enumerate(items("end.on_table", end["on_table"]))]
-    scores = [whole(f"end.scores[{i}]", v, score) for i, v in enumerate(items("end.scores", end["scores"]))]
-    return GameRecord(
-        setup=setup,
-        positions=positions,
-        state=state,
-        strokes=tuple(strokes),
-        end=GameEnd(
-            positions=rows_of("end.positions", end["positions"], n, 2),
-            on_table=tuple(on_table),
-            scores=tuple(scores),
-            player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
-            over=flag("end.over", end["over"]),
-            winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
-        ),
+    result = GameEnd(
+        positions=rows_of("end.positions", end["positions"], n, 2),
+        on_table=_whole_numbers("end.on_table", end["on_table"], Range(0, n - 1)),
+        scores=_whole_numbers("end.scores", end["scores"], Range(-(2**62), 2**62)),
+        player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
+        over=flag("end.over", end["over"]),
+        winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
     )
+    return GameRecord(setup, positions, state, tuple(strokes), result)
+
+
+def _whole_numbers(name: str, values: Any, within: Range) -> tuple[int, ...]:
+    return tuple(whole(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 
 def _call(name: str, value: Any) -> Call:

@@ -117,7 +117,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         rate,
         state.cue_balls[0],
     )
-    return found._replace(first=full_hit(found)[None])
+    return found._replace(tried_first=full_hit(found)[None])
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:

@@ -16,8 +16,8 @@ class Counts(NamedTuple):
     """What the engine counts in m shots of n balls, of which it strikes the first, see `engine.Shots`.
 
     Attributes:
-        potted_before: (m, n) bool, the balls off the table before the shot.
-        potted: (m, n) bool, the balls off the table after it.
+        off_table_before: (m, n) bool, the balls that are potted or not in play before the shot.
+        off_table: (m, n) bool, those after it.
         cushions: (m, n) int32, number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
             ball, -1 if it did not touch it.
@@ -25,8 +25,8 @@ class Counts(NamedTuple):
         bits: (n,) int64, each ball as a set of balls.
     """
 
-    potted_before: Any
-    potted: Any
+    off_table_before: Any
+    off_table: Any
     cushions: Any
     cushions_before_hit: Any
     first_hit: Any
@@ -39,13 +39,13 @@ def facts_of_shot(k, counts):
 
     The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
     """
-    first, scratch = counts.first_hit[k], counts.potted[k, CUE_BALL]
+    first, scratch = counts.first_hit[k], counts.off_table[k, CUE_BALL]
     touched, before_last, potted, driven = 0, 0, 0, 0
     for i in range(1, len(counts.bits)):
         if counts.cushions_before_hit[k, i] >= 0:
             touched += 1
             before_last = max(before_last, counts.cushions_before_hit[k, i])
-        if counts.potted[k, i] and not counts.potted_before[k, i]:
+        if counts.off_table[k, i] and not counts.off_table_before[k, i]:
             potted |= counts.bits[i]
             driven |= counts.bits[i]
         elif counts.cushions[k, i] > 0:
