@@ -171,6 +171,8 @@ def test_unsuitable_layouts_are_rejected(rules, layout):
         ("nine_ball", {"in_hand": "maybe"}, "state.in_hand = 'maybe'"),
         ("nine_ball", {"in_hand": None}, "state.in_hand = None"),
         ("nine_ball", [], "state = "),
+        ("nine_ball", {"fouls": [1]}, r"state.fouls = \[1\]: expected 2 fouls"),
+        ("nine_ball", {"colour": True}, "state.colour = True with rules 'nine_ball'"),
         ("snooker", {"on_table": [0, 1, 21]}, "expected all colours"),
         ("snooker", {"on_table": [0, 16, 21]}, "expected all colours"),
         ("snooker", {"on_table": [0, 20, 21], "colour": True}, "expected all colours"),

@@ -143,7 +143,8 @@ def test_a_split_hit_counts_as_the_legal_ball_first():
 
 BREAK = {"break_shot": True, "in_hand": "behind"}
 THREE = "hit 0 1, cushion 2, cushion 3, cushion 4, cushion 4, cushion 0"  # three object balls are driven to a cushion
-PUSH, PUSH_OUT, HAND_BACK = {"choices": ("push_out",)}, Call(kind="push_out"), {"choices": ("hand_back",)}
+PUSH, PUSH_OUT = {"choices": ("push_out",)}, Call(kind="push_out")
+HAND_BACK: dict[str, Any] = {"choices": ("hand_back",)}
 NINE_BALL = [
     ({}, "hit 0 1, hit 1 6, pocket 6", Verdict(continues=True)),  # any legal pot continues
     ({}, THREE, Verdict()),
