@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.rules.arrays import NO_FOUL, SHOT, CallNumbers, StateNumbers, size
 from billiards_env.rules.carom import is_carom
-from billiards_env.rules.facts import facts_of_shot
+from billiards_env.rules.facts import Counts, facts_of_shot
 from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight_ball, group_left, nine_ball
-from billiards_env.rules.state import NO_FOUL, SHOT, CallNumbers, StateNumbers, count
 from billiards_env.scene import Scene
 
 
 class Outcome(NamedTuple):
-    """The outcome of m shots. It has the fields of `rules.Counts`.
+    """The outcome of m shots. See `rules.Counts`.
 
     Attributes:
         positions: (m, n, 2) float64, m, positions of the balls after the shot.
@@ -99,11 +99,18 @@ def judge_three_cushion(k, targets, outcome):
 @inlined
 def judge_cushions(k, targets, cushions, outcome):
     """Returns the result of a carom that needs some cushion contacts."""
-    facts, over = facts_of_shot(k, outcome), False
+    facts, over = facts_of(k, outcome), False
     for i in range(len(targets)):
         over = over or outcome.potted[k, i]
     success = is_carom(facts, len(targets) - 1, cushions) and not facts.scratch
     return (1 if success else 0), over, success
+
+
+@inlined
+def facts_of(k, outcome):
+    """Returns the facts of shot k, as `rules.FactNumbers`."""
+    hits = outcome.cushions, outcome.cushions_before_hit, outcome.first_hit
+    return facts_of_shot(k, Counts(outcome.potted_before, outcome.potted, *hits, outcome.bits))
 
 
 @kernel
@@ -171,14 +178,14 @@ def judge_nine_ball(k, targets, outcome):
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    state, facts = run_out_state(k, False, -1, outcome), facts_of_shot(k, outcome)
+    state, facts = run_out_state(k, False, -1, outcome), facts_of(k, outcome)
     verdict = nine_ball(state, balls_on(k, outcome), facts, NO_CALL)
     left = state.object_balls & ~facts.potted
     write_on(outcome.on, k, left & -left)
     if verdict.foul != NO_FOUL:
         return 0, True, False
     return (
-        count(state.object_balls if verdict.over else facts.potted),
+        size(state.object_balls if verdict.over else facts.potted),
         not verdict.continues or verdict.over,
         verdict.over,
     )
@@ -193,7 +200,7 @@ def judge_eight_ball(k, targets, outcome):
     episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The task
     is achieved if the eight ball is potted without a foul when it is on, and not in the break.
     """
-    on, facts = balls_on(k, outcome), facts_of_shot(k, outcome)
+    on, facts = balls_on(k, outcome), facts_of(k, outcome)
     group = (SOLIDS if on & SOLIDS != 0 else 0) | (STRIPES if on & STRIPES != 0 else 0)
     is_open, is_break = group == SOLIDS | STRIPES, group != 0 and on & EIGHT != 0
     state = run_out_state(k, is_break, -1 if is_open else 0, outcome)
@@ -204,7 +211,7 @@ def judge_eight_ball(k, targets, outcome):
     if verdict.foul != NO_FOUL:
         return 0, True, False
     won = verdict.winner == 0
-    points = count(facts.potted & group) + (1 if won else 0)
+    points = size(facts.potted & group) + (1 if won else 0)
     return points, points == 0 or facts.potted & EIGHT != 0, won
 
 

@@ -3,7 +3,6 @@
 Only `games.billiards_v0` imports PettingZoo.
 """
 
-from billiards_env.games.facts import Facts
 from billiards_env.games.game import (
     GameState,
     History,
@@ -15,8 +14,7 @@ from billiards_env.games.game import (
     play,
     replay,
 )
-from billiards_env.games.rules import RULES
-from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict
+from billiards_env.games.judging import NO_CALL, RULES, Call, Facts, RuleState, Verdict
 
 __all__ = [
     "NO_CALL",

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers
-from billiards_env.games.facts import Facts
 from billiards_env.games.game import GameState, Setup
-from billiards_env.games.rules import Rules
-from billiards_env.games.state import NO_CALL, Call, RuleState, ball_set, state_array
+from billiards_env.games.judging import NO_CALL, Call, Facts, Rules, RuleState, ball_set, state_array
 from billiards_env.rules import CALL, Counts, facts_of_shots, judge_shots
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
@@ -24,9 +22,9 @@ def judge_batch(
 ) -> NDArray[Any]:
     """Simulates m shots of the cue ball from one position and judges them.
 
-    The verdict is that of `game.play`, with these differences: in a game with called shots the player calls the legal
-    ball of the lowest number that the shot pots; if balls of both groups are potted on an open table of eight ball, the
-    group is that of the ball that was touched first; and of several balls touched at the same instant one counts as
+    The verdict is that of `game.play`, with these differences: in a game with called shots the player calls the lowest
+    ball that the shot pots and that may be called; if balls of both groups are potted on an open table of eight ball,
+    the group is that of the ball that was touched first; and of several balls touched at the same instant one counts as
     touched first.
 
     Args:
@@ -64,8 +62,8 @@ def judge_batch(
     before, bits = np.zeros_like(batch.potted), 1 << np.array(balls)
     counts = Counts(before, batch.potted, batch.cushions, batch.cushions_before_hit, batch.first_hit, bits)
     facts, calls = facts_of_shots(counts), np.zeros(len(speeds), CALL)
-    if state.called and not state.break_shot:
-        pots = facts["potted"] & ball_set(setup.game_rules.legal(state, state.player))
+    if state.call_shot and not state.break_shot:
+        pots = facts["potted"] & ball_set(setup.game_rules.callable(state, state.player))
         calls["ball"], calls["made"] = np.frexp(pots & -pots)[1] - 1, pots != 0
     else:
         calls["ball"] = NO_CALL.ball
@@ -73,11 +71,11 @@ def judge_batch(
 
 
 def best_call(rules: Rules, state: RuleState, facts: Facts) -> Call:
-    """Returns the call of the first legal ball that a shot pots; no call if there is none or the game needs none."""
-    if state.called and not state.break_shot:
-        legal = rules.legal(state, state.player)
+    """Returns the call of the first ball that a shot pots and that may be called; `NO_CALL` if there is none."""
+    if state.call_shot and not state.break_shot:
+        candidates = rules.callable(state, state.player)
         for ball, pocket in zip(facts.potted, facts.pockets, strict=True):
-            if ball in legal:
+            if ball in candidates:
                 return Call(ball, pocket)
     return NO_CALL
 

@@ -40,10 +40,9 @@ from billiards_env.games.game import (
     opening_state,
     play,
 )
+from billiards_env.games.judging import NO_CALL, RULES, Call
 from billiards_env.games.placement import Point, cue_ball_area
-from billiards_env.games.rules import RULES
-from billiards_env.games.snooker import points_left
-from billiards_env.games.state import NO_CALL, Call
+from billiards_env.games.snooker_fouls import points_left
 from billiards_env.scene import Scene
 
 try:
@@ -103,7 +102,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
-    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.state.CALLS`. Without another choice the
+    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.arrays.CALLS`. Without another choice the
     shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
 
     ## Observation Space
@@ -207,8 +206,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         game_rules = RULES[rules]
         if flag("calls", calls) and not game_rules.pockets:
             raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
-        called = calls and game_rules.can_call
-        self.setup = Setup(rules, board, n_players, target, mode, dt, fix, called, miss)
+        call_shot = calls and game_rules.call_kernel is not None
+        self.setup = Setup(rules, board, n_players, target, mode, dt, fix, call_shot, miss)
         self.action = check_action(action, board)
         self.calls = calls
         self.layout = layout
@@ -421,7 +420,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         """Returns the call for the last three numbers of an action."""
         state, scene = self.game.state, self.setup.scene
         ball, pocket, choice = values.tolist()
-        safety = ("safety",) if state.called else ()
+        safety = ("safety",) if state.call_shot else ()
         choices = (*safety, *state.choices)
         kind = choices[_part(2 * choice - 1, len(choices))] if choice > 0 and choices else "shot"
         return Call(1 + _part(ball, scene.n_balls - 1), _part(pocket, len(scene.table.pockets)), kind)

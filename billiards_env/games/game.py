@@ -16,11 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
 from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import Engine, checked_engine
-from billiards_env.games.facts import Facts, facts_of
-from billiards_env.games.placement import Point, cue_ball_point, rack_again
-from billiards_env.games.rules import RULES, Rules
-from billiards_env.games.snooker import is_miss, is_snookered
-from billiards_env.games.state import NO_CALL, Call, RuleState, Verdict, handed_back, next_state
+from billiards_env.games.judging import (
+    NO_CALL,
+    RULES,
+    Call,
+    Facts,
+    Rules,
+    RuleState,
+    Verdict,
+    facts_of,
+    handed_back,
+    next_state,
+)
+from billiards_env.games.placement import Point, cue_ball_point, rack_again, spot_at_foot, spot_colours
+from billiards_env.games.snooker_fouls import is_miss, is_snookered
 from billiards_env.rules import IN_HAND
 from billiards_env.scene import Scene, check_positions, check_scene, layouts
 from billiards_env.shots.result import ShotResult
@@ -58,8 +67,8 @@ class Setup:
         mode: The engine, as in `simulate`.
         dt: As in `simulate`.
         fix: As in `simulate`.
-        called: Whether eight ball or straight pool is played with called balls and pockets, as the WPA's rules require.
-            By default any ball potted on a legal shot counts, and a player need not call.
+        call_shot: Whether shots are called in eight ball or straight pool, as the WPA's rules require (1.6). By default
+            any ball potted on a legal shot counts, and a player need not call.
         miss: Whether snooker is played with the miss rule.
     """
 
@@ -70,7 +79,7 @@ class Setup:
     mode: str = "pic"
     dt: float | None = None
     fix: str | None = None
-    called: bool = False
+    call_shot: bool = False
     miss: bool = False
 
     def __post_init__(self) -> None:
@@ -109,7 +118,7 @@ class Setup:
             object.__setattr__(self, "target", whole("target", target, Range(0, MAX_SCORE)))
         if self.rules == "snooker":
             layouts.plan("snooker", self.scene)  # raises if the scene does not suit snooker
-        for name, possible in (("called", rules.can_call), ("miss", "replace" in rules.choices)):
+        for name, possible in (("call_shot", rules.call_kernel is not None), ("miss", "replace" in rules.choices)):
             if flag(name, getattr(self, name)) and not possible:
                 raise ValueError(f"{name} = True with rules {self.rules!r}: expected False, the game has no such rule")
         checked_engine(self.mode, self.dt, self.fix)
@@ -199,7 +208,7 @@ def opening_state(setup: Setup) -> RuleState:
         in_hand="behind" if setup.game_rules.pockets else "no",
         cue_balls=setup.game_rules.cue_balls,
         target=setup.target or 0,
-        called=setup.called,
+        call_shot=setup.call_shot,
         reds=setup.scene.n_balls - 7 if setup.rules == "snooker" else 0,
         fouls=(0,) * setup.n_players,
     )
@@ -260,17 +269,13 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     n, players = setup.scene.n_balls, setup.n_players
     whole("state.player", values["player"], Range(0, players - 1))
     whole("state.solids", values["solids"], Range(-1, players - 1 if setup.rules == "eight_ball" else -1))
-    for name, kind in (
-        ("scores", (list, tuple)),
-        ("on_table", (list, tuple, set, frozenset)),
-        ("cue_balls", (list, tuple)),
-        ("fouls", (list, tuple)),
-    ):
-        if not isinstance(values[name], kind):
+    ball = Range(0, n - 1)
+    limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, MAX_SCORE)}
+    for name, limit in limits.items():
+        if not isinstance(values[name], (list, tuple, *((set, frozenset) if name == "on_table" else ()))):
             raise ValueError(f"state.{name} = {short(values[name])}: expected a list of whole numbers")
         for i, value in enumerate(values[name]):
-            limits = {"scores": (-MAX_SCORE, MAX_SCORE), "fouls": (0, MAX_SCORE)}.get(name, (0, n - 1))
-            whole(f"state.{name}[{i}]", value, Range(*limits))
+            whole(f"state.{name}[{i}]", value, limit)
     for name in ("scores", "fouls"):
         if len(values[name]) != players:
             raise ValueError(f"state.{name} = {short(values[name])}: expected {players} {name}, one per player")
@@ -371,7 +376,8 @@ def _after_shot(
     obstacles = state.on_table - set(verdict.spotted)
     if state.in_hand != "no":  # a cue ball in hand does not block a spot
         obstacles -= {cue}
-    setup.game_rules.spot(scene, positions, obstacles, verdict.spotted)
+    spot = spot_colours if setup.game_rules.has_spots else spot_at_foot
+    spot(scene, positions, obstacles, verdict.spotted)
     if verdict.rack:
         lying = state.on_table if verdict.rack == "rest" else frozenset({cue})
         in_hand = rack_again(scene, positions, lying, cue)
@@ -398,7 +404,7 @@ def _without_shot(game: GameState, call: Call) -> GameState:
 def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     """Raises a ValueError if a stroke is not possible, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
-    safety = ("safety",) if state.called else ()
+    safety = ("safety",) if state.call_shot else ()
     one_of("stroke.call.kind", call.kind, ("shot", *safety, *state.choices))
     whole("stroke.call.ball", call.ball, Range(-1, n - 1))
     whole("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
@@ -409,14 +415,12 @@ def _check_stroke(setup: Setup, state: RuleState, stroke: Stroke) -> None:
     if (stroke.place is None) != (state.in_hand == "no"):
         expected = "None, the cue ball is not in hand" if state.in_hand == "no" else "a point, the cue ball is in hand"
         raise ValueError(f"stroke.place = {short(stroke.place)}: expected {expected}")
-    checks = (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin"))
-    for name, count, within in checks:
+    for name, count, within in (("velocity", 2, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
         values = getattr(stroke, name)
-        if values is not None:
-            if len(values) != count:
-                raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
-            for i, value in enumerate(values):
-                real(f"stroke.{name}[{i}]", value, within)
+        if values is not None and len(values) != count:
+            raise ValueError(f"stroke.{name} = {short(values)}: expected {('two', 'three')[count - 2]} numbers")
+        for i, value in enumerate(() if values is None else values):
+            real(f"stroke.{name}[{i}]", value, within)
     if any(stroke.spin) and setup.scene.physics.motion != "sliding":
         raise ValueError(
             f"stroke.spin = {short(stroke.spin)} with physics.motion = {setup.scene.physics.motion!r}: expected no spin"

@@ -15,7 +15,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from billiards_env.games.state import RuleState
+from billiards_env.games.judging import RuleState
 from billiards_env.scene import Scene, layouts
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.outline import Circle, Point, circle_intersections

@@ -13,7 +13,8 @@ import numpy as np
 
 from billiards_env.checks import Range, flag, one_of, real, short, whole
 from billiards_env.games.game import STATE_FIELDS, GameState, History, Setup, Stroke, custom_opening, play
-from billiards_env.games.state import CALLS, Call, RuleState
+from billiards_env.games.judging import Call, RuleState
+from billiards_env.rules import CALLS
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, compare, fields, head, items, pair, rows, rows_of
 from billiards_env.shots.result import ShotResult
@@ -162,7 +163,7 @@ def from_json(text: str) -> Record:
     return shots.parse(text, {shots.SHOT: shots.shot_of, GAME: _game})
 
 
-_GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "called", "miss", "state", "strokes")
+_GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "call_shot", "miss", "state", "strokes")
 _GAME_END = tuple(field.name for field in dataclasses.fields(GameEnd))
 
 
@@ -174,7 +175,9 @@ def _game(data: dict[str, Any]) -> GameRecord:
     fields("the file", data, _GAME_FIELDS)
     scene, mode, dt, fix = head(data)
     n = scene.n_balls
-    setup = Setup(data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["called"], data["miss"])
+    setup = Setup(
+        data["rules"], scene, data["n_players"], data["target"], mode, dt, fix, data["call_shot"], data["miss"]
+    )
     positions = rows_of("positions", data["positions"], n, 2)
     state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
     strokes = []
@@ -186,23 +189,19 @@ def _game(data: dict[str, Any]) -> GameRecord:
         x, y, z = (real(f"strokes[{i}].spin[{k}]", value, "spin") for k, value in enumerate(spin))
         strokes.append(Stroke(velocity, place, (x, y, z), _call(f"strokes[{i}].call", stroke["call"])))
     end = fields("end", data["end"], _GAME_END)
-    ball, score = Range(0, n - 1), Range(-(2**62), 2**62)
-    on_table = [whole(f"end.on_table[{i}]", v, ball) for i, v in enumerate(items("end.on_table", end["on_table"]))]
-    scores = [whole(f"end.scores[{i}]", v, score) for i, v in enumerate(items("end.scores", end["scores"]))]
-    return GameRecord(
-        setup=setup,
-        positions=positions,
-        state=state,
-        strokes=tuple(strokes),
-        end=GameEnd(
-            positions=rows_of("end.positions", end["positions"], n, 2),
-            on_table=tuple(on_table),
-            scores=tuple(scores),
-            player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
-            over=flag("end.over", end["over"]),
-            winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
-        ),
+    result = GameEnd(
+        positions=rows_of("end.positions", end["positions"], n, 2),
+        on_table=_whole_numbers("end.on_table", end["on_table"], Range(0, n - 1)),
+        scores=_whole_numbers("end.scores", end["scores"], Range(-(2**62), 2**62)),
+        player=whole("end.player", end["player"], Range(0, setup.n_players - 1)),
+        over=flag("end.over", end["over"]),
+        winner=whole("end.winner", end["winner"], Range(-1, setup.n_players - 1)),
     )
+    return GameRecord(setup, positions, state, tuple(strokes), result)
+
+
+def _whole_numbers(name: str, values: Any, within: Range) -> tuple[int, ...]:
+    return tuple(whole(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
 
 
 def _call(name: str, value: Any) -> Call:

@@ -33,7 +33,7 @@ def situation(env: BilliardsEnv) -> Situation:
         targets,
         env.max_speed,
         lambda actions: rewards(env, actions),
-        numbers=ACTIONS[env.action],
+        action_size=ACTIONS[env.action],
     )
 
 

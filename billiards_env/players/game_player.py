@@ -11,8 +11,8 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 
 A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
 
-In a game with called shots, a strategy calls the first legal ball that its shot pots, which a simulation shows. No
-strategy plays a safety or a push out, or hands a shot back.
+In a game with called shots, a strategy calls the first ball that its shot pots and that may be called, which a
+simulation shows. No strategy plays a safety or a push out, or hands a shot back.
 
 With the cue ball in hand, a geometric or search player draws some places and chooses the one with the easiest pot.
 """
@@ -117,7 +117,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         rate,
         state.cue_balls[0],
     )
-    return found._replace(first=full_hit(found)[None])
+    return found._replace(tried_first=full_hit(found)[None])
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:
@@ -127,8 +127,8 @@ def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stro
 
 
 def with_call(setup: Setup, game: GameState, stroke: Stroke) -> Stroke:
-    """Returns a stroke with the call of the first legal ball that it pots, if the game has called shots."""
-    if not game.state.called:
+    """Returns a stroke with the call of the first such ball that it pots, if the game has called shots."""
+    if not game.state.call_shot:
         return stroke
     return stroke._replace(call=best_call(setup.game_rules, game.state, play(setup, game, stroke).facts))
 

@@ -42,10 +42,10 @@ class Situation(NamedTuple):
         potted: (n,) bool, the balls off the table.
         targets: (n,) bool, the balls that the cue ball may hit.
         max_speed: Speed of the fastest shot, m/s.
-        rate: A function that simulates (m, numbers) actions and returns (m,) ratings; larger is better.
+        rate: A function that simulates (m, action_size) actions and returns (m,) ratings; larger is better.
         cue: The number of the cue ball.
-        first: (k, 2) velocities that "search" tries before all others.
-        numbers: The number of numbers of an action, 2 or 5.
+        tried_first: (k, 2) velocities that "search" tries before all others.
+        action_size: The number of values of an action, 2 or 5.
     """
 
     scene: Scene
@@ -55,8 +55,8 @@ class Situation(NamedTuple):
     max_speed: float
     rate: Callable[[Floats], Floats]
     cue: int = 0
-    first: Floats = np.empty((0, 2))
-    numbers: int = 2
+    tried_first: Floats = np.empty((0, 2))
+    action_size: int = 2
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
@@ -68,14 +68,14 @@ Strategy = Callable[[Situation, np.random.Generator], Floats]
 
 def random(situation: Situation, rng: np.random.Generator) -> Floats:
     """Returns an action whose numbers are uniform between -1 and 1."""
-    return rng.uniform(-1.0, 1.0, situation.numbers)
+    return rng.uniform(-1.0, 1.0, situation.action_size)
 
 
 def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
     """Returns the best pot, or a full hit on the nearest target if there is no pot; the cue is level and central."""
     pots = situation.pots()
     velocity = pots.speed[0] / situation.max_speed * pots.direction[0] if len(pots.speed) else full_hit(situation)
-    return with_numbers(velocity, situation.numbers)
+    return with_numbers(velocity, situation.action_size)
 
 
 def full_hit(situation: Situation) -> Floats:
@@ -105,15 +105,15 @@ def search(
         (2,) or (5,) action.
     """
     near = _near(situation, (shots + 1) // 2, rng)
-    parts = (with_numbers(part, situation.numbers) for part in (situation.first, near, anywhere(shots, rng)))
+    parts = (with_numbers(part, situation.action_size) for part in (situation.tried_first, near, anywhere(shots, rng)))
     actions = np.concatenate(tuple(parts))[:shots]
     ratings = situation.rate(actions)
     if any(noise):
         actions = actions[np.argsort(-ratings, kind="stable")[:FINALISTS]]
         errors = np.moveaxis(rng.standard_normal((2, REPEATS, len(actions))), 0, -1)
-        errors = with_numbers(errors * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.numbers)
+        errors = with_numbers(errors * (noise[0] / 180.0, noise[1] / situation.max_speed), situation.action_size)
         perturbed = perturb(np.broadcast_to(actions, errors.shape), errors)
-        ratings = situation.rate(perturbed.reshape(-1, situation.numbers)).reshape(errors.shape[:2]).mean(axis=0)
+        ratings = situation.rate(perturbed.reshape(-1, situation.action_size)).reshape(errors.shape[:2]).mean(axis=0)
     return actions[np.argmax(ratings)]
 
 
@@ -138,7 +138,7 @@ def _near(situation: Situation, count: int, rng: np.random.Generator) -> Floats:
     turns = np.where(varied, rng.standard_normal(count) * pots.tolerance[which] / np.pi, 0.0)
     speeds = np.where(varied, rng.uniform(0.1, 1.0, count), pots.speed[which] / situation.max_speed)
     actions = perturb(speeds[:, None] * pots.direction[which], np.column_stack((turns, np.zeros(count))))
-    if situation.numbers == 2:
+    if situation.action_size == 2:
         return actions
     return aimed_strikes(situation.scene, actions, np.where(varied[:, None], random_offsets(count, rng), 0.0))
 

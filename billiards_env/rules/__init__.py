@@ -4,9 +4,9 @@
 `carom` hold the rules, with their sources and simplifications. A set of balls is a bit mask: bit i is ball i.
 """
 
-from billiards_env.rules.facts import FACTS, Counts, FactNumbers, facts_of_shots
-from billiards_env.rules.games import GAMES, judge_shots, legal_balls
-from billiards_env.rules.state import CALL, CALLS, FOULS, IN_HAND, RACKS, STATE, VERDICT
+from billiards_env.rules.arrays import CALL, CALLS, FACTS, FOULS, IN_HAND, RERACKS, STATE, VERDICT, FactNumbers
+from billiards_env.rules.facts import Counts, facts_of_shots
+from billiards_env.rules.games import GAMES, callable_balls, judge_shots, legal_balls
 
 __all__ = [
     "CALL",
@@ -15,11 +15,12 @@ __all__ = [
     "FOULS",
     "GAMES",
     "IN_HAND",
-    "RACKS",
+    "RERACKS",
     "STATE",
     "VERDICT",
     "Counts",
     "FactNumbers",
+    "callable_balls",
     "facts_of_shots",
     "judge_shots",
     "legal_balls",

@@ -7,7 +7,7 @@ When the turn changes, the two cue balls are swapped, so with two players each p
 from __future__ import annotations
 
 from billiards_env.jit import inlined
-from billiards_env.rules.state import verdict
+from billiards_env.rules.arrays import game_over, verdict
 
 RED = 1 << 1
 
@@ -47,5 +47,5 @@ def three_cushion(state, legal, facts, call):
 def _carom(state, legal, facts, cushions):
     if not is_carom(facts, 2, cushions) or facts.first & legal == 0:
         return verdict()
-    won = 0 < state.target <= state.scores[state.player] + 1
-    return verdict(points=1, continues=True, over=won, winner=state.player if won else -1)
+    scored = verdict(points=1, continues=True)
+    return game_over(scored, state.player) if 0 < state.target <= state.scores[state.player] + 1 else scored

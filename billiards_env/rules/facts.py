@@ -9,44 +9,15 @@ from numpy.typing import NDArray
 
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.rules.state import row_type
-
-
-class FactNumbers(NamedTuple):
-    """The facts of a shot, see `games.facts.Facts`. A set of balls is a bit mask.
-
-    Attributes:
-        first: The balls that the cue ball touched first; several if it touched them at the same instant.
-        touched: Number of balls that the cue ball touched.
-        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last one of these.
-        potted: The potted object balls.
-        first_potted: The one that was potted first; 0 if there is none or the order is not known.
-        scratch: Whether the cue ball was potted.
-        cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
-        driven: The object balls that hit a cushion or were potted (WPA 8.4).
-        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
-    """
-
-    first: int
-    touched: int
-    cushions_before_last: int
-    potted: int
-    first_potted: int
-    scratch: bool
-    cushion_after: bool
-    driven: int
-    cue_driven: bool
-
-
-FACTS = row_type(FactNumbers)
+from billiards_env.rules.arrays import FACTS, FactNumbers
 
 
 class Counts(NamedTuple):
     """What the engine counts in m shots of n balls, of which it strikes the first, see `engine.Shots`.
 
     Attributes:
-        potted_before: (m, n) bool, the balls off the table before the shot.
-        potted: (m, n) bool, the balls off the table after it.
+        off_table_before: (m, n) bool, the balls that are potted or not in play before the shot.
+        off_table: (m, n) bool, those after it.
         cushions: (m, n) int32, number of cushion contacts of each ball.
         cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
             ball, -1 if it did not touch it.
@@ -54,8 +25,8 @@ class Counts(NamedTuple):
         bits: (n,) int64, each ball as a set of balls.
     """
 
-    potted_before: Any
-    potted: Any
+    off_table_before: Any
+    off_table: Any
     cushions: Any
     cushions_before_hit: Any
     first_hit: Any
@@ -68,13 +39,13 @@ def facts_of_shot(k, counts):
 
     The order of pots is not known, and of several balls touched at the same instant one counts as touched first.
     """
-    first, scratch = counts.first_hit[k], counts.potted[k, CUE_BALL]
+    first, scratch = counts.first_hit[k], counts.off_table[k, CUE_BALL]
     touched, before_last, potted, driven = 0, 0, 0, 0
     for i in range(1, len(counts.bits)):
         if counts.cushions_before_hit[k, i] >= 0:
             touched += 1
             before_last = max(before_last, counts.cushions_before_hit[k, i])
-        if counts.potted[k, i] and not counts.potted_before[k, i]:
+        if counts.off_table[k, i] and not counts.off_table_before[k, i]:
             potted |= counts.bits[i]
             driven |= counts.bits[i]
         elif counts.cushions[k, i] > 0:

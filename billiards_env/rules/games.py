@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from billiards_env.checks import one_of
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL
+from billiards_env.rules.arrays import MOST_PLAYERS, VERDICT
 from billiards_env.rules.carom import carom, red_to_open, three_cushion
-from billiards_env.rules.pool import eight_ball, group_or_eight, nine_ball, straight
+from billiards_env.rules.pool import any_ball, eight_ball, group_or_eight, lowest_ball, nine_ball, straight
 from billiards_env.rules.snooker import balls_on, snooker
-from billiards_env.rules.state import MOST_PLAYERS, VERDICT, any_ball, lowest_ball
 
 Kernel = Callable[..., Any]
 
@@ -25,7 +25,7 @@ class Game(NamedTuple):
 
     Attributes:
         name: The name of the game.
-        kernel: `(state, legal, facts, call)`, numbers as in `rules.state` and `rules.facts`; returns the
+        kernel: `(state, legal, facts, call)`, numbers as in `rules.arrays`; returns the
             `VerdictNumbers` of a shot.
         legal_kernel: `(state, player)`, returns the balls that the player may touch first.
         scene: The name of the usual scene.
@@ -34,7 +34,8 @@ class Game(NamedTuple):
         n_players: The smallest and the largest number of players.
         cue_balls: The balls used as cue ball.
         target: The default score that wins, or 0 if no score does; None for a game that is not won by points.
-        can_call: Whether the game has called shots and safeties.
+        call_kernel: `(state, player)`, returns the balls that the player may call; None for a game without called shots
+            and safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
         counts_fouls: Whether consecutive fouls are penalised.
         deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
@@ -51,7 +52,7 @@ class Game(NamedTuple):
     n_players: tuple[int, int] = (2, MOST_PLAYERS)
     cue_balls: tuple[int, ...] = (CUE_BALL,)
     target: int | None = None
-    can_call: bool = False
+    call_kernel: Kernel | None = None
     choices: tuple[str, ...] = ()
     counts_fouls: bool = False
     deciding_ball: int | None = None
@@ -74,14 +75,16 @@ _CAROM = functools.partial(
 GAMES = {
     game.name: game
     for game in (
-        _POOL("straight", straight, any_ball, n_object_balls=(1, 15), target=0, can_call=True, counts_fouls=True),
+        _POOL(
+            "straight", straight, any_ball, n_object_balls=(1, 15), target=0, call_kernel=any_ball, counts_fouls=True
+        ),
         _POOL(
             "eight_ball",
             eight_ball,
             group_or_eight,
             n_object_balls=(15, 15),
             n_players=(2, 2),
-            can_call=True,
+            call_kernel=group_or_eight,
             deciding_ball=8,
         ),
         _POOL(
@@ -139,7 +142,7 @@ def judge_shots(game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDA
     if len(set(lengths)) > 1:
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
     verdicts = np.empty(len(states), VERDICT)
-    _judging(game)(states, facts, calls, verdicts)
+    _judging(GAMES[game].kernel, GAMES[game].legal_kernel)(states, facts, calls, verdicts)
     return verdicts
 
 
@@ -158,9 +161,17 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
         ValueError: If the game is unknown.
     """
     one_of("game", game, tuple(GAMES))
-    balls = np.empty(len(states), np.int64)
-    _finding(game)(states, players, balls)
-    return balls
+    return _balls(GAMES[game].legal_kernel, states, players)
+
+
+def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Returns the balls that players may call; the arguments are those of `legal_balls`.
+
+    Raises:
+        ValueError: If the game is unknown or has no called shots.
+    """
+    one_of("game", game, tuple(name for name in GAMES if GAMES[name].call_kernel))
+    return _balls(GAMES[game].call_kernel, states, players)
 
 
 judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
@@ -170,10 +181,11 @@ def _write_verdicts(states, facts, calls, verdicts):
     for k in range(len(states)):
         state = states[k]
         found = judge(state, legal(state, state.player), facts[k], calls[k])
-        row = verdicts[k]
-        row.foul, row.points, row.continues, row.in_hand = found.foul, found.points, found.continues, found.in_hand
-        row.spotted, row.solids, row.over, row.winner = found.spotted, found.solids, found.over, found.winner
-        row.penalty, row.rack, row.choices, row.colour = found.penalty, found.rack, found.choices, found.colour
+        row, following = verdicts[k], found.next_shot
+        row.foul, row.points, row.penalty, row.continues = found.foul, found.points, found.penalty, found.continues
+        row.spotted, row.over, row.winner = found.spotted, found.over, found.winner
+        row.in_hand, row.choices, row.rack = following.in_hand, following.choices, following.rack
+        row.solids, row.colour = following.solids, following.colour
 
 
 def _write_legal_balls(states, players, balls):
@@ -181,11 +193,17 @@ def _write_legal_balls(states, players, balls):
         balls[k] = legal(states[k], players[k])
 
 
-@functools.cache
-def _judging(game: str) -> Kernel:
-    return specialised(_write_verdicts, judge=GAMES[game].kernel, legal=GAMES[game].legal_kernel)
+def _balls(kernel: Kernel | None, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+    balls = np.empty(len(states), np.int64)
+    _finding(kernel)(states, players, balls)
+    return balls
 
 
 @functools.cache
-def _finding(game: str) -> Kernel:
-    return specialised(_write_legal_balls, legal=GAMES[game].legal_kernel)
+def _judging(kernel: Kernel, legal_kernel: Kernel) -> Kernel:
+    return specialised(_write_verdicts, judge=kernel, legal=legal_kernel)
+
+
+@functools.cache
+def _finding(kernel: Kernel) -> Kernel:
+    return specialised(_write_legal_balls, legal=kernel)

@@ -3,8 +3,8 @@
 "WPA" is the World Pool-Billiard Association's The Rules of Play, effective 15 March 2016 (1 general, 2 nine ball, 3
 eight ball, 4 continuous pool, 6 fouls, 8 definitions). The rules are simplified:
 
-* In eight ball and straight pool, shots are called (WPA 1.6) only in a state with `called`. Otherwise any ball potted
-  on a legal shot counts, in any pocket.
+* In eight ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any ball
+  potted on a legal shot counts, in any pocket.
 * There is no stalemate (1.12). A player who shoots from behind the head string may first touch a ball behind it (6.11).
 * Players have no choice after a break (3.3, 4.3): the next player accepts the balls as they lie. An eight ball potted
   on the break is spotted.
@@ -19,7 +19,7 @@ The kernels have the arguments of `rules.games.Game`: `legal` is the set of ball
 from __future__ import annotations
 
 from billiards_env.jit import inlined
-from billiards_env.rules.state import (
+from billiards_env.rules.arrays import (
     ANYWHERE,
     BEHIND,
     BREAKING_FOUL,
@@ -28,15 +28,17 @@ from billiards_env.rules.state import (
     NO_CUSHION,
     NO_FOUL,
     NO_HIT,
-    NO_RACK,
+    NO_RERACK,
     NOT_IN_HAND,
     PUSH_OUT,
-    RACK_ALL,
-    RACK_REST,
+    RERACK_ALL,
+    RERACK_REST,
     SCRATCH,
     SHOT,
     WRONG_BALL,
-    count,
+    game_over,
+    next_shot,
+    size,
     verdict,
 )
 
@@ -45,6 +47,18 @@ BREAK_PENALTY, FOULS_PENALTY = 2, 15
 
 SOLIDS, EIGHT, STRIPES = sum(1 << i for i in range(1, 8)), 1 << 8, sum(1 << i for i in range(9, 16))
 NINE = 1 << 9
+
+
+@inlined
+def any_ball(state, player):
+    """Returns every object ball on the table."""
+    return state.object_balls
+
+
+@inlined
+def lowest_ball(state, player):
+    """Returns the lowest ball on the table, as a set."""
+    return state.object_balls & -state.object_balls
 
 
 @inlined
@@ -89,11 +103,11 @@ def standard_foul(facts, legal):
 def counted_balls(state, legal, facts, call):
     """Returns the potted balls for which the shooter continues: the legal ones.
 
-    In a state with `called` this is only the called ball, if it is in the called pocket and no safety was called (WPA
-    1.6).
+    In a state with `call_shot` this is only the called ball, if it is in the called pocket and no safety was called
+    (WPA 1.6).
     """
     balls = facts.potted & legal
-    if not state.called:
+    if not state.call_shot:
         return balls
     return balls & (1 << call.ball) if call.kind == SHOT and call.made else 0
 
@@ -112,25 +126,27 @@ def straight(state, legal, facts, call):
     Without a target (0), the game has a single rack: it is over when no object ball is left, and the highest score
     wins; a tie has no winner. There is then no penalty for three consecutive fouls.
     """
-    balls, points = facts.potted, count(facts.potted)
+    balls, points = facts.potted, size(facts.potted)
     counted, foul = counted_balls(state, legal, facts, call), standard_foul(facts, legal)
-    in_hand = BEHIND if foul == SCRATCH else NOT_IN_HAND
+    following = next_shot(BEHIND if foul == SCRATCH else NOT_IN_HAND)
     if state.break_shot and counted == 0:
-        needed = min(2, count(state.object_balls))
-        if count(facts.driven) < needed or not facts.cue_driven:
-            return verdict(BREAKING_FOUL, points=-BREAK_PENALTY, in_hand=in_hand, spotted=balls)
+        needed = min(2, size(state.object_balls))
+        if size(facts.driven) < needed or not facts.cue_driven:
+            return verdict(BREAKING_FOUL, -BREAK_PENALTY, spotted=balls, next_shot=following)
     if foul != NO_FOUL:
         if state.target > 0 and state.fouls == 2:
-            return verdict(foul, points=-1 - FOULS_PENALTY, continues=True, in_hand=BEHIND, rack=RACK_ALL)
-        return verdict(foul, points=-1, in_hand=in_hand, spotted=balls)
+            following = next_shot(BEHIND, rack=RERACK_ALL)
+            return verdict(foul, -1 - FOULS_PENALTY, continues=True, next_shot=following)
+        return verdict(foul, -1, spotted=balls, next_shot=following)
     if counted == 0:
         return verdict(spotted=balls)
-    if state.target > 0:
-        won = state.scores[state.player] + points >= state.target
-        rack = RACK_REST if count(state.object_balls) - points <= 1 and not won else NO_RACK
-        return verdict(points=points, continues=True, over=won, winner=state.player if won else -1, rack=rack)
-    cleared = balls == state.object_balls
-    return verdict(points=points, continues=True, over=cleared, winner=leader(state, points) if cleared else -1)
+    scored = verdict(points=points, continues=True)
+    if state.target == 0:
+        return game_over(scored, leader(state, points)) if balls == state.object_balls else scored
+    if state.scores[state.player] + points >= state.target:
+        return game_over(scored, state.player)
+    rack = RERACK_REST if size(state.object_balls) - points <= 1 else NO_RERACK
+    return verdict(points=points, continues=True, next_shot=next_shot(rack=rack))
 
 
 @inlined
@@ -159,16 +175,16 @@ def nine_ball(state, legal, facts, call):
     """
     nine, foul = facts.potted & NINE, standard_foul(facts, legal)
     if call.kind == PUSH_OUT and foul != SCRATCH:
-        return verdict(spotted=nine, choices=1 << HAND_BACK)
-    if foul == NO_FOUL and state.break_shot and facts.potted == 0 and count(facts.driven) < 4:
+        return verdict(spotted=nine, next_shot=next_shot(choices=1 << HAND_BACK))
+    if foul == NO_FOUL and state.break_shot and facts.potted == 0 and size(facts.driven) < 4:
         foul = ILLEGAL_BREAK
     if foul != NO_FOUL:
-        lost = state.fouls == 2 and state.n_players == 2
-        winner = 1 - state.player if lost else -1
-        return verdict(foul, in_hand=ANYWHERE, spotted=nine, over=lost, winner=winner)
+        fouled = verdict(foul, spotted=nine, next_shot=next_shot(ANYWHERE))
+        return game_over(fouled, 1 - state.player) if state.fouls == 2 and state.n_players == 2 else fouled
     if nine != 0:
-        return verdict(continues=True, over=True, winner=state.player)
-    return verdict(continues=facts.potted != 0, choices=1 << PUSH_OUT if state.break_shot else 0)
+        return game_over(verdict(continues=True), state.player)
+    choices = 1 << PUSH_OUT if state.break_shot else 0
+    return verdict(continues=facts.potted != 0, next_shot=next_shot(choices=choices))
 
 
 @inlined
@@ -177,10 +193,10 @@ def eight_ball(state, legal, facts, call):
 
     A player pots one group of balls, 1 to 7 or 9 to 15, and then the eight ball. The table is open until a shot after
     the break legally pots a counted ball. Its group becomes the shooter's group (WPA 3.4). The shooter continues after
-    legally potting a counted ball of that group (WPA 3.5). In a state with `called`, only the called ball in the called
-    pocket counts, and after a safety the turn passes (WPA 3.6). After a foul the next player has the cue ball in hand
-    anywhere, and potted balls remain potted. A player who pots the eight ball with a foul, before the last ball of the
-    group, or in a pocket that was not called, loses (WPA 3.8).
+    legally potting a counted ball of that group (WPA 3.5). In a state with `call_shot`, only the called ball in the
+    called pocket counts, and after a safety the turn passes (WPA 3.6). After a foul the next player has the cue ball in
+    hand anywhere, and potted balls remain potted. A player who pots the eight ball with a foul, before the last ball of
+    the group, or in a pocket that was not called, loses (WPA 3.8).
 
     On the break any ball may be touched first, nothing is called, and the shooter continues after potting any ball. An
     eight ball potted on the break is spotted. After a scratch, or a break that touches no ball, the next player has the
@@ -190,19 +206,18 @@ def eight_ball(state, legal, facts, call):
     eight, foul = facts.potted & EIGHT, standard_foul(facts, legal)
     if state.break_shot:
         if foul in (SCRATCH, NO_HIT):
-            return verdict(foul, in_hand=BEHIND, spotted=eight)
+            return verdict(foul, spotted=eight, next_shot=next_shot(BEHIND))
         # A break that drives too few balls to a cushion is not a foul; the balls are not racked again.
         return verdict(continues=facts.potted != 0, spotted=eight)
     counted = counted_balls(state, legal, facts, call)
+    following = next_shot(NOT_IN_HAND if foul == NO_FOUL else ANYWHERE, solids=solids)
     if eight != 0:
-        winner = player if foul == NO_FOUL and counted & EIGHT != 0 else other
-        in_hand = NOT_IN_HAND if foul == NO_FOUL else ANYWHERE
-        return verdict(foul, in_hand=in_hand, solids=solids, over=True, winner=winner)
+        return game_over(verdict(foul, next_shot=following), player if foul == NO_FOUL and counted & EIGHT else other)
     if foul != NO_FOUL:
-        return verdict(foul, in_hand=ANYWHERE, solids=solids)
+        return verdict(foul, next_shot=following)
     if solids < 0 and counted != 0:
         solids = player if chosen_group(facts, counted) == SOLIDS else other
-    return verdict(continues=counted != 0, solids=solids)
+    return verdict(continues=counted != 0, next_shot=next_shot(solids=solids))
 
 
 @inlined

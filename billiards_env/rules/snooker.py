@@ -9,7 +9,7 @@ rules are simplified:
 * A snooker behind a free ball is not a foul (3.12 b). A push stroke and a touching ball are ignored (3.8, 3.10).
 * After a tie, the next player plays first at the re-spotted black; no lots are drawn (3.4).
 * With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
-  (3.14, see `games.snooker`). Three misses do not lose the frame.
+  (3.14, see `games.snooker_fouls`). Three misses do not lose the frame.
 
 The kernels have the arguments of `rules.games.Game`; sets of balls are bit masks.
 """
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import entry_point, inlined
-from billiards_env.rules.state import (
+from billiards_env.rules.arrays import (
     BEHIND,
     HAND_BACK,
     NO_FOUL,
@@ -31,7 +31,9 @@ from billiards_env.rules.state import (
     SCRATCH,
     WRONG_BALL,
     WRONG_POT,
-    count,
+    game_over,
+    next_shot,
+    size,
     verdict,
 )
 
@@ -95,7 +97,7 @@ def balls_on(state, player):
 def nominated(state, facts, call):
     """Returns the balls that are on in a shot, and the free ball. A ball that is touched first counts as nominated."""
     on = ball_on(state, state.colour)
-    chosen = facts.first if count(facts.first) == 1 else 0
+    chosen = facts.first if size(facts.first) == 1 else 0
     if call.ball >= 0:
         chosen = 1 << call.ball
     if state.colour:
@@ -146,22 +148,22 @@ def snooker(state, legal, facts, call):
         spotted = facts.potted & colours
     else:
         # A free ball has the value of the ball on. It scores with the reds, but not in addition to a colour (3.12 e).
-        pots = count(facts.potted)
+        pots = size(facts.potted)
         points = value * (pots if value == 1 else min(pots, 1))
         spotted = facts.potted & (colours if state.colour else free)
     in_hand = BEHIND if foul == SCRATCH else NOT_IN_HAND
-    choices = 1 << HAND_BACK if foul != NO_FOUL else 0
-    continues, colour = points > 0, points > 0 and value == 1 and not state.colour
+    colour = points > 0 and value == 1 and not state.colour
 
     mine = state.scores[state.player] + points
     others = state.scores[1 - state.player] + penalty
     black = 1 << (state.reds + 6)
     if 0 < state.target <= max(mine, others) or (state.object_balls == black and points + penalty > 0):
         if mine == others:
-            return verdict(foul, points, False, BEHIND, black, penalty=penalty, colour=colour)
-        winner = state.player if mine > others else 1 - state.player
-        return verdict(foul, points, continues, in_hand, spotted, -1, True, winner, penalty, colour=colour)
-    return verdict(foul, points, continues, in_hand, spotted, penalty=penalty, choices=choices, colour=colour)
+            return verdict(foul, points, penalty, False, black, next_shot(BEHIND, colour=colour))
+        last = verdict(foul, points, penalty, points > 0, spotted, next_shot(in_hand, colour=colour))
+        return game_over(last, state.player if mine > others else 1 - state.player)
+    choices = 1 << HAND_BACK if foul != NO_FOUL else 0
+    return verdict(foul, points, penalty, points > 0, spotted, next_shot(in_hand, choices, colour=colour))
 
 
 @entry_point

@@ -76,11 +76,33 @@ _STARTING_SPOT = 0.1825 / 1.42
 # are as close to the pink ball as possible without touching it.
 _BLACK_SPOT, _PINK_GAP = 0.324 / 3.569, 5e-4
 
-LAYOUTS = ("random", "rack", "tight_rack", "nine_ball", "eight_ball", "carom_opening", "line", "snookered", "snooker")
 
-RACKS = {"nine_ball": 9, "eight_ball": 15}
-"""The games with rules for the order of the balls in a rack, and their numbers of object balls."""
-_NINE_BALL, _EIGHT_BALL = range(len(RACKS))
+class Rack(NamedTuple):
+    """The order of the balls in the rack of a game.
+
+    Attributes:
+        balls: The ball at each place, row by row from the foot spot, before the others change places at random.
+        fixed: The balls that keep their places.
+        corners: For the left and the right rear corner, the ball of `balls` there and the group to draw the ball from.
+            The corners change sides with probability 1/2.
+    """
+
+    balls: tuple[int, ...]
+    fixed: tuple[int, ...]
+    corners: tuple[tuple[int, range], ...] = ()
+
+
+RACKS = {
+    "nine_ball": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9)),
+    "eight_ball": Rack(
+        (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15),
+        fixed=(8,),
+        corners=((1, range(1, 8)), (15, range(9, 16))),
+    ),
+}
+"""The games with rules for the order of the balls in a rack. Each is also the name of a layout."""
+
+LAYOUTS = ("random", "rack", "tight_rack", *RACKS, "carom_opening", "line", "snookered", "snooker")
 
 
 def draw(name: str, scene: Scene, rng: np.random.Generator, game: str = "") -> Floats:
@@ -114,32 +136,35 @@ class Plan(NamedTuple):
 
     Attributes:
         layout: Index in `LAYOUTS`.
-        rack: Index of the game in `RACKS` whose order the balls of a rack have, -1 for the order of their numbers.
         spots: (n, 2) float64, m: the spots of the balls that have one, before the displacement.
         displacement: m; the largest displacement of these balls along x and along y.
         order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
         n_spots: Number of balls that have a spot.
-        midway: Whether the last ball of the order lies midway between the other two, which have no spots.
         limits: (n, 3) float64, m: smallest x, largest x and largest abs(y) of a drawn ball.
         radius: (n,) float64, m.
         pockets: (k, 3) float64: x, y, radius, m.
         outline: The cushions that reach into the rectangle of the table: (e, 4) float64, the ends of the straight
             cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; None for a rectangle.
         d: x of the centre and radius of the D in which balls are drawn, m; infinite without a D.
+        midway: Whether the last ball of the order lies midway between the other two, which have no spots.
+        shuffled: The balls of a rack that change places at random, as a bit mask: bit i is ball i.
+        corners: (c, 3) int64: for each rear corner of a rack, the ball there, and the first ball and the size of the
+            group to draw from, see `Rack`.
     """
 
     layout: int
-    rack: int
     spots: Floats
     displacement: float
     order: NDArray[np.int64]
     n_spots: int
-    midway: bool
     limits: Floats
     radius: Floats
     pockets: Floats
     outline: tuple[Floats, Floats] | None
     d: tuple[float, float]
+    midway: bool = False
+    shuffled: int = 0
+    corners: NDArray[np.int64] = np.empty((0, 3), np.int64)
 
 
 def plan(name: str, scene: Scene, game: str = "") -> Plan:
@@ -168,7 +193,7 @@ def _make_plan(name: str, scene: Scene, game: str) -> Plan:
     if name == "random":
         largest_first = sorted(range(n), key=lambda i: -scene.balls.radius[i])
         return _plan(name, scene, largest_first, np.zeros((n, 2)))
-    if name in ("rack", "tight_rack", "nine_ball", "eight_ball"):
+    if name in ("rack", "tight_rack", *RACKS):
         return _rack_plan(name, scene, game)
     if name == "snookered":
         return _snookered_plan(name, scene)
@@ -331,10 +356,8 @@ def fill_tables(plan, begin, end, mask, table_streams, positions):
             if displacement > 0.0:
                 drawn[i, 0] += (2 * streams.next_double(stream) - 1) * displacement
                 drawn[i, 1] += (2 * streams.next_double(stream) - 1) * displacement
-        if plan.rack == _NINE_BALL:
-            shuffle(2, 8, (1, 9), stream, drawn)
-        elif plan.rack == _EIGHT_BALL:
-            shuffle_eight_ball(stream, drawn)
+        if plan.shuffled != 0:
+            shuffle_rack(plan, stream, drawn)
         for k in range(plan.n_spots, len(order)):
             if not draw_ball(plan, order[k], k, stream, drawn):
                 return order[k]
@@ -350,33 +373,33 @@ def swap(a, b, positions):
 
 
 @kernel
-def shuffle(first, last, fixed, stream, positions):
-    """Permutes the positions of the balls `first` to `last` uniformly, except the `fixed` ones (Fisher, Yates 1938)."""
+def shuffle_rack(plan, stream, positions):
+    """Draws the balls at the rear corners of a rack, and permutes the other shuffled balls."""
+    balls, corners = plan.shuffled, plan.corners
+    if len(corners) == 2 and streams.next_double(stream) < 0.5:
+        swap(corners[0, 0], corners[1, 0], positions)
+    for k in range(len(corners)):
+        chosen = corners[k, 1] + int(corners[k, 2] * streams.next_double(stream))
+        swap(corners[k, 0], chosen, positions)
+        balls &= ~(1 << chosen)
+    shuffle(balls, stream, positions)
+
+
+@kernel
+def shuffle(balls, stream, positions):
+    """Permutes the positions of a set of balls, a bit mask, uniformly (Fisher, Yates 1938)."""
     left = 0
-    for i in range(first, last + 1):
-        if i not in fixed:
-            left += 1
-    for i in range(first, last + 1):
-        if i in fixed:
+    for i in range(len(positions)):
+        left += balls >> i & 1
+    for i in range(len(positions)):
+        if balls >> i & 1 == 0:
             continue
         steps, j = int(streams.next_double(stream) * left), i
         while steps > 0:
             j += 1
-            if j not in fixed:
-                steps -= 1
+            steps -= balls >> j & 1
         swap(i, j, positions)
         left -= 1
-
-
-@kernel
-def shuffle_eight_ball(stream, positions):
-    """Permutes the balls of a rack of eight ball: 8 stays, and 1 and 15, at the rear corners, change within groups."""
-    if streams.next_double(stream) < 0.5:
-        swap(1, 15, positions)
-    solid, stripe = 1 + int(7.0 * streams.next_double(stream)), 9 + int(7.0 * streams.next_double(stream))
-    swap(1, solid, positions)
-    swap(15, stripe, positions)
-    shuffle(1, 15, (8, solid, stripe), stream, positions)
 
 
 def _plan(
@@ -384,12 +407,9 @@ def _plan(
     scene: Scene,
     drawn: Sequence[int],
     spots: Floats,
-    *,
-    rack: int = -1,
     displacement: float = 0.0,
     x_most: float = math.inf,
     d_radius: float = math.inf,
-    midway: bool = False,
 ) -> Plan:
     """Returns a plan that draws the balls `drawn`, in this order; the other balls lie at their `spots`.
 
@@ -416,7 +436,7 @@ def _plan(
         lines, tips = pieces(scene.table.outline)
         outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
     layout = LAYOUTS.index(name)
-    return Plan(layout, rack, spots, displacement, order, n_spots, midway, limits, radius, pockets, outline, d)
+    return Plan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:
@@ -431,9 +451,8 @@ def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, ba
 def _rack_plan(name: str, scene: Scene, game: str) -> Plan:
     """Returns the plan of a rack: object balls at the foot spot, the cue ball drawn behind the head string."""
     radius = scene.balls.radius
-    count = scene.n_balls - 1
-    if game:
-        _expect_object_balls(scene, name, RACKS[game], RACKS[game])
+    rack = RACKS[game] if game else Rack(tuple(range(1, scene.n_balls)), tuple(range(1, scene.n_balls)))
+    _expect_object_balls(scene, name, len(rack.balls), len(rack.balls))
     if name != "tight_rack":
         low, high = RACK_GAP
         gap = (low + high) / 2
@@ -445,14 +464,11 @@ def _rack_plan(name: str, scene: Scene, game: str) -> Plan:
         if len(radii) > 1:
             raise ValueError(f"layout = 'tight_rack' with object balls of radii {radii} m: expected one radius")
     spots = np.zeros((scene.n_balls, 2))
-    spots[1:] = _rack(count, scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
-    if game == "nine_ball":
-        spots[[5, 9]] = spots[[9, 5]]
-    elif game == "eight_ball":
-        spots[[5, 8]] = spots[[8, 5]]
-        spots[[1, 11]] = spots[[11, 1]]
-    rack = list(RACKS).index(game) if game else -1
-    return _plan(name, scene, (0,), spots, rack=rack, displacement=displacement, x_most=scene.table.head_x)
+    spots[list(rack.balls)] = _rack(len(rack.balls), scene.table.foot_x, 2 * max(radius[1:], default=0.0) + gap)
+    corners = np.array([(ball, group[0], len(group)) for ball, group in rack.corners], np.int64).reshape(-1, 3)
+    shuffled = sum(1 << ball for ball in set(rack.balls) - set(rack.fixed))
+    plan = _plan(name, scene, (0,), spots, displacement, scene.table.head_x)
+    return plan._replace(shuffled=shuffled, corners=corners)
 
 
 def _rack(count: int, foot: float, pitch: float) -> Floats:
@@ -493,7 +509,7 @@ def _snookered_plan(name: str, scene: Scene) -> Plan:
             "which hides ball 1, to be at least as large"
         )
     order = (0, 1, 2) if radius[0] >= radius[1] else (1, 0, 2)
-    return _plan(name, scene, order, np.zeros((3, 2)), midway=True)
+    return _plan(name, scene, order, np.zeros((3, 2)))._replace(midway=True)
 
 
 def _expect_object_balls(scene: Scene, layout: str, low: int, high: int) -> None:

@@ -3,19 +3,18 @@
 import numpy as np
 import pytest
 
-from billiards_env.games import RULES, Stroke, Verdict, custom_opening, opening, play
+from billiards_env.games import RULES, Stroke, opening, play
 from billiards_env.games.batch import best_call, judge_batch
-from billiards_env.games.state import verdict_of
+from billiards_env.games.judging import verdict_of
 from tests.helpers.games import setup
 
-GAMES = [(rules, layout) for rules, game in RULES.items() for layout in (game.layouts[0], "random")]
-
-
-def make_game(rules, layout, called=False):
-    settings = setup(rules, called=called)
-    game = opening(settings, np.random.default_rng(1), layout)
-    # A break shot with the cue ball on the table
-    return settings, game._replace(state=game.state._replace(in_hand="no"))
+CASES = {f"{rules} {layout}": (rules, layout, {}) for rules in RULES for layout in (RULES[rules].layouts[0], "random")}
+CASES |= {
+    "called eight ball": ("eight_ball", "random", {"call_shot": True}),
+    "called straight pool": ("straight", "random", {"call_shot": True}),
+    "the second cue ball of carom": ("carom", "random", {"cue_balls": (2, 0), "player": 1}),
+    "two object balls": ("eight_ball", "random", {"on_table": frozenset({0, 3, 8}), "solids": 0}),
+}
 
 
 def shots(m, seed=0):
@@ -25,16 +24,11 @@ def shots(m, seed=0):
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles))), spins
 
 
-def judged(settings, game, velocities, spins):
-    verdicts = judge_batch(settings, game, velocities, spins)
-    return [verdict_of(row, highest_first=settings.rules == "snooker") for row in verdicts]
-
-
 def one_by_one(settings, game, velocities, spins):
     verdicts = []
     for velocity, spin in zip(velocities.tolist(), spins.tolist(), strict=True):
         stroke = Stroke(tuple(velocity), spin=tuple(spin))
-        if settings.called:
+        if settings.call_shot:
             found = play(settings, game, stroke).facts
             by_number = sorted(zip(found.potted, found.pockets, strict=True))
             numbered = found._replace(potted=[b for b, _ in by_number], pockets=[p for _, p in by_number])
@@ -43,33 +37,14 @@ def one_by_one(settings, game, velocities, spins):
     return verdicts
 
 
-@pytest.mark.parametrize(("rules", "layout"), GAMES)
-def test_a_batch_has_the_verdicts_of_single_shots(rules, layout):
-    settings, game = make_game(rules, layout)
-    velocities, spins = shots(60)
-    assert judged(settings, game, velocities, spins) == one_by_one(settings, game, velocities, spins)
-
-
-@pytest.mark.parametrize("rules", ["eight_ball", "straight"])
-def test_potted_balls_are_called(rules):
-    settings, game = make_game(rules, "random", called=True)
-    velocities, spins = shots(400)
-    found = judged(settings, game, velocities, spins)
+@pytest.mark.parametrize("case", CASES)
+def test_a_batch_has_the_verdicts_of_single_shots(case):
+    rules, layout, state = CASES[case]
+    settings = setup(rules, call_shot=state.get("call_shot", False))
+    game = opening(settings, np.random.default_rng(1), layout)
+    game = game._replace(state=game.state._replace(**{"in_hand": "no", **state}))  # a break with the cue ball in place
+    velocities, spins = shots(400 if state else 60)
+    verdicts = judge_batch(settings, game, velocities, spins)
+    found = [verdict_of(row, highest_first=rules == "snooker") for row in verdicts]
     assert found == one_by_one(settings, game, velocities, spins)
-    assert any(verdict.continues for verdict in found)
-
-
-def test_the_second_cue_ball_of_carom_is_struck():
-    settings, game = make_game("carom", "random")
-    game = game._replace(state=game.state._replace(cue_balls=(2, 0), player=1))
-    velocities, spins = shots(300)
-    found = judged(settings, game, velocities, spins)
-    assert found == one_by_one(settings, game, velocities, spins)
-    assert Verdict(points=1, continues=True) in found
-
-
-def test_balls_that_are_not_on_the_table_are_not_potted():
-    settings, game = make_game("eight_ball", "random")
-    game = custom_opening(settings, game.positions, {"on_table": [0, 3, 8], "solids": 0})
-    velocities, spins = shots(200)
-    assert judged(settings, game, velocities, spins) == one_by_one(settings, game, velocities, spins)
+    assert not state or any(verdict.continues for verdict in found)

@@ -3,10 +3,17 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env.games.placement import cue_ball_point, nearest_free_point, obstacles, placement_area, spotted_point
-from billiards_env.games.state import RuleState
+from billiards_env.games.judging import RuleState
+from billiards_env.games.placement import (
+    cue_ball_point,
+    nearest_free_point,
+    obstacles,
+    placement_area,
+    rack_again,
+    spotted_point,
+)
 from billiards_env.scene import Balls, Scene, check_positions
-from billiards_env.scene.layouts import MARGIN
+from billiards_env.scene.layouts import MARGIN, plan
 from billiards_env.scene.table import Table
 
 SCENE = Scene.named("pool", 15)
@@ -30,38 +37,25 @@ def on_axis(*xs):
     return positions, range(1, len(xs) + 1)
 
 
-def test_a_ball_is_spotted_on_a_free_foot_spot():
-    assert spotted_point(SCENE, *on_axis(), 9) == (FOOT, 0.0)
-
-
-def test_with_a_blocked_foot_spot_the_ball_is_placed_behind_it():
-    x, y = spotted_point(SCENE, *on_axis(FOOT), 9)
-    assert y == 0.0
-    assert x == pytest.approx(FOOT + REACH, abs=1e-12)
+@pytest.mark.parametrize(
+    ("balls", "x"),
+    [
+        ([], FOOT),
+        ([FOOT], FOOT + REACH),  # behind a blocked foot spot
+        ([FOOT, FOOT + 1.9 * REACH], FOOT + 2.9 * REACH),  # the gap is too small
+        ([FOOT, FOOT + 2 * REACH], FOOT + REACH),
+        ([FOOT + k * REACH for k in range(11)], FOOT - REACH),  # no room behind the foot spot
+    ],
+)
+def test_a_ball_is_spotted_on_the_long_string(balls, x):
+    assert spotted_point(SCENE, *on_axis(*balls), 15) == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
-    positions[1] = FOOT, R
-    x, _ = spotted_point(SCENE, positions, balls, 9)
-    assert x == pytest.approx(FOOT + math.sqrt(REACH * REACH - R * R), abs=1e-12)
-    positions[1] = FOOT, 1.001 * REACH
-    assert spotted_point(SCENE, positions, balls, 9) == (FOOT, 0.0)
-
-
-def test_a_gap_that_is_too_small_is_skipped():
-    x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 1.9 * REACH), 9)
-    assert x == pytest.approx(FOOT + 2.9 * REACH, abs=1e-12)
-    x, _ = spotted_point(SCENE, *on_axis(FOOT, FOOT + 2 * REACH), 9)
-    assert x == pytest.approx(FOOT + REACH, abs=1e-12)
-
-
-def test_without_room_behind_the_foot_spot_the_ball_is_placed_in_front():
-    balls = [FOOT + k * REACH for k in range(11)]
-    assert balls[-1] < SCENE.table.length / 2 - R < balls[-1] + REACH
-    x, y = spotted_point(SCENE, *on_axis(*balls), 15)
-    assert y == 0.0
-    assert x == pytest.approx(FOOT - REACH, abs=1e-12)
+    for y, x in ((R, FOOT + math.sqrt(REACH * REACH - R * R)), (1.001 * REACH, FOOT)):
+        positions[1] = FOOT, y
+        assert spotted_point(SCENE, positions, balls, 9) == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
@@ -88,19 +82,14 @@ def test_a_point_outside_the_area_is_clipped():
     assert place((9.0, 0.3)) == (x_high, 0.3)
     assert place((0.3, -9.0)) == (0.3, y_low)
     assert place((0.3, 0.1), in_hand="behind") == (-SCENE.table.length / 4, 0.1)
-    assert (x_low, y_low) == (-x_high, -y_high)
-    assert x_high == SCENE.table.length / 2 - R - MARGIN
-
-
-def test_the_cue_ball_is_behind_the_baulk_line_of_a_table_with_jaws():
-    scene = Scene.named("uk_pool")
-    assert placement_area(scene, 0, behind=True)[1] == scene.table.head_x < 0.0
+    assert (x_low, y_low, x_high) == (-x_high, -y_high, SCENE.table.length / 2 - R - MARGIN)
+    with_jaws = Scene.named("uk_pool")
+    assert placement_area(with_jaws, 0, behind=True)[1] == with_jaws.table.head_x < 0.0
 
 
 def test_a_blocked_point_moves_radially_out():
     positions, balls = on_axis(0.0)
-    x, y = place((0.0, 0.01), balls, positions=positions)
-    assert (x, y) == pytest.approx((0.0, REACH), abs=1e-12)
+    assert place((0.0, 0.01), balls, positions=positions) == pytest.approx((0.0, REACH), abs=1e-12)
     assert place((0.0, 0.0), balls, positions=positions) == pytest.approx((REACH, 0.0), abs=1e-12)
 
 
@@ -143,14 +132,38 @@ def test_placed_balls_are_valid_for_the_engine():
     scene = Scene.named("pool", 9)
     for _ in range(100):
         positions = np.full((10, 2), 0.0)
-        lying: list[int] = []
         for ball in range(10):
-            point = tuple((2.6 * rng.random(2) - 1.3).tolist())
-            place = (
+            point, lying = tuple((2.6 * rng.random(2) - 1.3).tolist()), range(ball)
+            positions[ball] = (
                 spotted_point(scene, positions, lying, ball)
                 if ball % 3
                 else nearest_free_point(point, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
             )
-            positions[ball] = place
-            lying.append(ball)
         check_positions(scene, positions)
+
+
+RACK = plan("tight_rack", SCENE).spots[1:]
+HEAD = (SCENE.table.head_x, 0.0)
+RACK_CASES = {  # (last ball, cue ball) before, and after; None for a potted ball
+    "clear": (((0.2, 0.3), (0.1, 0.1)), ((0.2, 0.3), (0.1, 0.1)), "no"),
+    "ball in the rack": (((0.75, 0.0), (0.1, 0.1)), (HEAD, (0.1, 0.1)), "no"),
+    "ball in the rack, cue ball on the head spot": (((0.75, 0.0), (-0.63, 0.01)), ((0.0, 0.0), (-0.63, 0.01)), "no"),
+    "cue ball in the rack": (((0.2, 0.3), (0.75, 0.0)), ((0.2, 0.3), None), "behind"),
+    "cue ball in the rack, ball behind": (((-0.9, 0.3), (0.75, 0.0)), ((-0.9, 0.3), HEAD), "no"),
+    "cue ball in the rack, ball on the head spot": (((-0.63, 0.01), (0.75, 0.0)), ((-0.63, 0.01), (0.0, 0.0)), "no"),
+    "both in the rack": (((0.75, 0.0), (0.66, 0.0)), (tuple(RACK[14]), None), "behind"),
+    "both potted": ((None, (0.1, 0.1)), (tuple(RACK[14]), (0.1, 0.1)), "no"),
+}
+
+
+@pytest.mark.parametrize("case", RACK_CASES)
+def test_straight_pool_special_racking_situations(case):  # 4.8
+    (last, cue), (last_after, cue_after), in_hand = RACK_CASES[case]
+    positions = np.zeros((16, 2))
+    positions[15], positions[0] = last or (0.0, 0.0), cue
+    on_table = {0, 15} if last else {0}
+    assert rack_again(SCENE, positions, on_table, 0) == in_hand
+    assert positions[15] == pytest.approx(last_after)
+    assert cue_after is None or positions[0] == pytest.approx(cue_after)
+    full = "potted" in case or "both" in case
+    assert positions[1:15].tolist() == (RACK[:14] if full else RACK[1:]).tolist()

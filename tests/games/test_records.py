@@ -49,11 +49,14 @@ def recorded_game(rules="nine_ball", seed=2, shots=12, **kwargs):
     return records.record_game(History(settings, start, tuple(strokes)))
 
 
-RECORDS = {**SHOTS, **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES}}
-every_record = pytest.mark.parametrize("name", RECORDS)
+RECORDS = {
+    **SHOTS,
+    **{rules: (lambda rules=rules: recorded_game(rules)) for rules in RULES},
+    "options": lambda: recorded_game("straight", target=40, call_shot=True),
+}
 
 
-@every_record
+@pytest.mark.parametrize("name", RECORDS)
 def test_a_record_survives_a_file(name, tmp_path):
     record = RECORDS[name]()
     records.save(tmp_path / "a.json", record)
@@ -62,6 +65,9 @@ def test_a_record_survives_a_file(name, tmp_path):
     assert repr(loaded) == repr(record)  # text distinguishes 0.0 and -0.0
     records.save(str(tmp_path / "b.json"), loaded)
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+    data = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)  # strict JSON
+    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
+    assert (data["version"], data["written_by"]) == (2, f"billiards_env {__version__}")
 
 
 @pytest.mark.parametrize("name", SHOTS)
@@ -75,47 +81,24 @@ def test_a_shot_replays_bit_for_bit(name):
     assert records.replay(record).events is None
 
 
-def test_a_recorded_shot_equals_that_of_simulate():
-    record = SHOTS["pit"]()
-    shot = simulate(Scene.named("pool"), POOL, [2.0, 0.45], mode="pit", dt=1 / 60, fix="move_back", max_time=2.5)
-    assert records.replay(record).positions.tobytes() == shot.positions.tobytes()
-
-
 @pytest.mark.parametrize(
-    ("rules", "engine"), [*((rules, {}) for rules in RULES), ("nine_ball", {"mode": "pit", "dt": 1 / 100})]
+    ("rules", "options"),
+    [
+        *((rules, {}) for rules in RULES),
+        ("nine_ball", {"mode": "pit", "dt": 1 / 100}),
+        ("straight", {"call_shot": True}),
+    ],
 )
-def test_a_game_replays_bit_for_bit(rules, engine):
-    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **engine)))
+def test_a_game_replays_bit_for_bit(rules, options):
+    record = records.from_json(records.to_json(recorded_game(rules, shots=40, **options)))
     assert isinstance(record, records.GameRecord)
     game = records.replay(record)
     assert game.positions.tolist() == [list(row) for row in record.end.positions]
     assert game.state.scores == record.end.scores
 
 
-@every_record
-def test_files_are_strict_json_with_format_and_version(name):
-    text = records.to_json(RECORDS[name]())
-    data = json.loads(text, parse_constant=pytest.fail)
-    assert data["format"] == ("billiards_env/shot" if name in SHOTS else "billiards_env/game")
-    assert data["version"] == 2
-    assert data["written_by"] == f"billiards_env {__version__}"
-
-
 def test_a_shot_of_version_1_is_read():
     assert records.from_json(changed(SHOT_TEXT, "version", 1)) == SHOTS["plain"]()
-
-
-@pytest.mark.parametrize("options", [{"called": True}, {"target": 40, "called": True}])
-def test_the_options_of_a_game_survive_a_file(options):
-    record = recorded_game("straight", **options)
-    loaded = records.from_json(records.to_json(record))
-    assert loaded == record
-    assert isinstance(loaded, records.GameRecord)
-    assert records.replay(loaded).state.called
-
-
-def test_an_infinite_mass_is_written_as_text():
-    assert json.loads(records.to_json(SHOTS["masses"]()))["scene"]["balls"]["mass"][2] == "inf"
 
 
 def test_record_shot_rejects_what_simulate_rejects():
@@ -133,10 +116,8 @@ def test_record_shot_rejects_what_simulate_rejects():
 
 def test_a_replay_with_another_result_raises():
     record = SHOTS["plain"]()
-    off = np.nextafter(record.end.positions[0][0], 1.0)
-    end = dataclasses.replace(
-        record.end, positions=((float(off), record.end.positions[0][1]), *record.end.positions[1:])
-    )
+    (x, y), *others = record.end.positions
+    end = dataclasses.replace(record.end, positions=((float(np.nextafter(x, 1.0)), y), *others))
     wrong = dataclasses.replace(record, end=end)
     with pytest.raises(ValueError, match="the replay differs from the record: positions = "):
         records.replay(wrong)
@@ -237,11 +218,9 @@ SHOT_FAULTS = [
     ("colour", "red", "key 'colour' of the file is unknown"),
     ("__class__", "os.system", "key '__class__' of the file is unknown"),
     ("positions", [[0, 0]], "positions = .*: expected a list of 2"),
-    ("positions", "here", "positions = 'here'"),
     ("positions.1", [0.0], r"positions\[1\] = \[0.0\]: expected a list of 2"),
     ("positions.1.0", "0", r"positions\[1\]\[0\] = '0': expected a number"),
     ("positions.1.0", True, r"positions\[1\]\[0\] = True: expected a number"),
-    ("positions.1.0", None, r"positions\[1\]\[0\] = None: expected a number"),
     ("positions.1.0", 10**400, r"positions\[1\]\[0\] = 1000.*: expected a finite number"),
     ("positions.1.0", 5.0, "positions: ball 1 is at"),
     ("positions.1", POOL[0], "positions: balls 0 and 1 are"),
@@ -250,29 +229,22 @@ SHOT_FAULTS = [
     ("in_play", [True], "in_play = "),
     ("in_play.0", 1, r"in_play\[0\] = 1: expected True or False"),
     ("mode", "pyc", "mode = 'pyc'"),
-    ("mode", ["pic"], "mode = "),
     ("mode", "pit", "dt = None"),
     ("dt", 0.1, "dt = 0.1"),
-    ("fix", "none", "fix = 'none'"),
     ("fix", {}, "fix = {}"),
-    ("max_time", -1, "max_time = -1"),
     ("max_time", "long", "max_time = 'long'"),
     ("max_events", 1.5, "max_events = 1.5"),
     ("max_events", 10**30, "max_events = "),
     ("scene", None, "scene = None"),
     ("scene.table", [], r"scene.table = \[\]"),
     ("scene.table.lenght", 2.0, "key of scene.table = 'lenght'.*did you mean 'length'"),
-    ("scene.table.length", "long", "table.length = 'long'"),
     ("scene.table.length", 10**400, "table.length = 1000.*: expected a number from"),
-    ("scene.table.length", -1.0, "table.length = -1.0"),
     ("scene.balls.mass", ["inf", 0.1], r"balls.mass\[0\] = inf"),
-    ("scene.balls.mass", [10**400, 0.1], r"balls.mass\[0\] = 1000.*: expected a number from"),
     (
         "scene.balls",
         {"radius": [0.03] * 2000, "mass": [0.1] * 2000, "colours": "pool", "shape": "disk"},
         "number of balls = 2000: expected a whole number from 1 to 1000",
     ),
-    ("scene.physics.motion", "glide", "physics.motion = 'glide'"),
     ("scene.physics.motion", ["ideal"], "physics.motion"),
     ("end", None, "end = None"),
     ("end.status", "stop", "end.status = 'stop'"),
@@ -284,15 +256,11 @@ SHOT_FAULTS = [
     ("end.positions", [], "end.positions = "),
 ]
 GAME_FAULTS = [
-    ("rules", "ten_ball", "rules = 'ten_ball'"),
     ("rules", ["nine_ball"], "rules = "),
     ("rules", "eight_ball", "expected 15"),
-    ("n_players", 1, "n_players = 1"),
     ("n_players", "2", "n_players = '2'"),
-    ("target", 5, "target = 5"),
     ("velocities", [], "key 'velocities' of the file is unknown"),
     ("state", [], "state = "),
-    ("state.player", 2, "state.player = 2"),
     ("state.over", True, "key 'over' of state is unknown"),
     ("state.solids", DROP, "key 'solids' of state is missing"),
     ("state.on_table", [[0], 9], r"state.on_table\[0\] = \[0\]"),
@@ -301,17 +269,13 @@ GAME_FAULTS = [
     ("strokes", {}, "strokes = {}"),
     ("strokes.3", [1, 2], r"strokes\[3\] = \[1, 2\]: expected a mapping"),
     ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
-    ("strokes.3.velocity.0", "1", r"strokes\[3\].velocity\[0\] = '1'"),
     ("strokes.3.spin", [0.0, 1.0], r"strokes\[3\].spin = \[0.0, 1.0\]: expected a list of 3"),
     ("strokes.3.spin.2", 1e9, r"strokes\[3\].spin\[2\] = 1000000000.0"),
     ("strokes.3.call", None, r"strokes\[3\].call = None: expected a mapping"),
     ("strokes.3.call.kind", "jump", r"strokes\[3\].call.kind = 'jump'"),
     ("strokes.3.call.ball", 0.5, r"strokes\[3\].call.ball = 0.5"),
-    ("called", True, "called = True with rules 'nine_ball'"),
+    ("call_shot", True, "call_shot = True with rules 'nine_ball'"),
     ("miss", 0, "miss = 0: expected True or False"),
-    ("state.choices", ["replace"], r"state.choices\[0\] = 'replace'"),
-    ("state.fouls", [1], r"state.fouls = \[1\]: expected 2 fouls"),
-    ("state.colour", True, "state.colour = True with rules 'nine_ball'"),
     ("version", 1, "version = 1: expected 2 for a game; the file has older rules"),
     ("strokes.3.place", DROP, r"key 'place' of strokes\[3\] is missing"),
     ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),

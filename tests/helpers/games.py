@@ -3,10 +3,8 @@
 import numpy as np
 
 from billiards_env import Scene
-from billiards_env.games import Setup
-from billiards_env.games.facts import facts_of
-from billiards_env.games.rules import RULES
-from billiards_env.games.state import RuleState
+from billiards_env.games import RULES, RuleState, Setup
+from billiards_env.games.judging import facts_of
 from billiards_env.shots.result import EVENT_DTYPE
 
 
@@ -38,3 +36,11 @@ def state(rules, *, on_table=None, players=2, **fields):
     start = RuleState(0, (0,) * players, frozenset(range(n)), False, "no", RULES[rules].cue_balls)
     start = start._replace(reds=15 if rules == "snooker" else 0)
     return start._replace(**fields, on_table=start.on_table if on_table is None else frozenset({0, *on_table}))
+
+
+def in_a_row(n, places=None):
+    """Returns the positions of n balls, (n, 2) m: those of `places`, by ball, and the others in a row."""
+    positions = np.column_stack((0.11 * np.arange(n) - 0.9, np.full(n, -0.3)))
+    for ball, place in (places or {}).items():
+        positions[ball] = place
+    return positions

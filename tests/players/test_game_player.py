@@ -51,7 +51,7 @@ def test_the_geometric_player_pots_a_ball():
 
 
 def test_a_strategy_calls_the_ball_that_it_pots():
-    game = setup("straight", 2, called=True)
+    game = setup("straight", 2, call_shot=True)
     table = custom_opening(game, EASY)
     for name in ("geometric", "search:20"):
         stroke = find_player(name, game)(game, table, 4.0, RNG(0))

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from billiards_env.games import RULES, Call
-from billiards_env.games.facts import facts_of
-from billiards_env.games.state import (
-    RuleState,
+from billiards_env.games import RULES, Call, RuleState
+from billiards_env.games.judging import (
     ball_set,
     balls_of,
     call_array,
     fact_array,
+    facts_of,
     state_array,
     verdict_of,
 )
@@ -30,7 +29,7 @@ def random_state(name, rng):
         cue_balls=rules.cue_balls if rng.random() < 0.5 else rules.cue_balls[::-1],
         solids=int(rng.integers(-1, 2)) if name == "eight_ball" else -1,
         target=int(rng.choice([0, 10, 60])),
-        called=bool(rng.random() < 0.5) and rules.can_call,
+        call_shot=bool(rng.random() < 0.5) and rules.call_kernel is not None,
         reds=15 if name == "snooker" else 0,
         fouls=tuple(rng.integers(0, 3, players).tolist()),
         colour=name == "snooker" and bool(rng.random() < 0.4),
@@ -69,6 +68,11 @@ def test_games_in_different_states_are_judged_as_one_by_one(name):
     singles = [rules.judge(*shot) for shot in zip(states, facts, calls, strict=True)]
     assert [verdict_of(row, highest_first=name == "snooker") for row in verdicts] == singles
     assert len(set(singles)) > (1 if rules.pockets else 2)
+    for found, verdict in zip(facts, singles, strict=True):
+        assert verdict.in_hand == "no" or verdict.foul or verdict.spotted
+        assert verdict.winner < 0 or verdict.over
+        assert not (verdict.foul and verdict.points > 0)
+        assert set(verdict.spotted) <= {*found.potted, 21}  # in snooker the black after a tie
     players = np.array([len(state.scores) - 1 for state in states])
     legal = legal_balls(name, state_array(states), players)
     assert [frozenset(balls_of(int(balls))) for balls in legal] == [

@@ -25,46 +25,45 @@ def draws(name, scene, count, seed=0):
     return np.array([layouts.draw(name, scene, rng) for _ in range(count)])
 
 
+def reach_of(scene):
+    """Returns the largest abs(x) and abs(y) of the centre of each ball, (n, 2) m."""
+    half = np.array([scene.table.length, scene.table.width]) / 2
+    return half - np.array(scene.balls.radius)[:, None] - layouts.MARGIN
+
+
+def check_clear(scene, positions):
+    """Checks that balls (m, n, 2) are clear of each other, of cushions and of pockets."""
+    check_positions(scene, positions)
+    radius, gaps = scene.balls.radius, []
+    assert np.all(np.abs(positions) <= reach_of(scene))
+    for i, j in itertools.combinations(range(scene.n_balls), 2):
+        gaps.append(np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) - (radius[i] + radius[j]))
+    for pocket in scene.table.pockets:
+        gaps += list(np.linalg.norm(positions - (pocket.x, pocket.y), axis=-1) - pocket.radius)
+    assert all(gap.min() >= layouts.MARGIN - 1e-15 for gap in gaps)
+
+
 @pytest.mark.parametrize("n_object_balls", [0, 1, 2, 9, 15])
 @pytest.mark.parametrize("scene", SCENES)
 def test_random_balls_are_clear_of_each_other_of_cushions_and_of_pockets(scene, n_object_balls):
     scene = Scene.named(scene, n_object_balls)
-    positions = draws("random", scene, 300)
-    check_positions(scene, positions)
-    radius = scene.balls.radius[0]
-    half = np.array([scene.table.length, scene.table.width]) / 2
-    assert np.all(np.abs(positions) <= half - radius - layouts.MARGIN)
-    for i, j in itertools.combinations(range(scene.n_balls), 2):
-        gaps = np.linalg.norm(positions[:, i] - positions[:, j], axis=-1) - 2 * radius
-        assert gaps.min() >= layouts.MARGIN - 1e-15
-    for pocket in scene.table.pockets:
-        gaps = np.linalg.norm(positions - (pocket.x, pocket.y), axis=-1) - pocket.radius
-        assert gaps.min() >= layouts.MARGIN - 1e-15
+    check_clear(scene, draws("random", scene, 300))
 
 
 def test_random_balls_are_uniform_over_the_table():
     scene = Scene.named("carom", 1)
-    positions = draws("random", scene, 4000)
-    reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
-    uniform = positions / reach
+    uniform = draws("random", scene, 4000) / reach_of(scene)
     assert np.abs(uniform).max() > 0.995
     assert np.abs(uniform.mean(axis=0)).max() < 0.05
     np.testing.assert_allclose((uniform**2).mean(axis=0), 1 / 3, atol=0.03)
 
 
-def test_random_places_balls_of_any_size():
-    positions = draws("random", LARGE_AND_SMALL, 300)
-    check_positions(LARGE_AND_SMALL, positions)
+ONE_LARGE = ideal(Balls(radius=(*[0.03] * 60, 0.5), mass=(0.2,) * 61))
 
 
-def test_random_places_one_large_ball_among_many_small_ones():
-    scene = ideal(Balls(radius=(*[0.03] * 60, 0.5), mass=(0.2,) * 61))
-    check_positions(scene, draws("random", scene, 20))
-
-
-def test_random_fills_a_table_with_500_balls():
-    scene = Scene.named("ideal", 500)
-    check_positions(scene, draws("random", scene, 1))
+@pytest.mark.parametrize(("scene", "count"), [(LARGE_AND_SMALL, 300), (ONE_LARGE, 20), (Scene.named("ideal", 500), 1)])
+def test_random_places_balls_of_any_size_and_number(scene, count):
+    check_positions(scene, draws("random", scene, count))
 
 
 @pytest.mark.parametrize("name", ["rack", "tight_rack"])
@@ -126,59 +125,46 @@ def places_in_rack(name, n_object_balls, count):
     return np.array(found)
 
 
-def test_the_rack_of_nine_ball():
-    found = places_in_rack("nine_ball", 9, 600)
-    assert (found[:, 0] == 1).all()
-    assert (found[:, 4] == 9).all()
-    assert (np.sort(found, axis=1) == np.arange(1, 10)).all()
-    others = found[:, [1, 2, 3, 5, 6, 7, 8]]
-    counts = np.array([np.bincount(place, minlength=9)[2:] for place in others.T])
-    assert np.abs(counts - 600 / 7).max() < 5 * np.sqrt(600 / 7)
-
-
-def test_the_rack_of_eight_ball():
-    found = places_in_rack("eight_ball", 15, 600)
-    assert (found[:, 4] == 8).all()
-    assert (np.sort(found, axis=1) == np.arange(1, 16)).all()
-    corners = found[:, [10, 14]]
-    assert ((corners < 8).sum(axis=1) == 1).all()
-    for corner in corners.T:
-        counts = np.delete(np.bincount(corner, minlength=16)[1:], 7)
-        assert np.abs(counts - 600 / 14).max() < 5 * np.sqrt(600 / 14)
-    apex = np.delete(np.bincount(found[:, 0], minlength=16)[1:], 7)
-    assert np.abs(apex - 600 / 14).max() < 5 * np.sqrt(600 / 14)
+@pytest.mark.parametrize(
+    ("game", "fixed", "random"),
+    [("nine_ball", {1: 0, 9: 4}, [1, 2, 3, 5, 6, 7, 8]), ("eight_ball", {8: 4}, [0, 10, 14])],
+)
+def test_the_rack_of_a_game(game, fixed, random):
+    """Some balls have a place, and every other ball is at the random places equally often."""
+    n = len(layouts.RACKS[game].balls)
+    found = places_in_rack(game, n, 600)
+    assert all((found[:, place] == ball).all() for ball, place in fixed.items())
+    assert (np.sort(found, axis=1) == np.arange(1, n + 1)).all()
+    others = np.setdiff1d(np.arange(1, n + 1), list(fixed))
+    counts = (found[:, random, None] == others).sum(axis=0)
+    assert np.abs(counts - 600 / len(others)).max() < 5 * np.sqrt(600 / len(others))
+    if game == "eight_ball":
+        assert ((found[:, [10, 14]] < 8).sum(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("n_object_balls", [1, 2])
 def test_the_carom_opening_is_fixed(scene, n_object_balls):
     scene = Scene.named(scene, n_object_balls)
-    positions = draws("carom_opening", scene, 2)
-    check_positions(scene, positions)
-    assert np.array_equal(positions[0], positions[1])
-    assert positions[0, 1].tolist() == [scene.table.length / 4, 0.0]
-
-
-def test_the_carom_opening_uses_the_spots_of_the_rules():
-    positions = draws("carom_opening", Scene.named("carom"), 1)[0]
-    np.testing.assert_allclose(positions, [[-0.71, -0.1825], [0.71, 0.0], [-0.71, 0.0]], rtol=1e-15)
+    first, second = draws("carom_opening", scene, 2)
+    check_positions(scene, first)
+    length, width = scene.table.length, scene.table.width
+    spots = [[-length / 4, -0.1825 / 1.42 * width], [length / 4, 0.0], [-length / 4, 0.0]]
+    np.testing.assert_allclose(first, spots[: len(first)], rtol=1e-15)
+    assert np.array_equal(first, second)
 
 
 def test_a_frame_of_snooker_begins_with_the_colours_on_their_spots():
     scene = Scene.named("snooker")
     positions = draws("snooker", scene, 400)
     check_positions(scene, positions)
+    check_positions(Scene.named("snooker", 12), draws("snooker", Scene.named("snooker", 12), 1))  # fewer red balls
     assert (positions[:, 1:] == positions[0, 1:]).all()
     baulk, d, r = 0.737 - 3.569 / 2, 0.292, 0.02625
-    yellow, green, brown, blue, pink, black = positions[0, -6:]
-    np.testing.assert_allclose(
-        [yellow, green, brown, blue, pink, black],
-        [[baulk, -d], [baulk, d], [baulk, 0], [0, 0], [3.569 / 4, 0], [3.569 / 2 - 0.324, 0]],
-        rtol=1e-12,
-        atol=1e-12,
-    )
+    spots = [[baulk, -d], [baulk, d], [baulk, 0], [0, 0], [3.569 / 4, 0], [3.569 / 2 - 0.324, 0]]
+    np.testing.assert_allclose(positions[0, -6:], spots, rtol=1e-12, atol=1e-12)
     reds = positions[0, 1:16]
-    assert 2 * r < reds[0, 0] - pink[0] < 2 * r + 1e-3
+    assert 2 * r < reds[0, 0] - 3.569 / 4 < 2 * r + 1e-3
     assert np.unique(reds[:, 0].round(9), return_counts=True)[1].tolist() == [1, 2, 3, 4, 5]
     # The cue ball is anywhere in the D.
     cue = positions[:, 0]
@@ -186,11 +172,6 @@ def test_a_frame_of_snooker_begins_with_the_colours_on_their_spots():
     distance = np.hypot(cue[:, 0] - baulk, cue[:, 1])
     assert 0.95 * d < distance.max() <= d
     assert np.ptp(cue[:, 1]) > 1.8 * d
-
-
-def test_a_frame_of_snooker_may_have_fewer_red_balls():
-    scene = Scene.named("snooker", 12)
-    check_positions(scene, layouts.draw("snooker", scene, np.random.default_rng(0)))
 
 
 def test_random_balls_are_inside_an_outline_that_is_no_rectangle():
@@ -225,16 +206,8 @@ SNOOKERED = st.tuples(RADII, RADII, RADII).map(lambda r: three_balls(r[0], *sort
 @given(scene=SNOOKERED, seed=st.integers(0, 2**32))
 def test_snookered_balls_lie_on_a_line_clear_of_everything(scene, seed):
     places = layouts.draw("snookered", scene, np.random.default_rng(seed))
-    check_positions(scene, places)
+    check_clear(scene, places[None])
     assert places[2].tolist() == (0.5 * (places[0] + places[1])).tolist()
-    radius = np.array(scene.balls.radius)
-    half = np.array([scene.table.length, scene.table.width]) / 2
-    assert (np.abs(places) <= half - radius[:, None] - layouts.MARGIN).all()
-    for i, j in itertools.combinations(range(3), 2):
-        assert np.linalg.norm(places[i] - places[j]) >= radius[i] + radius[j] + layouts.MARGIN - 1e-15
-    for pocket in scene.table.pockets:
-        gaps = np.linalg.norm(places - (pocket.x, pocket.y), axis=-1) - pocket.radius
-        assert gaps.min() >= layouts.MARGIN - 1e-15
 
 
 @given(scene=SNOOKERED, seed=st.integers(0, 2**32), cut=st.floats(-1, 1), speed=st.floats(2.0, 8.0))
@@ -253,9 +226,9 @@ def test_no_straight_path_of_a_snookered_cue_ball_meets_ball_1_first(scene, seed
 def test_snookered_covers_the_whole_table():
     scene = Scene.named("blocked_pool")
     positions = draws("snookered", scene, 3000)
-    reach = np.array([scene.table.length, scene.table.width]) / 2 - scene.balls.radius[0] - layouts.MARGIN
-    assert (np.abs(positions[:, :2] / reach).max(axis=(0, 1)) > 0.99).all()
-    assert np.abs((positions / reach).mean(axis=0)).max() < 0.05
+    shares = positions / reach_of(scene)
+    assert (np.abs(shares[:, :2]).max(axis=(0, 1)) > 0.99).all()
+    assert np.abs(shares.mean(axis=0)).max() < 0.05
     # Each ball is on the left with probability 1/2, so neither is drawn relative to the other.
     assert abs((positions[:, 0, 0] < positions[:, 1, 0]).mean() - 0.5) < 0.03
 

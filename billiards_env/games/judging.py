@@ -1,6 +1,8 @@
-"""The state of the rules between two shots, the call of a player, and the verdict on a shot.
+"""Single shots of games as Python objects: the state of the rules, the facts of a shot, the call and the verdict.
 
-The functions at the end convert them to and from the arrays of `billiards_env.rules`.
+`RULES[name].judge(state, facts, call)` judges a shot: `facts_of` computes the facts from its recorded events, `judge`
+returns a `Verdict`, and `next_state(state, facts, verdict)` returns the state for the next shot. The rules are those of
+`billiards_env.rules`, which judges arrays of shots.
 """
 
 from __future__ import annotations
@@ -11,10 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.facts import CUE, Facts
-from billiards_env.rules import CALL, CALLS, FACTS, FOULS, IN_HAND, RACKS, STATE
-from billiards_env.rules.facts import FactNumbers
-from billiards_env.rules.state import MOST_PLAYERS, CallNumbers, StateNumbers, VerdictNumbers
+from billiards_env.physics.state import CUE_BALL
+from billiards_env.rules import (
+    CALL,
+    CALLS,
+    FACTS,
+    FOULS,
+    GAMES,
+    IN_HAND,
+    RERACKS,
+    STATE,
+    callable_balls,
+    judge_shots,
+    legal_balls,
+)
+from billiards_env.rules.arrays import MOST_PLAYERS, CallNumbers, FactNumbers, StateNumbers
+from billiards_env.rules.games import Game
 
 
 class Call(NamedTuple):
@@ -40,7 +54,7 @@ class RuleState(NamedTuple):
     Attributes:
         player: The player to shoot, 0 to n_players - 1.
         scores: The score of each player.
-        on_table: The numbers of the balls that are not potted, including the cue balls.
+        on_table: The balls on the table, including the cue balls; a cue ball in hand counts.
         break_shot: Whether the next shot is the opening break.
         in_hand: One of `IN_HAND`.
         cue_balls: The balls used as cue ball; the first is struck next.
@@ -48,7 +62,7 @@ class RuleState(NamedTuple):
         target: The score that wins, or 0 if no score does.
         over: Whether the game is over.
         winner: The player who has won, or -1.
-        called: Whether a potted ball counts only if the ball and its pocket were called.
+        call_shot: Whether shots are called: a potted ball counts only if the ball and its pocket were called (WPA 1.6).
         reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
         choices: The choices of the player besides a shot, of `CALLS`.
         fouls: The number of consecutive fouls of each player; empty counts as none.
@@ -61,12 +75,12 @@ class RuleState(NamedTuple):
     on_table: frozenset[int]
     break_shot: bool = True
     in_hand: str = "behind"
-    cue_balls: tuple[int, ...] = (CUE,)
+    cue_balls: tuple[int, ...] = (CUE_BALL,)
     solids: int = -1
     target: int = 0
     over: bool = False
     winner: int = -1
-    called: bool = False
+    call_shot: bool = False
     reds: int = 0
     choices: tuple[str, ...] = ()
     fouls: tuple[int, ...] = ()
@@ -82,6 +96,29 @@ class RuleState(NamedTuple):
     def consecutive_fouls(self) -> int:
         """The number of consecutive fouls of the player to shoot."""
         return self.fouls[self.player] if self.fouls else 0
+
+
+class Facts(NamedTuple):
+    """The facts of a shot that the rules use.
+
+    Attributes:
+        first: The balls that the cue ball touched first: none, one, or several touched at the same instant.
+        touched: The balls that the cue ball touched, in order, each with the number of cushion contacts that the cue
+            ball had before.
+        potted: The potted balls, in order.
+        cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
+        driven: The object balls that hit a cushion or were potted (WPA 8.4).
+        pockets: The pockets of the potted balls, in the same order.
+        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
+    """
+
+    first: tuple[int, ...] = ()
+    touched: tuple[tuple[int, int], ...] = ()
+    potted: tuple[int, ...] = ()
+    cushion_after: bool = False
+    driven: frozenset[int] = frozenset()
+    pockets: tuple[int, ...] = ()
+    cue_driven: bool = False
 
 
 class Verdict(NamedTuple):
@@ -115,6 +152,41 @@ class Verdict(NamedTuple):
     rack: str = ""
     choices: tuple[str, ...] = ()
     colour: bool = False
+
+
+def facts_of(events: NDArray[Any], cue: int = CUE_BALL) -> Facts:
+    """Returns the facts of a recorded shot of the ball `cue` from its `ShotResult.events`."""
+    first: list[int] = []
+    first_time = None
+    touched: dict[int, int] = {}
+    potted: dict[int, int] = {}
+    driven: set[int] = set()
+    cushions, cushion_after = 0, False
+    columns = (events[name].tolist() for name in ("time", "kind", "ball", "other"))
+    for time, kind, ball, other in zip(*columns, strict=True):
+        if kind == "ball_ball" and cue in (ball, other):
+            hit = other if ball == cue else ball
+            touched.setdefault(hit, cushions)
+            first_time = time if first_time is None else first_time
+            if time == first_time and hit not in first:
+                first.append(hit)
+        elif kind in ("cushion", "pocket"):
+            cushion_after = cushion_after or first_time is not None
+            if ball != cue:
+                driven.add(ball)
+            elif kind == "cushion":
+                cushions += 1
+            if kind == "pocket":
+                potted[ball] = other
+    return Facts(
+        tuple(first),
+        tuple(touched.items()),
+        tuple(potted),
+        cushion_after,
+        frozenset(driven),
+        tuple(potted.values()),
+        cushions > 0 or cue in potted,
+    )
 
 
 def next_state(state: RuleState, facts: Facts, verdict: Verdict) -> RuleState:
@@ -174,7 +246,7 @@ def state_array(states: Iterable[RuleState]) -> NDArray[Any]:
             break_shot=state.break_shot,
             solids=state.solids,
             target=state.target,
-            called=state.called,
+            call_shot=state.call_shot,
             reds=state.reds,
             fouls=state.consecutive_fouls,
             colour=state.colour,
@@ -192,9 +264,9 @@ def fact_array(facts: Iterable[Facts]) -> NDArray[Any]:
             first=ball_set(found.first),
             touched=len(found.touched),
             cushions_before_last=found.touched[-1][1] if found.touched else 0,
-            potted=ball_set(found.potted) & ~ball_set({CUE}),
-            first_potted=ball_set([ball for ball in found.potted if ball != CUE][:1]),
-            scratch=CUE in found.potted,
+            potted=ball_set(found.potted) & ~ball_set({CUE_BALL}),
+            first_potted=ball_set([ball for ball in found.potted if ball != CUE_BALL][:1]),
+            scratch=CUE_BALL in found.potted,
             cushion_after=found.cushion_after,
             driven=ball_set(found.driven),
             cue_driven=found.cue_driven,
@@ -219,19 +291,35 @@ def call_array(calls: Iterable[Call], facts: Iterable[Facts]) -> NDArray[Any]:
 
 def verdict_of(row: Any, highest_first: bool = False) -> Verdict:
     """Returns the verdict of a row of `rules.VERDICT`, with the order in which balls are spotted."""
-    found = VerdictNumbers(*row.item())
-    spotted = balls_of(found.spotted)
+    found = dict(zip(row.dtype.names, row.item(), strict=True))
+    spotted = balls_of(found["spotted"])
     return Verdict(
-        foul=FOULS[found.foul],
-        points=found.points,
-        continues=found.continues,
-        in_hand=IN_HAND[found.in_hand],
-        spotted=spotted[::-1] if highest_first else spotted,
-        solids=found.solids,
-        over=found.over,
-        winner=found.winner,
-        penalty=found.penalty,
-        rack=RACKS[found.rack],
-        choices=tuple(CALLS[i] for i in balls_of(found.choices)),
-        colour=found.colour,
+        **found
+        | {
+            "foul": FOULS[found["foul"]],
+            "in_hand": IN_HAND[found["in_hand"]],
+            "spotted": spotted[::-1] if highest_first else spotted,
+            "rack": RERACKS[found["rack"]],
+            "choices": tuple(CALLS[i] for i in balls_of(found["choices"])),
+        }
     )
+
+
+class Rules(Game):
+    """The rules of a game for single shots; `rules.games.Game` describes the attributes."""
+
+    def judge(self, state: RuleState, facts: Facts, call: Call = NO_CALL) -> Verdict:
+        """Returns the verdict on a shot."""
+        verdicts = judge_shots(self.name, state_array([state]), fact_array([facts]), call_array([call], [facts]))
+        return verdict_of(verdicts[0], highest_first=self.has_spots)
+
+    def legal(self, state: RuleState, player: int) -> frozenset[int]:
+        """Returns the balls that a player may touch first."""
+        return frozenset(balls_of(int(legal_balls(self.name, state_array([state]), np.array([player]))[0])))
+
+    def callable(self, state: RuleState, player: int) -> frozenset[int]:
+        """Returns the balls that a player may call."""
+        return frozenset(balls_of(int(callable_balls(self.name, state_array([state]), np.array([player]))[0])))
+
+
+RULES = {name: Rules(*game) for name, game in GAMES.items()}

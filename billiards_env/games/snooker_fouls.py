@@ -1,4 +1,7 @@
-"""Snooker: misses, and snookers behind other balls. `billiards_env.rules.snooker` holds the other rules."""
+"""What the next player may have after a foul in snooker: a free ball, or the balls replaced after a miss.
+
+`billiards_env.rules.snooker` holds the other rules.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.facts import CUE, Facts
+from billiards_env.games.judging import NO_CALL, RULES, Call, Facts, RuleState, state_array
 from billiards_env.games.placement import is_free, obstacles, placement_area
-from billiards_env.games.rules import RULES
-from billiards_env.games.state import NO_CALL, Call, RuleState, state_array
+from billiards_env.physics.state import CUE_BALL
 from billiards_env.rules import snooker
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -48,16 +50,16 @@ def is_snookered(scene: Scene, positions: NDArray[np.float64], state: RuleState)
     on = RULES["snooker"].legal(state._replace(free_ball=False), state.player)
     others = [(*positions[i].tolist(), scene.balls.radius[i]) for i in sorted(state.object_balls - on)]
     targets = [(*positions[i].tolist(), scene.balls.radius[i]) for i in sorted(on)]
-    x, y = positions[CUE].tolist()
+    x, y = positions[CUE_BALL].tolist()
     places = [(x, y)] if state.in_hand == "no" else _places(scene, positions, state)
-    cue = scene.balls.radius[CUE]
+    cue = scene.balls.radius[CUE_BALL]
     return not any(_sees(place, cue, target, others) for place in places for target in targets)
 
 
 def _places(scene: Scene, positions: NDArray[np.float64], state: RuleState) -> list[tuple[float, float]]:
     """Returns the free places of a grid in the D."""
-    x_low, x_high, y_low, y_high = placement_area(scene, CUE, behind=True)
-    circles = obstacles(scene, positions, CUE, state.object_balls)
+    x_low, x_high, y_low, y_high = placement_area(scene, CUE_BALL, behind=True)
+    circles = obstacles(scene, positions, CUE_BALL, state.object_balls)
     steps = [k / (_STEPS - 1) for k in range(_STEPS)]
     grid = [(x_low + (x_high - x_low) * a, y_low + (y_high - y_low) * b) for a in steps for b in steps]
     limit = (x_high - x_low) * (x_high - x_low)
