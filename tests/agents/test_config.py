@@ -167,7 +167,7 @@ def test_a_configuration_with_each_head_trains(name):
 
 
 def test_every_task_but_the_run_outs_has_a_configuration():
-    assert {load(path).env["task"] for path in CONFIGS} == {name for name, task in TASKS.items() if task.on is None}
+    assert {load(path).env["task"] for path in CONFIGS} == {name for name, task in TASKS.items() if not task.opening}
 
 
 def test_the_noise_has_the_defaults_of_its_wrapper():

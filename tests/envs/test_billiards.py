@@ -80,7 +80,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     n = env.scene.n_balls
     last = env.observe_shots_left
     places = 2 * (n + (TASKS[env.task].goal_radius > 0))
-    flags = n - 1 if TASKS[env.task].on else 0
+    flags = n - 1 if TASKS[env.task].opening else 0
     assert env.observation_space.shape == (places + flags + last,)
     assert env.observation_space.dtype == np.float32
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
@@ -109,7 +109,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             assert info["shots_left"] == env.max_shots - shots
             on_table = np.abs(observation[: 2 * n]).reshape(n, 2).max(axis=1) < 1
             assert np.array_equal(on_table, ~info["potted"])
-            assert np.array_equal(observation[places : places + flags], env.on[1 : 1 + flags])
+            assert np.array_equal(observation[places : places + flags], env.legal_balls[1 : 1 + flags])
             if last:
                 assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]

@@ -115,7 +115,7 @@ def test_a_masked_reset_does_not_change_the_others(mode):
         mask = rng.random(6) < 0.5
         mask[0] = True
         if mode is AutoresetMode.DISABLED:
-            mask |= native._episodes.over
+            mask |= native._episodes.arrays.over
         seed = [None, 40, [9, 8, 7, 6, None, 4]][step % 3]
         options = {"reset_mask": mask.copy()}
         same(native.reset(seed=seed, options=options), sync.reset(seed=seed, options=dict(options)))
@@ -184,7 +184,7 @@ def test_returned_arrays_share_no_memory(mode):
             twin.reset(options={"reset_mask": mask})
     for a, b in itertools.combinations(given, 2):
         assert not np.may_share_memory(a, b)
-    inner = [envs._streams, *envs._episodes.shots, *envs._episodes.tally, envs._episodes.over, envs._episodes.start]
+    inner = [envs._streams, *envs._episodes.shots, *envs._episodes.arrays]
     assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 
