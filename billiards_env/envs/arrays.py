@@ -63,10 +63,9 @@ class EpisodeArrays(NamedTuple):
         in_play: As in `BallArrays`.
         potted_before: As in `BallArrays`.
         potted: (m, n) bool: balls off the table after the last shot.
-        cushions: (m, n) int32, number of cushion contacts of each ball.
-        cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
-            ball, -1 if it did not touch it.
-        first_hit: (m,) int64, the first ball that the cue ball touched, -1 if none.
+        cushions: As in `engine.Shots`.
+        cushions_before_hit: As in `engine.Shots`.
+        first_hit: As in `engine.Shots`.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         legal_balls: (m, n) bool in the run-outs, (m, 0) in the others: the balls that the cue ball may touch first in
             the next shot.

@@ -16,7 +16,7 @@ from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, json_spec, make_scene
-from billiards_env.envs.episodes import Episodes, Settings
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.info import info_arrays, single_info
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
@@ -226,8 +226,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). With a render mode each step also records its shot. Frames are drawn to
-    scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
+    Rendering needs pygame (extra `render`). With a render mode each step also records the shots that are
+    drawn. Frames are drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
@@ -306,18 +306,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def episodes(self, count: int, n_recorded: int = 0) -> Episodes:
         """Returns `count` new episodes with the arguments of this environment. `n_recorded` is that of `Episodes`."""
-        settings = Settings(
-            scene=self.scene,
-            task=self.task,
-            targets=self.targets,
-            layout=self.layout,
-            action=self.action,
-            max_shots=self.max_shots,
-            max_speed=self.max_speed,
-            scratch_penalty=self.scratch_penalty,
-            engine=self.engine,
-        )
-        return Episodes(count, settings, n_recorded)
+        return Episodes(count, self, n_recorded)
 
     @property
     def positions(self) -> NDArray[np.float64]:

@@ -7,11 +7,12 @@ import functools
 import math
 import warnings
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of, scene_fields
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of, scene_fields
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
@@ -23,35 +24,11 @@ from billiards_env.scene import Balls, Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
+if TYPE_CHECKING:
+    from billiards_env.envs.billiards import BilliardsEnv
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """The checked arguments of an environment, except for those of observation and rendering.
-
-    Attributes:
-        scene: The scene.
-        task: One of `TASKS`.
-        targets: (n,) bool, the balls of the task.
-        layout: Name of the layout at the start of an episode.
-        action: One of `actions.ACTIONS`.
-        max_shots: Number of shots after which an episode ends.
-        max_speed: Speed of an action of length 1, m/s.
-        scratch_penalty: Reward subtracted for a scratch.
-        engine: The engine.
-    """
-
-    scene: Scene
-    task: str
-    targets: Bools
-    layout: str
-    action: str
-    max_shots: int
-    max_speed: float
-    scratch_penalty: float
-    engine: Engine
 
 
 class Episodes:
@@ -60,7 +37,7 @@ class Episodes:
     The methods process the episodes from `begin` to `end - 1`. Several threads may call them for different episodes.
 
     Attributes:
-        settings: The arguments of the environment.
+        env: The environment with the arguments of the episodes.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
         balls: The balls before and after the last shots. They are those of `shots`.
         arrays: The state of the episodes. Its balls are those of `balls`.
@@ -71,11 +48,11 @@ class Episodes:
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
-    def __init__(self, count: int, settings: Settings, n_recorded: int = 0) -> None:
-        scene, n, task = settings.scene, settings.scene.n_balls, TASKS[settings.task]
-        self.settings, self.n_recorded = settings, n_recorded
+    def __init__(self, count: int, env: BilliardsEnv, n_recorded: int = 0) -> None:
+        scene, n, task = env.scene, env.scene.n_balls, TASKS[env.task]
+        self.env, self.n_recorded = env, n_recorded
         self.recorded: dict[int, ShotResult] = {}
-        self.plan = layouts.plan(settings.layout, scene)
+        self.plan = layouts.plan(env.layout, scene)
         self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task.goal_radius else None
         self.shots = shots = empty_shots(count, n)
         for array in shots:
@@ -103,21 +80,21 @@ class Episodes:
         )
         self.miscues = np.zeros(count, np.bool_)
         numbers = TaskNumbers(
-            targets=settings.targets,
+            targets=env.targets,
             bits=np.left_shift(1, np.arange(n)),
-            opening=task.break_opening if settings.layout in task.breaks else task.opening,
+            opening=task.break_opening if env.layout in task.breaks else task.opening,
             goal_radius=task.goal_radius,
-            max_shots=settings.max_shots,
-            scratch_penalty=settings.scratch_penalty,
+            max_shots=env.max_shots,
+            scratch_penalty=env.scratch_penalty,
             half_length=scene.half_extents[0],
             half_width=scene.half_extents[1],
         )
         # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
-        self._run_shots, self._scene = run_shots_of(settings.engine, n), scene_fields(scene, settings.engine)
+        self._run_shots, self._scene = run_shots_of(env.engine, n), scene_fields(scene, env.engine)
         self._limit = scene.physics.max_time or math.inf
-        self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
+        self._cue = tuple(cue_numbers(scene)) if env.action == "strike" else None
 
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
@@ -125,8 +102,8 @@ class Episodes:
         """Draws positions of the balls, then goals if the task has any.
 
         Args:
-            begin: First episode.
-            end: Last episode plus 1.
+            begin: See the class.
+            end: See the class.
             mask: (m,) bool, the episodes to draw for.
             streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.jit.streams`).
             balls: Whether to draw positions of the balls.
@@ -141,14 +118,7 @@ class Episodes:
             layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.arrays.goals)
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
-        """Begins episodes with the balls at their present positions, and writes the observations of all episodes.
-
-        Args:
-            begin: First episode.
-            end: Last episode plus 1.
-            mask: (m,) bool, the episodes that begin.
-            observations: (m, size) float32 out.
-        """
+        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
 
     def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: NDArray[np.float32]) -> None:
@@ -157,14 +127,14 @@ class Episodes:
         If the call is interrupted, the balls keep the positions that they had before it.
 
         Args:
-            begin: First episode.
-            end: Last episode plus 1.
+            begin: See the class.
+            end: See the class.
             actions: (m, 2) or (m, 5), see `envs.actions`, finite.
             rewards: (m,) float64 out.
             observations: (m, size) float32 out.
         """
         balls, over = self.balls, self.arrays.over
-        start_shots(begin, end, over, actions, self.settings.max_speed, self._balls)
+        start_shots(begin, end, over, actions, self.env.max_speed, self._balls)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
         first = begin
@@ -178,14 +148,14 @@ class Episodes:
             balls.positions[begin:end] = balls.positions_before[begin:end]
             balls.in_play[begin:end] = ~balls.potted_before[begin:end]
             raise
-        scoring(self.settings.task)(begin, end, self._numbers, self._arrays, rewards, observations)
+        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards, observations)
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
-        settings, shots = self.settings, self.shots
+        env, shots = self.env, self.shots
         positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
         start = ShotInput(positions, velocities, spins, in_play, self._limit)
-        shot = run_shot(settings.scene, start, settings.engine, record=True)
+        shot = run_shot(env.scene, start, env.engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
                 array[k] = ~shot.potted
@@ -198,7 +168,7 @@ class Episodes:
         n_events, seconds, start = self.shots.n_events[k], self.shots.time[k], self.balls.positions_before[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
-            f"scene {self.settings.scene.to_dict()}, positions {start}, action {action.tolist()}",
+            f"scene {self.env.scene.to_dict()}, positions {start}, action {action.tolist()}",
             RuntimeWarning,
             stacklevel=3,
         )

@@ -37,7 +37,7 @@ def info_arrays(episodes: Episodes) -> InfoArrays:
         "first_hit": shots.first_hit,
         **{name: getattr(arrays, name) for name in TALLY},
     }
-    if episodes.settings.action == "strike":
+    if episodes.env.action == "strike":
         numbers["miscue"] = episodes.miscues
     return InfoArrays(numbers, {"cushions": shots.cushions, "potted": arrays.potted})
 

@@ -1,7 +1,7 @@
 """Rendering of the shots of an environment, in the render modes of Gymnasium.
 
-With a render mode a step records its shot while it simulates it. The shot is drawn when a frame is needed, and pygame
-is imported with the first frame.
+With a render mode a step records the shots that are drawn while it simulates them. A shot is drawn when a frame is
+needed, and pygame is imported with the first frame.
 """
 
 from __future__ import annotations
@@ -67,15 +67,7 @@ class DrawnShot(NamedTuple):
 def balls_at_rest(
     scene: Scene, positions: NDArray[np.float64], in_play: NDArray[np.bool_], left: str, circles: Circles = ()
 ) -> DrawnShot:
-    """Returns balls at rest for drawing.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        in_play: (n,) bool.
-        left: Text on the left.
-        circles: Circles on the cloth, as in `DrawnShot`.
-    """
+    """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. The others: see `DrawnShot`."""
     n = len(positions)
     start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, 0.0)
     return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
@@ -83,9 +75,9 @@ def balls_at_rest(
 
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
-    settings, shots = episodes.settings, episodes.shots
-    circles = _goal_circles(settings.task, episodes.arrays.goals[k])
-    return balls_at_rest(settings.scene, shots.positions[k], shots.in_play[k], settings.task, circles)
+    env, shots = episodes.env, episodes.shots
+    circles = _goal_circles(env.task, episodes.arrays.goals[k])
+    return balls_at_rest(env.scene, shots.positions[k], shots.in_play[k], env.task, circles)
 
 
 def drawn_shot(
@@ -93,18 +85,13 @@ def drawn_shot(
 ) -> DrawnShot:
     """Returns the last shot of episode k for drawing.
 
-    Args:
-        episodes: The episodes. The episode may have been reset after the shot.
-        k: The episode.
-        action: (2,) or (5,) action of the shot.
-        reward: Reward of the shot.
-        arrays: The arrays of the episodes, with the goals and the results of the shots.
+    The episode may have been reset after the shot, so `arrays` holds the goals and the results of the shots.
     """
-    shot, settings = episodes.recorded[k], episodes.settings
-    number = settings.max_shots - arrays.shots_left[k]
-    speed = math.hypot(*cue_strike(action, settings.scene, settings.max_speed).velocity)
-    left = f"{settings.task}   shot {number} of {settings.max_shots}   {speed:.2f} m/s"
-    circles = _goal_circles(settings.task, arrays.goals[k])
+    shot, env = episodes.recorded[k], episodes.env
+    number = env.max_shots - arrays.shots_left[k]
+    speed = math.hypot(*cue_strike(action, env.scene, env.max_speed).velocity)
+    left = f"{env.task}   shot {number} of {env.max_shots}   {speed:.2f} m/s"
+    circles = _goal_circles(env.task, arrays.goals[k])
     return DrawnShot(shot, left, f"reward {reward:g}   score {arrays.score[k]}", circles)
 
 

@@ -97,8 +97,10 @@ TOUCHES = [
 
 
 @pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_carom(before_hit, potted, points, over):
-    assert one(judge_carom, before_hit=before_hit, after=balls(*potted)) == (points, over, points == 1)
+def test_carom_and_three_cushion(before_hit, potted, points, over):
+    later = np.where(np.array(before_hit) >= 0, 3, -1)
+    for kernel, hits in ((judge_carom, before_hit), (judge_three_cushion, later)):
+        assert one(kernel, before_hit=hits, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
@@ -116,12 +118,6 @@ def test_carom(before_hit, potted, points, over):
 )
 def test_three_cushion_needs_three_contacts_before_the_last_ball(before_hit, points):
     assert one(judge_three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
-
-
-@pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_three_cushion_ends_like_carom(before_hit, potted, points, over):
-    later = np.where(np.array(before_hit) >= 0, 3, -1)
-    assert one(judge_three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
