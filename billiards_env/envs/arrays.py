@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 TALLY = ("points", "score", "shots_left", "scratch", "is_success")
-"""The fields of `EpisodeArrays` with the results of an episode. Their names are those of the keys of `info`."""
+"""The fields of `EpisodeArrays` with the results of the last shot. Their names are those of the keys of `info`."""
 
 
 class TaskNumbers(NamedTuple):
@@ -70,10 +70,11 @@ class EpisodeArrays(NamedTuple):
         legal_balls: (m, n) bool in the run-outs, (m, 0) in the others: the balls that the cue ball may touch first in
             the next shot.
         points: (m,) int64: points of the last shot.
-        score: (m,) int64: points of the episode.
-        shots_left: (m,) int64: number of shots left.
-        scratch: (m,) bool: whether the last shot potted the cue ball.
-        is_success: (m,) bool: whether the task is achieved in the episode so far.
+        score: (m,) int64: points of its episode up to the last shot.
+        shots_left: (m,) int64: number of shots left after it.
+        scratch: (m,) bool: whether it potted the cue ball.
+        is_success: (m,) bool: whether the task is achieved in its episode so far.
+        fresh: (m,) bool: whether a new episode has begun since the last shot.
         over: (m,) bool: whether the episode has ended; True before the first episode.
     """
 
@@ -91,4 +92,5 @@ class EpisodeArrays(NamedTuple):
     shots_left: Any
     scratch: Any
     is_success: Any
+    fresh: Any
     over: Any

@@ -385,7 +385,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, action)
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.arrays)])
+            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.arrays.goals[0])])
         return observations[0], reward.item(), over.item(), False, single_info(self._info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

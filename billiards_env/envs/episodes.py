@@ -76,6 +76,7 @@ class Episodes:
             shots_left=np.zeros(count, np.int64),
             scratch=np.zeros(count, np.bool_),
             is_success=np.zeros(count, np.bool_),
+            fresh=np.ones(count, np.bool_),
             over=np.ones(count, np.bool_),
         )
         self.miscues = np.zeros(count, np.bool_)
@@ -199,7 +200,7 @@ def observe(k, numbers, arrays, observations):
         observations[k, last] = 1.0 if legal[k, i] else 0.0
         last += 1
     if observations.shape[1] > last:
-        observations[k, last] = arrays.shots_left[k] / numbers.max_shots
+        observations[k, last] = 1.0 if arrays.fresh[k] else arrays.shots_left[k] / numbers.max_shots
 
 
 @entry_point
@@ -210,8 +211,7 @@ def begin_episodes(begin, end, mask, numbers, arrays, observations):
         if mask[k]:
             for i in range(arrays.in_play.shape[1]):
                 arrays.in_play[k, i] = True
-            arrays.score[k], arrays.shots_left[k], arrays.is_success[k] = 0, numbers.max_shots, False
-            arrays.over[k] = False
+            arrays.fresh[k], arrays.over[k] = True, False
             write_legal_balls(k, numbers.opening, arrays)
         observe(k, numbers, arrays, observations)
 
@@ -252,6 +252,9 @@ def score_shots(begin, end, numbers, arrays, rewards, observations):
         if not arrays.over[k]:
             points, decided, success = judge(k, numbers, arrays)
             scratch = arrays.potted[k, CUE_BALL]
+            if arrays.fresh[k]:
+                arrays.score[k], arrays.shots_left[k], arrays.is_success[k] = 0, numbers.max_shots, False
+                arrays.fresh[k] = False
             arrays.points[k], arrays.scratch[k] = points, scratch
             arrays.score[k] += points
             arrays.shots_left[k] -= 1

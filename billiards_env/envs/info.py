@@ -51,11 +51,10 @@ def single_info(arrays: InfoArrays) -> dict[str, Any]:
     return info
 
 
-def copied_info(arrays: InfoArrays, ended: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Returns copies of the arrays, with the names of the status. The arrays in `ended` replace those of their keys."""
-    info = {key: ended[key] if key in ended else values.copy() for key, values in arrays.numbers.items()}
-    info |= {key: values.copy() for key, values in arrays.rows.items()}
-    return {**info, "status": _STATUS[arrays.numbers["status"]]}
+def copied_info(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
+    """Returns copies of the arrays, with the names of the status."""
+    info = {key: values.copy() for key, values in (arrays.numbers | arrays.rows).items()}
+    return {**info, "status": _STATUS[info["status"]]}
 
 
 def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:

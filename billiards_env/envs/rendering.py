@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
-from billiards_env.envs.arrays import EpisodeArrays
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene
@@ -81,18 +80,14 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
 
 
 def drawn_shot(
-    episodes: Episodes, k: int, action: NDArray[np.float64], reward: float, arrays: EpisodeArrays
+    episodes: Episodes, k: int, action: NDArray[np.float64], reward: float, goals: NDArray[np.float64]
 ) -> DrawnShot:
-    """Returns the last shot of episode k for drawing.
-
-    The episode may have been reset after the shot, so `arrays` holds the goals and the results of the shots.
-    """
-    shot, env = episodes.recorded[k], episodes.env
+    """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
+    shot, env, arrays = episodes.recorded[k], episodes.env, episodes.arrays
     number = env.max_shots - arrays.shots_left[k]
     speed = math.hypot(*cue_strike(action, env.scene, env.max_speed).velocity)
     left = f"{env.task}   shot {number} of {env.max_shots}   {speed:.2f} m/s"
-    circles = _goal_circles(env.task, arrays.goals[k])
-    return DrawnShot(shot, left, f"reward {reward:g}   score {arrays.score[k]}", circles)
+    return DrawnShot(shot, left, f"reward {reward:g}   score {arrays.score[k]}", _goal_circles(env.task, goals))
 
 
 def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:

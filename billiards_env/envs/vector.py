@@ -123,6 +123,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
         self._episodes = env.episodes(self.num_envs, self._n_shown)
         self._info = info_arrays(self._episodes)
+        self._tally = [getattr(self._episodes.arrays, name) for name in TALLY]
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # -1: not seeded yet
         self._begun = np.zeros(self.num_envs, np.bool_)
@@ -244,14 +245,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         checked = self._checked_actions(actions, skip)
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
         observations = self._new_observations() if same_step else last
-        # The state that a new episode replaces in this step
-        ended = {name: np.empty_like(getattr(arrays, name)) for name in TALLY}
         goals = arrays.goals if self._renderer is None else arrays.goals.copy()
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, rewards, last)
-            for name, kept in ended.items():
-                kept[begin:end] = getattr(arrays, name)[begin:end]
             if resets:
                 episodes.draw(begin, end, skip, self._streams)
                 episodes.begin(begin, end, skip, last)
@@ -260,7 +257,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 episodes.draw(begin, end, over, self._streams)
                 episodes.begin(begin, end, over, observations)
 
-        changed = [arrays.positions, arrays.in_play, arrays.legal_balls, *(getattr(arrays, name) for name in TALLY)]
+        changed = [arrays.positions, arrays.in_play, arrays.legal_balls, arrays.fresh, *self._tally]
         if resets or same_step:
             changed += [self._streams, arrays.goals]
         before = [array.copy() for array in changed]
@@ -272,17 +269,16 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
                 array[...] = values
             raise
         if self._renderer is not None:
-            shown = arrays._replace(goals=goals, **ended)
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, checked[k], rewards[k], shown)
+                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, checked[k], rewards[k], goals[k])
                     for k in range(self._n_shown)
                 ]
             )
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
                 episodes.warn_cut_off(k, checked[k])
-        info = copied_info(self._info, ended)
+        info = copied_info(self._info)
         if same_step and over.any():
             infos = {
                 **masked_info(info, ~over),
