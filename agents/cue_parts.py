@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from billiards_env.envs import BilliardsEnv
-from billiards_env.physics.strike import CueNumbers, cue_numbers
+from billiards_env.physics import strike
+from billiards_env.physics.strike import CueNumbers, cue_numbers, gain_terms
 
 NUMBERS = 3
 """The number of these numbers."""
@@ -43,9 +44,8 @@ def cue_of(env: BilliardsEnv) -> CueNumbers | None:
 
 def speed_gain(cue: CueNumbers, side: Tensor, top: Tensor) -> Tensor:
     """Returns the speed of the ball over its speed after a central strike, for offsets over the miscue offset."""
-    k = 2.5 * cue.miscue**2 * (side * side + top * top)
-    mass, e = 1.0 + cue.mass_ratio, cue.restitution
-    return (1.0 + torch.sqrt((e * e * (mass + k) - k) / mass)) / (mass + k) * (mass / (1.0 + e))
+    rest, total = gain_terms(cue, 2.5 * cue.miscue**2 * (side * side + top * top))
+    return (1.0 + torch.sqrt(rest)) / total / strike.speed_gain(cue, 0.0)
 
 
 def cue_parts(cue: CueNumbers, side: Tensor, top: Tensor, elevation: Tensor) -> CueParts:

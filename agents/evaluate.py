@@ -60,15 +60,9 @@ def play_together(
     act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]],
     seeds: Sequence[int],
 ) -> dict[str, Any]:
-    """Plays one episode for each seed, all at the same time. The episodes are the same as those of `play`.
+    """Plays one episode for each seed, all at the same time. The episodes and the result are those of `play`.
 
-    Args:
-        envs: One environment for each seed, with same-step autoreset.
-        act: A function that returns the actions for the observations.
-        seeds: The seeds of the episodes.
-
-    Returns:
-        The same as `play`.
+    `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.
     """
     observations, _ = envs.reset(seed=[int(seed) for seed in seeds])  # pyright: ignore[reportArgumentType]
     over = np.zeros(len(seeds), np.bool_)

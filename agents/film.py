@@ -63,13 +63,7 @@ def film(run_dir: Path, path: Path, episodes: int = EPISODES, seed: int | None =
 def show(run_dir: Path, episodes: int = EPISODES, seed: int | None = None) -> list[dict[str, Any]]:
     """Plays the episodes of `film` in a window, in real time.
 
-    Args:
-        run_dir: The folder of a finished run.
-        episodes: The number of episodes.
-        seed: The seed of the layouts; None for that of the configuration.
-
-    Returns:
-        The last `info` of each episode.
+    The arguments and the result are those of `film`.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.

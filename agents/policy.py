@@ -65,9 +65,8 @@ class MixturePolicy(ActorCriticPolicy):
         head: One of `HEADS`.
         components: The number of components. With "hits" it is the number for each ball, with "pots" the largest number
             of pots.
-        speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
-            "pots" ignores it.
-        banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
+        speeds: See `agents.config.Policy`.
+        banks: See `agents.config.Policy`.
         net_arch: The number of units of each hidden layer, at least one layer.
         kwargs: Other keyword arguments of `ActorCriticPolicy`.
 
@@ -134,10 +133,8 @@ class MixturePolicy(ActorCriticPolicy):
     def set_std(self, std: Sequence[float]) -> None:
         """Sets the standard deviations of the components and stops learning them.
 
-        Args:
-            std: Two numbers. The first is the standard deviation of the speed, over the largest speed. The second is
-                that of the direction, in radians. With "hits" it is that of the sine of the cut angle, and with "pots"
-                it is a multiple of the tolerance.
+        The first is that of the speed, over the largest speed. The second is that of the direction, in radians. With
+        "hits" it is that of the sine of the cut angle, and with "pots" it is a multiple of the tolerance.
         """
         head: Any = self.mlp_extractor
         for parameter, value in zip((head.log_along, head.log_across), std, strict=True):

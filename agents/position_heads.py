@@ -70,8 +70,7 @@ class PointAims(nn.Module):
     Args:
         inputs: The size of the reflected observation.
         count: k.
-        hidden: The number of units of each hidden layer.
-        activation: The class of the activation function.
+        hidden, activation: As in `PositionHead`.
     """
 
     outputs, std = 0, (0.1, 0.15)

@@ -23,6 +23,7 @@ from torch import Tensor, nn
 from agents.cue_parts import MOST, NUMBERS, cue_of, cue_parts, speed_gain, turned
 from agents.mixture import NEVER
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.tasks import TASKS
 from billiards_env.physics.strike import CueNumbers
 from billiards_env.players import pots
 
@@ -31,7 +32,7 @@ Floats = NDArray[np.float64]
 _S = len(pots.SPEEDS)
 _FARTHEST = 1.5  # m; larger distances from the goal are inputs of this size
 
-TASKS = ("pot", "clear", "position")
+POT_TASKS = tuple(name for name, task in TASKS.items() if task.pots_any_ball)
 """The tasks of the head."""
 
 _SHARES = (-0.6, -0.3, 0.3, 0.6)
@@ -138,13 +139,13 @@ class PotFeatures(BaseFeaturesExtractor):
         banks: Whether to find banks also on tables with a direct pot.
 
     Raises:
-        ValueError: If the task of the environment is not one of `TASKS`.
+        ValueError: If the task of the environment is not one of `POT_TASKS`.
     """
 
     def __init__(self, space: gym.spaces.Box, env: BilliardsEnv, most: int, banks: bool = False) -> None:
-        if env.task not in TASKS:
+        if env.task not in POT_TASKS:
             raise ValueError(
-                f"policy.head = 'pots' in the task {env.task!r}: expected one of the tasks {', '.join(TASKS)}, or "
+                f"policy.head = 'pots' in the task {env.task!r}: expected one of the tasks {', '.join(POT_TASKS)}, or "
                 "another head"
             )
         self.scene, self.max_speed, self.targets, self.most = env.scene, env.max_speed, env.targets, most
@@ -332,9 +333,7 @@ class PotHead(nn.Module):
     Args:
         features_dim: The size of the features.
         components: The largest number of pots.
-        hidden: The number of units of each hidden layer, at least one.
-        activation: The class of the activation function.
-        cue: The cue, or None if actions are velocities.
+        hidden, activation, cue: As in `PositionHead`.
         goals: The number of goals, 0 or 1. With a goal the weights are large before the training if geometry expects
             the cue ball to come to rest near it.
     """

@@ -66,7 +66,7 @@ from billiards_env.files import write_json, write_whole
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")
 _FOLDERS = ("checkpoints", "tensorboard")
 _LOCK = ".lock"
-BAR = "{percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} shots [{remaining} left{postfix}]"
+_BAR = "{percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} shots [{remaining} left{postfix}]"
 _PACKAGES = ("numpy", "gymnasium", "numba", "stable_baselines3", "torch")
 
 
@@ -194,21 +194,23 @@ def _train(config: Config, run_dir: Path) -> None:
         # A first shot compiles the engine, so that its notices appear before the progress bar.
         envs.reset()
         envs.step(np.zeros((config.n_envs, *(envs.action_space.shape or ()))))
-        bar = tqdm(
-            total=max(total, model.num_timesteps),
-            disable=not total,
-            initial=model.num_timesteps,
-            unit_scale=True,
-            bar_format=BAR,
-            ncols=shutil.get_terminal_size().columns,  # 80 if the terminal has no width; tqdm then shows no bar
-        )
-        with bar, closing(LearningCurve(config, run_dir, model.num_timesteps)) as curve:
+        with (
+            progress_bar(total, model.num_timesteps) as bar,
+            closing(LearningCurve(config, run_dir, model.num_timesteps)) as curve,
+        ):
             callback = _Callback(curve, bar)
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
             callback.measure()
     _save(model, run_dir / "model.zip")
     save_policy(model.policy, run_dir / "policy.pt")
+
+
+def progress_bar(total: int, done: int) -> tqdm:
+    """Returns the progress bar of a training of `total` steps, of which `done` are played; none without steps."""
+    width = shutil.get_terminal_size().columns  # 80 if the terminal has no width; tqdm then shows no bar
+    most = max(total, done)
+    return tqdm(total=most, disable=not total, initial=done, unit_scale=True, bar_format=_BAR, ncols=width)
 
 
 def _resume(model: PPO, config: Config, run_dir: Path) -> None:
@@ -297,12 +299,9 @@ class LearningCurve:
         self._clock = time.perf_counter()
 
     def measure(self, policy: ActorCriticPolicy, steps: int, successes: Collection[bool]) -> None:
-        """Adds a point, unless the last one has the same number of steps.
+        """Adds a point after `steps` steps, unless the last one has the same number.
 
-        Args:
-            policy: The policy.
-            steps: The number of steps of the training so far.
-            successes: The success of the last episodes of the training.
+        `successes` are those of the last episodes of the training.
         """
         seconds = time.perf_counter() - self._clock + (self.points[-1].seconds if self.points else 0.0)
         if not self.points or self.points[-1].steps < steps:

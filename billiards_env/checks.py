@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -248,7 +249,8 @@ def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArra
         ValueError: action = [0.5, nan]: expected finite numbers
     """
     array = shaped(name, value, shape)
-    if not np.isfinite(array).all():
+    few = array.ndim == 1 and len(array) < 16  # Python checks these faster than NumPy
+    if not (all(map(math.isfinite, array.tolist())) if few else np.isfinite(array).all()):
         raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
     return array
 

@@ -112,9 +112,7 @@ class ArrayRunner(EnvRunner, Checkpointable):
         compile_engine(Config.from_dict(self.config.rl_module_spec.model_config["recipe"]))
         self.make_module()
         self.rollouts: Rollouts | None = None
-        if (
-            self.worker_index or not self.config.num_env_runners
-        ):  # the process of the command plays only without runners
+        if self.worker_index or not self.config.num_env_runners:  # the process of the command plays without runners
             self.make_env()
 
     def make_module(self) -> None:
@@ -192,12 +190,8 @@ class ArrayPPO(PPO):
 
     def training_step(self) -> None:
         """Plays a batch, updates the policy with it, and counts its steps."""
-        recipe, steps, seed = (
-            Config.from_dict(self.config.rl_module_spec.model_config["recipe"]),
-            self.steps,
-            self.seed_next,
-        )
-        self.seed_next = False
+        recipe = Config.from_dict(self.config.rl_module_spec.model_config["recipe"])
+        steps, seed, self.seed_next = self.steps, self.seed_next, False
 
         def prepare(learner: Any) -> None:
             set_std(learner.module[DEFAULT_MODULE_ID].unwrapped().policy, recipe, steps)
@@ -267,12 +261,7 @@ class ArrayPPO(PPO):
 
 
 def algorithm_config(config: Config, settings: Settings) -> PPOConfig:
-    """Returns RLlib's configuration of a training.
-
-    Args:
-        config: The recipe.
-        settings: The numbers of processes.
-    """
+    """Returns RLlib's configuration of a training."""
     p, runners, learners = config.ppo, max(settings.runners, 1), max(settings.learners, 1)
     env = make_env(config)
     spaces = env.observation_space, env.action_space

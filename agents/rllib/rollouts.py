@@ -45,11 +45,7 @@ class Rollouts:
         self.envs = make_vector(config, n_envs, threads=1)
 
     def seed(self, steps: int) -> None:
-        """Seeds the random generators of this process and of the environments, and begins new episodes.
-
-        Args:
-            steps: The number of steps of the training so far.
-        """
+        """Seeds all generators of this process for the training after `steps` steps, and begins new episodes."""
         seed = training_seed(self.config, steps)
         set_random_seed(seed + self.first)
         self.observations, _ = self.envs.reset(seed=seed + self.first)

@@ -40,10 +40,5 @@ class Settings(Checked):
 
 
 def load_recipe(settings: Settings, path: Path) -> Config:
-    """Returns the recipe of settings that were read from a file.
-
-    Raises:
-        OSError: If the recipe cannot be read.
-        ValueError: If the recipe is impossible.
-    """
+    """Returns the recipe of settings that were read from a file. The errors are those of `read`."""
     return load(path.parent / settings.recipe)

@@ -11,33 +11,29 @@ import dataclasses
 import os
 import shutil
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import ray  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
-from tqdm import tqdm
 
 from agents.config import Config
 from agents.ppo import make_policy, save_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
-from agents.train import BAR, LearningCurve, Point, locked, start_from, versions
+from agents.train import LearningCurve, locked, progress_bar, start_from, versions
 from billiards_env.files import write_json
 
 
-def train(
-    config: Config, settings: Settings, run_dir: Path, report: Callable[[Point], object] = lambda point: None
-) -> None:
+def train(config: Config, settings: Settings, run_dir: Path) -> None:
     """Trains a recipe, from the newest checkpoint if there is one. Ray must be running.
 
     Args:
         config: The recipe.
         settings: The numbers of processes. They may differ from those before an interruption.
         run_dir: The folder of the run, prepared by `agents.train.open_run`.
-        report: Called with each point of the learning curve.
 
     Raises:
         ValueError: If another process trains in the folder.
@@ -50,12 +46,12 @@ def train(
         write_json(run_dir / "versions.json", {**versions(), "ray": ray.__version__, **dataclasses.asdict(settings)})
         algorithm: ArrayPPO = algorithm_config(config, settings).build_algo()
         try:
-            _train(algorithm, config, run_dir, report)
+            _train(algorithm, config, run_dir)
         finally:
             algorithm.stop()
 
 
-def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[[Point], object]) -> None:
+def _train(algorithm: ArrayPPO, config: Config, run_dir: Path) -> None:
     policy = make_policy(config)
     checkpoint = newest_checkpoint(run_dir)
     if checkpoint is not None:
@@ -67,8 +63,7 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[
     successes = deque[bool](maxlen=1000)
     logger = Logger(str(run_dir), [TensorBoardOutputFormat(str(run_dir / "tensorboard"))])
     every = config.checkpoint_every
-    width = shutil.get_terminal_size().columns
-    bar = tqdm(total=config.timesteps, initial=algorithm.steps, unit_scale=True, bar_format=BAR, ncols=width)
+    bar = progress_bar(config.timesteps, algorithm.steps)
     with bar, closing(LearningCurve(config, run_dir, algorithm.steps)) as curve:
         while True:
             steps = algorithm.steps
@@ -76,7 +71,6 @@ def _train(algorithm: ArrayPPO, config: Config, run_dir: Path, report: Callable[
             if algorithm.seed_next or done:
                 algorithm.read_policy(policy)
                 curve.measure(policy, steps, successes)
-                report(curve.points[-1])
             if done:
                 break
             result = algorithm.train()

@@ -77,13 +77,11 @@ class ActionTransform:
         scene: The scene.
         targets: (n,) bool: the balls that "nearest" and "first" choose from.
         max_speed: Speed of the fastest shot, m/s.
-        ball: The target ball of "cut" and "sum_to_three". "nearest" is the target in play that is nearest to the cue
-            ball, "first" is the target in play with the lowest number, and a number is that ball, or "first" once it is
-            potted. If no target is in play, the line of centres is the x axis.
-        least_speed: Speed of the slowest shot of "cut", m/s.
+        ball: As in `ActionFrame`. If no target is in play, the line of centres is the x axis.
+        least_speed: As in `ActionFrame`.
 
     Raises:
-        ValueError: If a name is unknown, the ball does not exist, or a speed is out of range.
+        ValueError: As in `ActionFrame`.
     """
 
     def __init__(

@@ -12,17 +12,17 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import finite, flag, one_of, real, whole
-from billiards_env.engine import STATUS, checked_engine
+from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
 from billiards_env.envs.arguments import check_options, json_spec, make_scene
-from billiards_env.envs.episodes import Episodes, Settings
+from billiards_env.envs.episodes import Episodes
+from billiards_env.envs.info import info_arrays, single_info
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.scene import Scene, layouts
 
 _ONE = np.ones(1, np.bool_)
-_NONE = np.zeros(1, np.bool_)
 
 
 class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -226,8 +226,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). With a render mode each step also records its shot. Frames are drawn to
-    scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
+    Rendering needs pygame (extra `render`). With a render mode each step also records the shots that are
+    drawn. Frames are drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
@@ -291,9 +291,11 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
-        self._episodes = self.episodes(1, record=render_mode is not None)
-        coordinates = 2 * (self.scene.n_balls + self._episodes.goals.shape[1])
-        flags = max(self._episodes.on.shape[1] - 1, 0) + self.observe_shots_left
+        self._episodes = self.episodes(1, 0 if self._renderer is None else 1)
+        self._info = info_arrays(self._episodes)
+        arrays = self._episodes.arrays
+        coordinates = 2 * (self.scene.n_balls + arrays.goals.shape[1])
+        flags = max(arrays.legal_balls.shape[1] - 1, 0) + self.observe_shots_left
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
         low = np.full(coordinates + flags, -1.0, np.float32)
         low[coordinates:] = 0.0
@@ -302,20 +304,9 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._numbers = ACTIONS[action]
         self._size = len(low)
 
-    def episodes(self, count: int, record: bool = False) -> Episodes:
-        """Returns `count` new episodes with the arguments of this environment. `record` is that of `Episodes`."""
-        settings = Settings(
-            scene=self.scene,
-            task=self.task,
-            targets=self.targets,
-            layout=self.layout,
-            action=self.action,
-            max_shots=self.max_shots,
-            max_speed=self.max_speed,
-            scratch_penalty=self.scratch_penalty,
-            engine=self.engine,
-        )
-        return Episodes(count, settings, record)
+    def episodes(self, count: int, n_recorded: int = 0) -> Episodes:
+        """Returns `count` new episodes with the arguments of this environment. `n_recorded` is that of `Episodes`."""
+        return Episodes(count, self, n_recorded)
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -330,12 +321,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def goals(self) -> NDArray[np.float64]:
         """(g, 2) goals, m, a copy: one in a task with a goal, none in the others."""
-        return self._episodes.goals[0].copy()
+        return self._episodes.arrays.goals[0].copy()
 
     @property
-    def on(self) -> NDArray[np.bool_]:
+    def legal_balls(self) -> NDArray[np.bool_]:
         """(n,) balls that the cue ball may touch first in a run-out, a copy; (0,) in other tasks."""
-        return self._episodes.on[0].copy()
+        return self._episodes.arrays.legal_balls[0].copy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -362,12 +353,12 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             layouts.draw_one(episodes.plan, self.np_random) if positions is None else positions
         )
         if episodes.goal_plan is not None:
-            episodes.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
-        observation = np.empty(self._size, np.float32)
-        episodes.begin(0, 1, _ONE, observation[None])
+            episodes.arrays.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
+        observations = np.empty((1, self._size), np.float32)
+        episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observation, {}
+        return observations[0], {}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -384,20 +375,18 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             ResetNeeded: If the episode is over or has not begun.
             ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
-        episodes = self._episodes
-        if episodes.over[0]:
+        episodes, reward = self._episodes, self._rewards
+        over = episodes.arrays.over
+        if over[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, (self._numbers,))
-        observation = np.empty(self._size, np.float32)
-        reward = self._rewards
-        episodes.shoot(0, 1, _NONE, action[None], reward, observation[None])
+        observations = np.empty((1, self._size), np.float32)
+        episodes.shoot(0, 1, action[None], reward, observations)
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, action)
-        info = {key: values.item() if values.ndim == 1 else values[0].copy() for key, values in episodes.info.items()}
-        info["status"] = STATUS[info["status"]]
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.tally, episodes.goals[0])])
-        return observation, reward.item(), episodes.over.item(), False, info
+            self._renderer.step([drawn_shot(episodes, 0, action, reward.item(), episodes.arrays.goals[0])])
+        return observations[0], reward.item(), over.item(), False, single_info(self._info)
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

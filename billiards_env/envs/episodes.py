@@ -7,14 +7,15 @@ import functools
 import math
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, empty_shots, run_shots_of, scene_fields
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of, scene_fields
 from billiards_env.envs.actions import shorten, strike_balls
-from billiards_env.envs.tasks import BREAKS, TASKS, Outcome, judge_pot, write_on
+from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
+from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
 from billiards_env.jit import entry_point, inlined
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -23,120 +24,11 @@ from billiards_env.scene import Balls, Scene, layouts
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
+if TYPE_CHECKING:
+    from billiards_env.envs.billiards import BilliardsEnv
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """The checked arguments of an environment, except for those of observation and rendering.
-
-    Attributes:
-        scene: The scene.
-        task: One of `TASKS`.
-        targets: (n,) bool, the balls of the task.
-        layout: Name of the layout at the start of an episode.
-        action: One of `actions.ACTIONS`.
-        max_shots: Number of shots after which an episode ends.
-        max_speed: Speed of an action of length 1, m/s.
-        scratch_penalty: Reward subtracted for a scratch.
-        engine: The engine.
-    """
-
-    scene: Scene
-    task: str
-    targets: Bools
-    layout: str
-    action: str
-    max_shots: int
-    max_speed: float
-    scratch_penalty: float
-    engine: Engine
-
-
-class Rules(NamedTuple):
-    """The settings that the kernels use.
-
-    Attributes:
-        targets: (n,) bool, the balls of the task.
-        bits: (n,) int64, each ball as a set of balls.
-        goal_radius: See `Task`.
-        opening_on: The balls that are on in the first shot of a run-out, as a set of balls.
-        max_shots: Number of shots after which an episode ends.
-        scratch_penalty: Reward subtracted for a scratch.
-        half_length: Scale of x in observations, m, see `Scene.half_extents`.
-        half_width: Scale of y in observations, m.
-    """
-
-    targets: Any
-    bits: Any
-    goal_radius: float
-    opening_on: int
-    max_shots: int
-    scratch_penalty: float
-    half_length: float
-    half_width: float
-
-
-class Starts(NamedTuple):
-    """The balls before m shots. The last two arrays are copies, because the engine overwrites the first four.
-
-    Attributes:
-        positions: (m, n, 2) float64, m.
-        velocities: (m, n, 2) float64, m/s.
-        spins: (m, n, 3) float64, rad/s.
-        in_play: (m, n) bool.
-        start: (m, n, 2) float64, m: positions before the last shot.
-        potted_before: (m, n) bool: balls off the table before the last shot.
-    """
-
-    positions: Any
-    velocities: Any
-    spins: Any
-    in_play: Any
-    start: Any
-    potted_before: Any
-
-
-class Tally(NamedTuple):
-    """The counts of m episodes. Each field has the name of its key in `info`.
-
-    Attributes:
-        points: (m,) int64: points of the last shot.
-        score: (m,) int64: points of the episode.
-        shots_left: (m,) int64: number of shots left.
-        scratch: (m,) bool: whether the last shot potted the cue ball.
-        is_success: (m,) bool: whether the task is achieved in the episode so far.
-    """
-
-    points: Any
-    score: Any
-    shots_left: Any
-    scratch: Any
-    is_success: Any
-
-
-class Progress(NamedTuple):
-    """The progress of m episodes. The fields between `in_play` and `over` are those of `Tally`.
-
-    Attributes:
-        positions: (m, n, 2) float64, m.
-        goals: (m, g, 2) float64, m.
-        in_play: (m, n) bool.
-        over: (m,) bool: whether the episode has ended.
-        on: (m, n) bool in a run-out, None in other tasks: the balls that are on.
-    """
-
-    positions: Any
-    goals: Any
-    in_play: Any
-    points: Any
-    score: Any
-    shots_left: Any
-    scratch: Any
-    is_success: Any
-    over: Any
-    on: Any
 
 
 class Episodes:
@@ -145,73 +37,65 @@ class Episodes:
     The methods process the episodes from `begin` to `end - 1`. Several threads may call them for different episodes.
 
     Attributes:
-        settings: The arguments of the environment.
+        env: The environment with the arguments of the episodes.
         shots: The balls and, after `shoot`, the outcomes of the shots (see `engine.Shots`).
-        tally: The `Tally`.
-        potted: (m, n) bool: balls off the table after the last shot.
-        info: The array of each key of `info`, with one entry per episode. That of "status" holds indices into `STATUS`.
-        over: (m,) bool: whether the episode has ended; True before the first episode.
-        start: (m, n, 2) float64, m: positions before the last shot.
-        potted_before: (m, n) bool: balls off the table before the last shot.
-        miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
+        balls: The balls before and after the last shots. They are those of `shots`.
+        arrays: The state of the episodes. Its balls are those of `balls`.
         plan: The layout at the start of an episode.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
-        on: (m, n) bool in a run-out, (m, 0) in other tasks: the balls that are on.
-        recorded: The last shot of each episode with its trajectory, by episode; None unless `record` is True.
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
+        miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
+        recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
-    def __init__(self, count: int, settings: Settings, record: bool = False) -> None:
-        scene, n, task = settings.scene, settings.scene.n_balls, TASKS[settings.task]
-        self.settings = settings
-        self.shots = empty_shots(count, n)
-        for array in self.shots:
-            array[...] = 0
-        self.shots.in_play[...] = True
-        self.tally = Tally(*np.zeros((3, count), np.int64), *np.zeros((2, count), np.bool_))
-        self.potted = np.zeros((count, n), np.bool_)
-        self.recorded: dict[int, ShotResult] | None = {} if record else None
-        self.over = np.ones(count, np.bool_)
-        self.start = np.zeros((count, n, 2))
-        self.potted_before = np.zeros((count, n), np.bool_)
-        self.miscues = np.zeros(count, np.bool_)
-        self.plan = layouts.plan(settings.layout, scene)
+    def __init__(self, count: int, env: BilliardsEnv, n_recorded: int = 0) -> None:
+        scene, n, task = env.scene, env.scene.n_balls, TASKS[env.task]
+        self.env, self.n_recorded = env, n_recorded
+        self.recorded: dict[int, ShotResult] = {}
+        self.plan = layouts.plan(env.layout, scene)
         self.goal_plan = layouts.plan("random", cue_ball_alone(scene)) if task.goal_radius else None
-        self.goals = np.zeros((count, 0 if self.goal_plan is None else 1, 2))
-        self.on = np.zeros((count, n if task.on else 0), np.bool_)
-        # The arguments of the kernels, as plain tuples: numba unpacks them faster than NamedTuples. The arrays are
-        # those of the attributes above, also after a deep copy.
-        shots = self.shots
-        self._run_shots = run_shots_of(settings.engine, n)
-        self._scene, self._shots = scene_fields(scene, settings.engine), tuple(shots)
-        self._limit = scene.physics.max_time or math.inf
-        self._max_speed = settings.max_speed
-        self._rules = (
-            settings.targets,
-            np.left_shift(1, np.arange(n)),
-            task.goal_radius,
-            task.on[settings.layout not in BREAKS] if task.on else 0,
-            settings.max_shots,
-            settings.scratch_penalty,
-            *scene.half_extents,
+        self.shots = shots = empty_shots(count, n)
+        for array in shots:
+            array[...] = 0
+        shots.in_play[...] = True
+        self.balls = BallArrays(
+            *shots[:4], positions_before=np.zeros((count, n, 2)), potted_before=np.zeros((count, n), np.bool_)
         )
-        self._starts = *shots[:4], self.start, self.potted_before
-        on = self.on if task.on else None
-        self._progress = shots.positions, self.goals, shots.in_play, *self.tally, self.over, on
-        self._cue = tuple(cue_numbers(scene)) if settings.action == "strike" else None
-        self._struck = shots.velocities, shots.spins, self.miscues
-        self._hits = shots.cushions, shots.cushions_before_hit, shots.first_hit, self.potted_before, self.potted
-        self.info = {
-            "shot_time": shots.time,
-            "n_events": shots.n_events,
-            "status": shots.status,
-            "first_hit": shots.first_hit,
-            "cushions": shots.cushions,
-            "potted": self.potted,
-            **self.tally._asdict(),
-            **({} if self._cue is None else {"miscue": self.miscues}),
-        }
+        self.arrays = EpisodeArrays(
+            positions=shots.positions,
+            in_play=shots.in_play,
+            potted_before=self.balls.potted_before,
+            cushions=shots.cushions,
+            cushions_before_hit=shots.cushions_before_hit,
+            first_hit=shots.first_hit,
+            potted=np.zeros((count, n), np.bool_),
+            goals=np.zeros((count, 0 if self.goal_plan is None else 1, 2)),
+            legal_balls=np.zeros((count, n if task.opening else 0), np.bool_),
+            points=np.zeros(count, np.int64),
+            score=np.zeros(count, np.int64),
+            shots_left=np.zeros(count, np.int64),
+            scratch=np.zeros(count, np.bool_),
+            is_success=np.zeros(count, np.bool_),
+            fresh=np.ones(count, np.bool_),
+            over=np.ones(count, np.bool_),
+        )
+        self.miscues = np.zeros(count, np.bool_)
+        numbers = TaskNumbers(
+            targets=env.targets,
+            bits=np.left_shift(1, np.arange(n)),
+            opening=task.break_opening if env.layout in task.breaks else task.opening,
+            goal_radius=task.goal_radius,
+            max_shots=env.max_shots,
+            scratch_penalty=env.scratch_penalty,
+            half_length=scene.half_extents[0],
+            half_width=scene.half_extents[1],
+        )
+        # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
+        self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
+        self._shots, self._balls = tuple(shots), tuple(self.balls)
+        self._run_shots, self._scene = run_shots_of(env.engine, n), scene_fields(scene, env.engine)
+        self._limit = scene.physics.max_time or math.inf
+        self._cue = tuple(cue_numbers(scene)) if env.action == "strike" else None
 
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
@@ -219,8 +103,8 @@ class Episodes:
         """Draws positions of the balls, then goals if the task has any.
 
         Args:
-            begin: First episode.
-            end: Last episode plus 1.
+            begin: See the class.
+            end: See the class.
             mask: (m,) bool, the episodes to draw for.
             streams: (m, 4) random streams of the episodes, which are advanced (see `billiards_env.jit.streams`).
             balls: Whether to draw positions of the balls.
@@ -232,62 +116,47 @@ class Episodes:
         if balls:
             layouts.draw_tables(self.plan, begin, end, mask, streams, self.shots.positions)
         if goals and self.goal_plan is not None:
-            layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.goals)
+            layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.arrays.goals)
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
-        """Begins episodes with the balls at their present positions, and writes the observations of all episodes.
+        """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
+        begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
 
-        Args:
-            begin: First episode.
-            end: Last episode plus 1.
-            mask: (m,) bool, the episodes that begin.
-            observations: (m, size) float32 out.
-        """
-        begin_episodes(begin, end, mask, self._rules, self._progress, observations)
-
-    def shoot(
-        self,
-        begin: int,
-        end: int,
-        skip: Bools,
-        actions: Floats,
-        rewards: Floats,
-        observations: NDArray[np.float32],
-    ) -> None:
-        """Plays a shot in each episode.
+    def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: NDArray[np.float32]) -> None:
+        """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
 
         If the call is interrupted, the balls keep the positions that they had before it.
 
         Args:
-            begin: First episode.
-            end: Last episode plus 1.
-            skip: (m,) bool, the episodes without a shot. Their reward is 0, and their tally does not change.
+            begin: See the class.
+            end: See the class.
             actions: (m, 2) or (m, 5), see `envs.actions`, finite.
             rewards: (m,) float64 out.
             observations: (m, size) float32 out.
         """
-        start_shots(begin, end, skip, actions, self._max_speed, self._starts)
+        balls, over = self.balls, self.arrays.over
+        start_shots(begin, end, over, actions, self.env.max_speed, self._balls)
         if self._cue is not None:
-            strike_balls(begin, end, skip, actions, self._cue, self._struck)
+            strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
+        first = begin
         try:
-            if self.recorded is None:
-                self._run_shots(begin, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
-            else:
-                for k in range(begin, end):
-                    self.recorded[k] = self._record(k)
+            while first < end and first < self.n_recorded:
+                self.recorded[first] = self._record(first)
+                first += 1
+            if first < end:
+                self._run_shots(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         except BaseException:
-            self.shots.positions[begin:end] = self.start[begin:end]
-            self.shots.in_play[begin:end] = ~self.potted_before[begin:end]
+            balls.positions[begin:end] = balls.positions_before[begin:end]
+            balls.in_play[begin:end] = ~balls.potted_before[begin:end]
             raise
-        results = rewards, observations
-        scoring(self.settings.task)(begin, end, skip, self._rules, self._progress, self._hits, results)
+        scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards, observations)
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
-        settings, shots = self.settings, self.shots
+        env, shots = self.env, self.shots
         positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
         start = ShotInput(positions, velocities, spins, in_play, self._limit)
-        shot = run_shot(settings.scene, start, settings.engine, record=True)
+        shot = run_shot(env.scene, start, env.engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
                 array[k] = ~shot.potted
@@ -297,9 +166,10 @@ class Episodes:
 
     def warn_cut_off(self, k: int, action: Floats) -> None:
         """Warns the caller of `step` that the engine ended the shot of episode k at its limit."""
+        n_events, seconds, start = self.shots.n_events[k], self.shots.time[k], self.balls.positions_before[k].tolist()
         warnings.warn(
-            f"the engine ended a shot at its limit, after {self.shots.n_events[k]} events and {self.shots.time[k]} s; "
-            f"scene {self.settings.scene.to_dict()}, positions {self.start[k].tolist()}, action {action.tolist()}",
+            f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
+            f"scene {self.env.scene.to_dict()}, positions {start}, action {action.tolist()}",
             RuntimeWarning,
             stacklevel=3,
         )
@@ -311,66 +181,56 @@ def cue_ball_alone(scene: Scene) -> Scene:
 
 
 @inlined
-def observe(k, rules, progress, observations):
+def observe(k, numbers, arrays, observations):
     """Writes the observation of episode k.
 
     It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
-    ball is on. If there is room for one more number, this is the fraction of the shots that are left.
+    ball is legal. If there is room for one more number, this is the fraction of the shots that are left.
     """
-    positions, goals = progress.positions, progress.goals
+    positions, goals, legal = arrays.positions, arrays.goals, arrays.legal_balls
     n, n_goals = positions.shape[1], goals.shape[1]
     for i in range(n):
-        observations[k, 2 * i] = min(max(positions[k, i, X] / rules.half_length, -1.0), 1.0)
-        observations[k, 2 * i + 1] = min(max(positions[k, i, Y] / rules.half_width, -1.0), 1.0)
+        observations[k, 2 * i] = min(max(positions[k, i, X] / numbers.half_length, -1.0), 1.0)
+        observations[k, 2 * i + 1] = min(max(positions[k, i, Y] / numbers.half_width, -1.0), 1.0)
     for i in range(n_goals):
-        observations[k, 2 * (n + i)] = goals[k, i, X] / rules.half_length
-        observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / rules.half_width
-    last = observe_on(progress.on, k, 2 * (n + n_goals), observations)
+        observations[k, 2 * (n + i)] = goals[k, i, X] / numbers.half_length
+        observations[k, 2 * (n + i) + 1] = goals[k, i, Y] / numbers.half_width
+    last = 2 * (n + n_goals)
+    for i in range(1, legal.shape[1]):
+        observations[k, last] = 1.0 if legal[k, i] else 0.0
+        last += 1
     if observations.shape[1] > last:
-        observations[k, last] = progress.shots_left[k] / rules.max_shots
-
-
-@inlined
-def observe_on(on, k, begin, observations):
-    """Writes whether each object ball of episode k is on, from column `begin`. Returns the next column."""
-    if on is None:
-        return begin
-    for i in range(1, on.shape[1]):
-        observations[k, begin + i - 1] = 1.0 if on[k, i] else 0.0
-    return begin + on.shape[1] - 1
+        observations[k, last] = 1.0 if arrays.fresh[k] else arrays.shots_left[k] / numbers.max_shots
 
 
 @entry_point
-def begin_episodes(begin, end, mask, rules, progress, observations):
-    """Begins episodes, see `Episodes.begin`; `rules` is a `Rules` and `progress` a `Progress`, as plain tuples."""
-    rules, progress = Rules(*rules), Progress(*progress)
+def begin_episodes(begin, end, mask, numbers, arrays, observations):
+    """Begins episodes, see `Episodes.begin`."""
+    numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
         if mask[k]:
-            for i in range(progress.in_play.shape[1]):
-                progress.in_play[k, i] = True
-            progress.score[k], progress.shots_left[k], progress.is_success[k] = 0, rules.max_shots, False
-            progress.over[k] = False
-            write_on(progress.on, k, rules.opening_on)
-        observe(k, rules, progress, observations)
+            for i in range(arrays.in_play.shape[1]):
+                arrays.in_play[k, i] = True
+            arrays.fresh[k], arrays.over[k] = True, False
+            write_legal_balls(k, numbers.opening, arrays)
+        observe(k, numbers, arrays, observations)
 
 
 @entry_point
-def start_shots(begin, end, skip, actions, max_speed, starts):
-    """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0.
-
-    `starts` is a `Starts`, as a plain tuple.
-    """
-    starts = Starts(*starts)
+def start_shots(begin, end, over, actions, max_speed, balls):
+    """Sets the velocities of the cue balls in the episodes with a shot, and all other velocities and spins to 0."""
+    balls = BallArrays(*balls)
     for k in range(begin, end):
-        for i in range(starts.in_play.shape[1]):
-            starts.potted_before[k, i] = not starts.in_play[k, i]
+        for i in range(balls.in_play.shape[1]):
+            balls.potted_before[k, i] = not balls.in_play[k, i]
             for c in range(2):
-                starts.start[k, i, c] = starts.positions[k, i, c]
-                starts.velocities[k, i, c] = 0.0
+                balls.positions_before[k, i, c] = balls.positions[k, i, c]
+                balls.velocities[k, i, c] = 0.0
             for c in range(3):
-                starts.spins[k, i, c] = 0.0
-        if not skip[k]:
-            starts.velocities[k, 0, X], starts.velocities[k, 0, Y] = shorten(actions[k, X], actions[k, Y], max_speed)
+                balls.spins[k, i, c] = 0.0
+        if not over[k]:
+            velocity = shorten(actions[k, X], actions[k, Y], max_speed)
+            balls.velocities[k, CUE_BALL, X], balls.velocities[k, CUE_BALL, Y] = velocity
 
 
 judge = judge_pot  # `scoring` puts the kernel of each task in its place
@@ -382,44 +242,23 @@ def scoring(task: str) -> Callable[..., None]:
     return specialised(score_shots, judge=TASKS[task].judge)
 
 
-def score_shots(begin, end, skip, rules, progress, hits, results):
-    """Computes the rewards of the shots and the observations after them.
-
-    Args:
-        begin: First episode.
-        end: Last episode plus 1.
-        skip: (m,) bool, the episodes without a shot.
-        rules: `Rules`, as a plain tuple.
-        progress: `Progress`, as a plain tuple.
-        hits: `cushions`, `cushions_before_hit` and `first_hit` of `engine.Shots`, `potted_before`, and `potted` out.
-        results: `rewards` and `observations` of `Episodes.shoot`.
-    """
-    rules, progress = Rules(*rules), Progress(*progress)
-    cushions, cushions_before_hit, first_hit, potted_before, potted = hits
-    rewards, observations = results
-    outcome = Outcome(
-        progress.positions,
-        progress.goals,
-        rules.goal_radius,
-        potted_before,
-        potted,
-        cushions,
-        cushions_before_hit,
-        first_hit,
-        rules.bits,
-        progress.on,
-    )
+def score_shots(begin, end, numbers, arrays, rewards, observations):
+    """Computes the rewards of the shots and the observations after them, see `Episodes.shoot`."""
+    numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
-        for i in range(progress.in_play.shape[1]):
-            potted[k, i] = not progress.in_play[k, i]
+        for i in range(arrays.in_play.shape[1]):
+            arrays.potted[k, i] = not arrays.in_play[k, i]
         rewards[k] = 0.0
-        if not skip[k]:
-            points, decided, success = judge(k, rules.targets, outcome)
-            scratch = potted[k, CUE_BALL]
-            progress.points[k], progress.scratch[k] = points, scratch
-            progress.score[k] += points
-            progress.shots_left[k] -= 1
-            progress.is_success[k] = progress.is_success[k] or success
-            progress.over[k] = decided or progress.shots_left[k] == 0
-            rewards[k] = points - rules.scratch_penalty if scratch else float(points)
-        observe(k, rules, progress, observations)
+        if not arrays.over[k]:
+            points, decided, success = judge(k, numbers, arrays)
+            scratch = arrays.potted[k, CUE_BALL]
+            if arrays.fresh[k]:
+                arrays.score[k], arrays.shots_left[k], arrays.is_success[k] = 0, numbers.max_shots, False
+                arrays.fresh[k] = False
+            arrays.points[k], arrays.scratch[k] = points, scratch
+            arrays.score[k] += points
+            arrays.shots_left[k] -= 1
+            arrays.is_success[k] = arrays.is_success[k] or success
+            arrays.over[k] = decided or arrays.shots_left[k] == 0
+            rewards[k] = points - numbers.scratch_penalty if scratch else float(points)
+        observe(k, numbers, arrays, observations)

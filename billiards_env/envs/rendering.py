@@ -1,7 +1,7 @@
 """Rendering of the shots of an environment, in the render modes of Gymnasium.
 
-With a render mode a step records its shot while it simulates it. The shot is drawn when a frame is needed, and pygame
-is imported with the first frame.
+With a render mode a step records the shots that are drawn while it simulates them. A shot is drawn when a frame is
+needed, and pygame is imported with the first frame.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
-from billiards_env.envs.episodes import Episodes, Tally
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
@@ -66,15 +66,7 @@ class DrawnShot(NamedTuple):
 def balls_at_rest(
     scene: Scene, positions: NDArray[np.float64], in_play: NDArray[np.bool_], left: str, circles: Circles = ()
 ) -> DrawnShot:
-    """Returns balls at rest for drawing.
-
-    Args:
-        scene: The scene.
-        positions: (n, 2) m.
-        in_play: (n,) bool.
-        left: Text on the left.
-        circles: Circles on the cloth, as in `DrawnShot`.
-    """
+    """Returns balls at rest for drawing: `positions` (n, 2) m and `in_play` (n,) bool. The others: see `DrawnShot`."""
     n = len(positions)
     start = ShotInput(positions, np.zeros((n, 2)), np.zeros((n, 3)), in_play, 0.0)
     return DrawnShot(run_shot(scene, start, record=True), left, circles=circles)
@@ -82,35 +74,20 @@ def balls_at_rest(
 
 def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     """Returns the balls and goals of episode k for drawing."""
-    settings, shots = episodes.settings, episodes.shots
-    circles = _goal_circles(settings.task, episodes.goals[k])
-    return balls_at_rest(settings.scene, shots.positions[k], shots.in_play[k], settings.task, circles)
+    env, shots = episodes.env, episodes.shots
+    circles = _goal_circles(env.task, episodes.arrays.goals[k])
+    return balls_at_rest(env.scene, shots.positions[k], shots.in_play[k], env.task, circles)
 
 
 def drawn_shot(
-    episodes: Episodes,
-    k: int,
-    action: NDArray[np.float64],
-    reward: float,
-    tally: Tally,
-    goals: NDArray[np.float64],
+    episodes: Episodes, k: int, action: NDArray[np.float64], reward: float, goals: NDArray[np.float64]
 ) -> DrawnShot:
-    """Returns the last shot of episode k for drawing.
-
-    Args:
-        episodes: The episodes. The episode may have been reset after the shot.
-        k: The episode.
-        action: (2,) or (5,) action of the shot.
-        reward: Reward of the shot.
-        tally: The tally after the shots.
-        goals: (g, 2) goals of the shot, m.
-    """
-    assert episodes.recorded is not None
-    shot, settings = episodes.recorded[k], episodes.settings
-    number = settings.max_shots - tally.shots_left[k]
-    speed = math.hypot(*cue_strike(action, settings.scene, settings.max_speed).velocity)
-    left = f"{settings.task}   shot {number} of {settings.max_shots}   {speed:.2f} m/s"
-    return DrawnShot(shot, left, f"reward {reward:g}   score {tally.score[k]}", _goal_circles(settings.task, goals))
+    """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
+    shot, env, arrays = episodes.recorded[k], episodes.env, episodes.arrays
+    number = env.max_shots - arrays.shots_left[k]
+    speed = math.hypot(*cue_strike(action, env.scene, env.max_speed).velocity)
+    left = f"{env.task}   shot {number} of {env.max_shots}   {speed:.2f} m/s"
+    return DrawnShot(shot, left, f"reward {reward:g}   score {arrays.score[k]}", _goal_circles(env.task, goals))
 
 
 def _goal_circles(task: str, goals: NDArray[np.float64]) -> Circles:
@@ -128,23 +105,24 @@ class Renderer:
 
     Attributes:
         render_mode: One of `RENDER_MODES`.
+        n_shown: Number of environments that are drawn, the first ones: all, or those that the window shows.
     """
 
     def __init__(self, scene: Scene, render_mode: str, count: int = 1) -> None:
         self.render_mode = render_mode
+        self.n_shown = min(count, MAX_SHOWN) if render_mode == "human" else count
         self._scene = scene
-        self._count = count
         self._steps: list[Sequence[DrawnShot]] = []
         self._canvas: Canvas | None = None
         self._window: Window | None = None
 
     def begin(self, layouts: Sequence[DrawnShot]) -> None:
-        """Discards all steps and adds the balls at the start of episodes, one item per environment."""
+        """Discards all steps and adds the balls at the start of episodes, one item per environment that is drawn."""
         self._steps = []
         self.step(layouts)
 
     def step(self, shots: Sequence[DrawnShot]) -> None:
-        """Adds a step, one shot per environment. In the mode "human" the window shows it immediately.
+        """Adds a step, one shot per environment that is drawn. In the mode "human" the window shows it immediately.
 
         Keys change the pace. The close button, Q and Escape close the window. Later steps then run without a window.
         """
@@ -182,7 +160,7 @@ class Renderer:
         if self.render_mode == "human":
             return None
         last = self.render_mode == "rgb_array"
-        frames: list[list[RenderFrame]] = [[] for _ in range(self._count)]
+        frames: list[list[RenderFrame]] = [[] for _ in range(self.n_shown)]
         for shots in self._steps:
             films = self._films(shots, only_last=last)
             from billiards_env.drawing.canvas import pixels
@@ -201,8 +179,8 @@ class Renderer:
             self._window = None
 
     def _film(self, shots: Sequence[DrawnShot]) -> Iterator[Surface]:
-        """Returns the frames of a step for the window, with the first environments side by side."""
-        films = self._films(shots[:MAX_SHOWN])
+        """Returns the frames of a step for the window, with the environments side by side."""
+        films = self._films(shots)
         from billiards_env.drawing.canvas import side_by_side
 
         return films[0] if len(films) == 1 else side_by_side(films)

@@ -2,20 +2,20 @@
 
 Each kernel has the arguments
 
-    k: index of the shot, from 0 to m - 1.
-    targets: (n,) bool, the balls of the task.
-    outcome: `Outcome` of the m shots. Views of the arrays of one shot would take longer than the kernel itself.
+    k: index of the episode, from 0 to m - 1.
+    numbers: `TaskNumbers`.
+    arrays: `EpisodeArrays` of the m episodes after their shots. Views of one episode would take longer than the kernel.
 
 and returns the points of the shot, whether the episode is decided, and whether the task is achieved. The kernels of the
-run-outs also write the balls that are on in the next shot to `outcome.on`. The limit on shots and the penalty for a
-scratch are not part of a task. The rules of games are those of `billiards_env.rules`.
+run-outs also write the `legal_balls` of the next shot. The limit on shots and the penalty for a scratch are not part of
+a task. The rules of games are those of `billiards_env.rules`. See `envs.arrays` for the types.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,159 +29,122 @@ from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight
 from billiards_env.scene import Scene
 
 
-class Outcome(NamedTuple):
-    """The outcome of m shots. See `rules.Counts`.
-
-    Attributes:
-        positions: (m, n, 2) float64, m, positions of the balls after the shot.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
-        goal_radius: See `Task`.
-        potted_before: (m, n) bool, the balls off the table before the shot.
-        potted: (m, n) bool, the balls off the table after it.
-        cushions: (m, n) int32, number of cushion contacts of each ball.
-        cushions_before_hit: (m, n) int32, number of cushion contacts that the cue ball had when it first touched each
-            ball, -1 if it did not touch it.
-        first_hit: (m,) int64, the first ball that the cue ball touched, -1 if none.
-        bits: (n,) int64, each ball as a set of balls.
-        on: (m, n) bool in the run-outs, None in the others: the balls that the cue ball may touch first in the next
-            shot.
-    """
-
-    positions: Any
-    goals: Any
-    goal_radius: float
-    potted_before: Any
-    potted: Any
-    cushions: Any
-    cushions_before_hit: Any
-    first_hit: Any
-    bits: Any
-    on: Any
-
-
 @kernel
-def judge_pot(k, targets, outcome):
+def judge_pot(k, numbers, arrays):
     """Pots the object balls: 1 point for each.
 
     The episode is decided if all object balls are potted or the cue ball is potted (a scratch). The task is
     achieved if all object balls are potted and the cue ball is not.
     """
     points, cleared = 0, True
-    for i in range(len(targets)):
-        if targets[i]:
-            if not outcome.potted[k, i]:
+    for i in range(len(numbers.targets)):
+        if numbers.targets[i]:
+            if not arrays.potted[k, i]:
                 cleared = False
-            elif not outcome.potted_before[k, i]:
+            elif not arrays.potted_before[k, i]:
                 points += 1
-    scratch = outcome.potted[k, CUE_BALL]
+    scratch = arrays.potted[k, CUE_BALL]
     return points, cleared or scratch, cleared and not scratch
 
 
 @kernel
-def judge_carom(k, targets, outcome):
+def judge_carom(k, numbers, arrays):
     """Touches every object ball with the cue ball in one shot: 1 point.
 
     A shot that pots the cue ball scores 0 points. The episode is decided if any ball is potted, because a potted ball
     cannot be touched again. Otherwise the episode continues, with or without a point.
     """
-    return judge_cushions(k, targets, 0, outcome)
+    return judge_cushions(k, numbers, arrays, 0)
 
 
 @kernel
-def judge_three_cushion(k, targets, outcome):
+def judge_three_cushion(k, numbers, arrays):
     """Touches every object ball with the cue ball, the last one after at least three cushion contacts: 1 point.
 
     The other rules are those of `judge_carom`. Several contacts with the same cushion count.
     """
-    return judge_cushions(k, targets, 3, outcome)
+    return judge_cushions(k, numbers, arrays, 3)
 
 
 @inlined
-def judge_cushions(k, targets, cushions, outcome):
+def judge_cushions(k, numbers, arrays, cushions):
     """Returns the result of a carom that needs some cushion contacts."""
-    facts, over = facts_of(k, outcome), False
-    for i in range(len(targets)):
-        over = over or outcome.potted[k, i]
-    success = is_carom(facts, len(targets) - 1, cushions) and not facts.scratch
+    facts, over = shot_facts(k, numbers, arrays), False
+    for i in range(len(numbers.targets)):
+        over = over or arrays.potted[k, i]
+    success = is_carom(facts, len(numbers.targets) - 1, cushions) and not facts.scratch
     return (1 if success else 0), over, success
 
 
-@inlined
-def facts_of(k, outcome):
-    """Returns the facts of shot k, as `rules.FactNumbers`."""
-    hits = outcome.cushions, outcome.cushions_before_hit, outcome.first_hit
-    return facts_of_shot(k, Counts(outcome.potted_before, outcome.potted, *hits, outcome.bits))
-
-
 @kernel
-def judge_sum_to_three(k, targets, outcome):
+def judge_sum_to_three(k, numbers, arrays):
     """Touches the object ball in a shot in which the two balls have exactly three cushion contacts: 1 point.
 
     This is the game of pooltool and of LightZero's zoo/pooltool (Niu et al. 2023). Contacts before and after the hit
     count. Never decided: the episode continues, with or without a point.
     """
-    total = outcome.cushions[k, CUE_BALL] + outcome.cushions[k, 1]
-    success = outcome.cushions_before_hit[k, 1] >= 0 and total == 3
+    total = arrays.cushions[k, CUE_BALL] + arrays.cushions[k, 1]
+    success = arrays.cushions_before_hit[k, 1] >= 0 and total == 3
     return (1 if success else 0), False, success
 
 
 @kernel
-def judge_place(k, targets, outcome):
+def judge_place(k, numbers, arrays):
     """Touches an object ball and brings the cue ball to rest near the goal: 1 point.
 
     Any object ball counts, and it may be potted. If no object ball is on the table, the cue ball does not have to touch
     one. The episode is decided if the shot scores the point or the cue ball is potted.
     """
     touched, left = False, False
-    for i in range(len(targets)):
-        if targets[i] and not outcome.potted_before[k, i]:
+    for i in range(len(numbers.targets)):
+        if numbers.targets[i] and not arrays.potted_before[k, i]:
             left = True
-            touched = touched or outcome.cushions_before_hit[k, i] >= 0
-    success = is_near_goal(k, outcome) and (touched or not left)
-    return (1 if success else 0), success or outcome.potted[k, CUE_BALL], success
+            touched = touched or arrays.cushions_before_hit[k, i] >= 0
+    success = is_near_goal(k, numbers, arrays) and (touched or not left)
+    return (1 if success else 0), success or arrays.potted[k, CUE_BALL], success
 
 
 @kernel
-def judge_position(k, targets, outcome):
+def judge_position(k, numbers, arrays):
     """Pots an object ball and brings the cue ball to rest near the goal, in one shot: 1 point.
 
     The episode is decided if the shot scores the point, the cue ball is potted, or no object ball is left.
     """
-    points, cleared, _ = judge_pot(k, targets, outcome)
-    success = points > 0 and is_near_goal(k, outcome)
+    points, cleared, _ = judge_pot(k, numbers, arrays)
+    success = points > 0 and is_near_goal(k, numbers, arrays)
     return (1 if success else 0), success or cleared, success
 
 
 @kernel
-def is_near_goal(k, outcome):
+def is_near_goal(k, numbers, arrays):
     """Returns whether the cue ball of shot k is on the table, at most the radius of the task from the goal."""
-    dx = outcome.positions[k, CUE_BALL, X] - outcome.goals[k, 0, X]
-    dy = outcome.positions[k, CUE_BALL, Y] - outcome.goals[k, 0, Y]
-    return dx * dx + dy * dy <= outcome.goal_radius * outcome.goal_radius and not outcome.potted[k, CUE_BALL]
+    dx = arrays.positions[k, CUE_BALL, X] - arrays.goals[k, 0, X]
+    dy = arrays.positions[k, CUE_BALL, Y] - arrays.goals[k, 0, Y]
+    return dx * dx + dy * dy <= numbers.goal_radius * numbers.goal_radius and not arrays.potted[k, CUE_BALL]
 
 
 @kernel
-def judge_clear(k, targets, outcome):
+def judge_clear(k, numbers, arrays):
     """Pots the last object ball, but not the cue ball: 1 point.
 
     The episode is decided if all object balls are potted or the cue ball is potted.
     """
-    _, decided, success = judge_pot(k, targets, outcome)
+    _, decided, success = judge_pot(k, numbers, arrays)
     return (1 if success else 0), decided, success
 
 
 @kernel
-def judge_nine_ball(k, targets, outcome):
+def judge_nine_ball(k, numbers, arrays):
     """Pots balls in shots that first touch the lowest ball on the table: 1 point for each.
 
     A shot that pots the nine ball also scores the balls that are left, so a run-out scores 9 points. The episode is
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    state, facts = run_out_state(k, False, -1, outcome), facts_of(k, outcome)
-    verdict = nine_ball(state, balls_on(k, outcome), facts, NO_CALL)
+    state, facts = run_out_state(k, False, -1, numbers, arrays), shot_facts(k, numbers, arrays)
+    verdict = nine_ball(state, legal_set(k, numbers, arrays), facts, NO_CALL)
     left = state.object_balls & ~facts.potted
-    write_on(outcome.on, k, left & -left)
+    write_legal_balls(k, left & -left, arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
     return (
@@ -192,22 +155,22 @@ def judge_nine_ball(k, targets, outcome):
 
 
 @kernel
-def judge_eight_ball(k, targets, outcome):
+def judge_eight_ball(k, numbers, arrays):
     """Pots the balls of one group, 1 to 7 or 9 to 15, and then the eight ball: 1 point for each.
 
-    All balls are on in the break. Then both groups are on until a shot pots a ball of a group. That shot chooses the
-    group: that of the ball that the cue ball touched first, or the other one if no ball of the first was potted. The
-    episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The task
-    is achieved if the eight ball is potted without a foul when it is on, and not in the break.
+    All balls are legal in the break. Then both groups are legal until a shot pots a ball of a group. That shot chooses
+    the group: that of the ball that the cue ball touched first, or the other one if no ball of the first was potted.
+    The episode is decided by a foul, by a shot that pots no ball of the group, or when the eight ball is potted. The
+    task is achieved if the eight ball is potted without a foul when it is legal, and not in the break.
     """
-    on, facts = balls_on(k, outcome), facts_of(k, outcome)
-    group = (SOLIDS if on & SOLIDS != 0 else 0) | (STRIPES if on & STRIPES != 0 else 0)
-    is_open, is_break = group == SOLIDS | STRIPES, group != 0 and on & EIGHT != 0
-    state = run_out_state(k, is_break, -1 if is_open else 0, outcome)
-    verdict = eight_ball(state, on, facts, NO_CALL)
+    legal, facts = legal_set(k, numbers, arrays), shot_facts(k, numbers, arrays)
+    group = (SOLIDS if legal & SOLIDS != 0 else 0) | (STRIPES if legal & STRIPES != 0 else 0)
+    is_open, is_break = group == SOLIDS | STRIPES, group != 0 and legal & EIGHT != 0
+    state = run_out_state(k, is_break, -1 if is_open else 0, numbers, arrays)
+    verdict = eight_ball(state, legal, facts, NO_CALL)
     if is_open and not is_break and facts.potted & group != 0:
         group = chosen_group(facts, facts.potted & group)
-    write_on(outcome.on, k, group_left(state.object_balls & ~facts.potted, group))
+    write_legal_balls(k, group_left(state.object_balls & ~facts.potted, group), arrays)
     if verdict.foul != NO_FOUL:
         return 0, True, False
     won = verdict.winner == 0
@@ -219,32 +182,37 @@ NO_CALL = CallNumbers(-1, SHOT, False)
 
 
 @inlined
-def run_out_state(k, is_break, solids, outcome):
+def run_out_state(k, is_break, solids, numbers, arrays):
     """Returns the state of the rules before shot k, as `rules.StateNumbers`: a game with one player and no calls."""
     lying = 0
-    for i in range(1, len(outcome.bits)):
-        if not outcome.potted_before[k, i]:
-            lying |= outcome.bits[i]
+    for i in range(1, len(numbers.bits)):
+        if not arrays.potted_before[k, i]:
+            lying |= numbers.bits[i]
     return StateNumbers(0, 1, (0, 0, 0, 0), lying, is_break, solids, 0, False, 0, 0, False, False)
 
 
 @inlined
-def balls_on(k, outcome):
-    """Returns the set of the balls that are on in shot k."""
-    on = 0
-    for i in range(1, len(outcome.bits)):
-        if outcome.on[k, i]:
-            on |= outcome.bits[i]
-    return on
+def legal_set(k, numbers, arrays):
+    """Returns the set of the legal balls of shot k."""
+    legal = 0
+    for i in range(1, len(numbers.bits)):
+        if arrays.legal_balls[k, i]:
+            legal |= numbers.bits[i]
+    return legal
 
 
-@kernel
-def write_on(on, k, balls):
-    """Writes a set of balls to `Outcome.on` of episode k, if the task is a run-out."""
-    if on is None:
-        return
-    for i in range(1, on.shape[1]):
-        on[k, i] = balls >> i & 1
+@inlined
+def write_legal_balls(k, balls, arrays):
+    """Writes the legal balls of the next shot of episode k, a set of balls; nothing if the task is no run-out."""
+    for i in range(1, arrays.legal_balls.shape[1]):
+        arrays.legal_balls[k, i] = balls >> i & 1
+
+
+@inlined
+def shot_facts(k, numbers, arrays):
+    """Returns the facts of shot k, as `rules.FactNumbers`."""
+    hits = arrays.cushions, arrays.cushions_before_hit, arrays.first_hit
+    return facts_of_shot(k, Counts(arrays.potted_before, arrays.potted, *hits, numbers.bits))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,8 +228,12 @@ class Task:
         max_shots: The default of the number of shots after which an episode ends.
         goal_radius: m. Largest distance from the goal at which the cue ball may come to rest; 0 for a task without a
             goal.
-        on: For a run-out, in which the cue ball may touch only some balls first: the sets of balls that are on in the
-            first shot, after a layout with a break and after another one. None for other tasks.
+        pots_any_ball: Whether it is achieved by potting object balls, of which all are legal. The head "pots" of
+            `agents` can then play it.
+        opening: For a run-out, in which the cue ball may touch only some balls first: the legal balls of the first
+            shot, as a set of balls. 0 for other tasks.
+        breaks: The layouts whose first shot is a break with the legal balls `break_opening`.
+        break_opening: See `breaks`.
     """
 
     judge: Callable[..., Any]
@@ -271,26 +243,29 @@ class Task:
     pockets: bool | None = None
     max_shots: int = 1
     goal_radius: float = 0.0
-    on: tuple[int, int] | None = None
+    pots_any_ball: bool = False
+    opening: int = 0
+    breaks: tuple[str, ...] = ()
+    break_opening: int = 0
 
 
 TASKS = {
-    "pot": Task(judge=judge_pot, layout="random", pockets=True),
+    "pot": Task(judge=judge_pot, layout="random", pockets=True, pots_any_ball=True),
     "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom"),
     "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom"),
     "sum_to_three": Task(
         judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
     ),
     "place": Task(judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15),
-    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3),
-    "clear": Task(judge=judge_clear, layout="random", pockets=True),
+    "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, pots_any_ball=True),
+    "clear": Task(judge=judge_clear, layout="random", pockets=True, pots_any_ball=True),
     "nine_ball": Task(
         judge=judge_nine_ball,
         layout="nine_ball",
         n_object_balls=(9, 9),
         pockets=True,
         max_shots=30,
-        on=(1 << 1, 1 << 1),
+        opening=1 << 1,
     ),
     "eight_ball": Task(
         judge=judge_eight_ball,
@@ -298,12 +273,11 @@ TASKS = {
         n_object_balls=(15, 15),
         pockets=True,
         max_shots=30,
-        on=(SOLIDS | EIGHT | STRIPES, SOLIDS | STRIPES),
+        opening=SOLIDS | STRIPES,
+        breaks=("eight_ball", "rack", "tight_rack"),
+        break_opening=SOLIDS | EIGHT | STRIPES,
     ),
 }
-
-BREAKS = ("rack", "tight_rack", "nine_ball", "eight_ball")
-"""The layouts that begin with a break."""
 
 
 def task_targets(task: str, scene: Scene) -> NDArray[np.bool_]:

@@ -12,19 +12,17 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import one_of, shaped, short, whole
-from billiards_env.engine import STATUS, parallel_for
+from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, json_spec
+from billiards_env.envs.arrays import TALLY
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.episodes import Tally
+from billiards_env.envs.info import copied_info, info_arrays, masked_info
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.jit import streams
 
 Bools = NDArray[np.bool_]
-
-_STATUS = np.array(STATUS, dtype=object)
-_NOTHING = np.array(None, dtype=object)
 
 
 class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -122,7 +120,10 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._actions_shape = self.num_envs, ACTIONS[env.action]
 
-        self._episodes = env.episodes(self.num_envs, record=env.render_mode is not None)
+        self._n_shown = 0 if self._renderer is None else self._renderer.n_shown
+        self._episodes = env.episodes(self.num_envs, self._n_shown)
+        self._info = info_arrays(self._episodes)
+        self._tally = [getattr(self._episodes.arrays, name) for name in TALLY]
         self._streams = np.zeros((self.num_envs, 4), np.uint64)
         self._seeds = [-1] * self.num_envs  # -1: not seeded yet
         self._begun = np.zeros(self.num_envs, np.bool_)
@@ -155,12 +156,12 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     @property
     def goals(self) -> NDArray[np.float64]:
         """(num_envs, g, 2) goals, m, a copy: one per environment in a task with a goal, none in the others."""
-        return self._episodes.goals.copy()
+        return self._episodes.arrays.goals.copy()
 
     @property
-    def on(self) -> Bools:
+    def legal_balls(self) -> Bools:
         """(num_envs, n) balls that the cue ball may touch first in a run-out, a copy; (num_envs, 0) in other tasks."""
-        return self._episodes.on.copy()
+        return self._episodes.arrays.legal_balls.copy()
 
     def reset(  # pyright: ignore[reportIncompatibleMethodOverride]
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -201,7 +202,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if positions is not None:
             episodes.shots.positions[mask] = positions[mask]
         if goals is not None:
-            episodes.goals[mask] = goals[mask]
+            episodes.arrays.goals[mask] = goals[mask]
         observations = self._new_observations()
 
         def work(begin: int, end: int) -> None:
@@ -212,7 +213,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         parallel_for(work, self.num_envs, self.threads)
         self._begun |= mask
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, k) for k in range(self.num_envs)])
+            self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_shown)])
         return observations, {}
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
@@ -233,71 +234,61 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             ResetNeeded: If an episode has not begun or, in the mode "Disabled", is over.
             ValueError: If the actions do not have the shape of the action space, or a number is not finite.
         """
-        episodes, m = self._episodes, self.num_envs
-        shots = episodes.shots
+        episodes, m, status = self._episodes, self.num_envs, self._episodes.shots.status
+        arrays = episodes.arrays
         if not self._begun.all():
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
-        skip = np.zeros(m, np.bool_)
-        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            skip = episodes.over.copy()
-        elif episodes.over.any():
-            raise ResetNeeded(
-                f"The episode of environment {np.argmax(episodes.over)} is over: call reset() with a reset_mask"
-            )
+        skip = arrays.over.copy()
+        resets, same_step = skip.any(), self.autoreset_mode is AutoresetMode.SAME_STEP
+        if resets and self.autoreset_mode is not AutoresetMode.NEXT_STEP:
+            raise ResetNeeded(f"The episode of environment {np.argmax(skip)} is over: call reset() with a reset_mask")
         checked = self._checked_actions(actions, skip)
-        resets = skip.any()
-        same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
-        tally = Tally(*map(np.empty_like, episodes.tally))
-        goals = episodes.goals if self._renderer is None else episodes.goals.copy()
         observations = self._new_observations() if same_step else last
+        goals = arrays.goals if self._renderer is None else arrays.goals.copy()
 
         def work(begin: int, end: int) -> None:
-            episodes.shoot(begin, end, skip, checked, rewards, last)
-            for kept, array in zip(tally, episodes.tally, strict=True):
-                kept[begin:end] = array[begin:end]
+            episodes.shoot(begin, end, checked, rewards, last)
             if resets:
                 episodes.draw(begin, end, skip, self._streams)
                 episodes.begin(begin, end, skip, last)
-            over[begin:end] = episodes.over[begin:end]
+            over[begin:end] = arrays.over[begin:end]
             if same_step:
                 episodes.draw(begin, end, over, self._streams)
                 episodes.begin(begin, end, over, observations)
 
-        before = [(array, array.copy()) for array in (shots.positions, shots.in_play, *episodes.tally, episodes.on)]
+        changed = [arrays.positions, arrays.in_play, arrays.legal_balls, arrays.fresh, *self._tally]
         if resets or same_step:
-            before += [(array, array.copy()) for array in (self._streams, episodes.goals)]
+            changed += [self._streams, arrays.goals]
+        before = [array.copy() for array in changed]
         try:
             parallel_for(work, m, self.threads)
         except BaseException:
-            episodes.over[...] = skip
-            for array, values in before:
+            arrays.over[...] = skip
+            for array, values in zip(changed, before, strict=True):
                 array[...] = values
             raise
         if self._renderer is not None:
             self._renderer.step(
                 [
-                    drawn_layout(episodes, k)
-                    if skip[k]
-                    else drawn_shot(episodes, k, checked[k], rewards[k], tally, goals[k])
-                    for k in range(self.num_envs)
+                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, checked[k], rewards[k], goals[k])
+                    for k in range(self._n_shown)
                 ]
             )
-        cut_off = (shots.status >= AT_EVENT_LIMIT) & ~skip
-        if cut_off.any():
-            k = int(np.argmax(cut_off))
-            episodes.warn_cut_off(k, checked[k])
-        info = {**episodes.info, **tally._asdict(), "status": _STATUS[shots.status]}
+        if status.max() >= AT_EVENT_LIMIT:
+            for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
+                episodes.warn_cut_off(k, checked[k])
+        info = copied_info(self._info)
         if same_step and over.any():
             infos = {
-                **_masked(info, ~over),
+                **masked_info(info, ~over),
                 "final_obs": _masked_rows(last, over),
                 "_final_obs": over.copy(),
-                "final_info": _masked(info, over),
+                "final_info": masked_info(info, over),
                 "_final_info": over.copy(),
             }
         else:
-            infos = _masked(info, ~skip)
+            infos = masked_info(info, ~skip)
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
     def render(self) -> tuple[Any, ...] | None:
@@ -366,23 +357,6 @@ def _checked_mask(mask: Any, num_envs: int) -> Bools:
     if not mask.any():
         raise ValueError("options['reset_mask'] is False everywhere: expected at least one environment to reset")
     return mask.copy()
-
-
-def _masked(info: dict[str, NDArray[Any]], mask: Bools) -> dict[str, Any]:
-    """Returns the infos of the environments in the mask, in the format of `VectorEnv._add_info`."""
-    if not mask.any():
-        return {}
-    everywhere = mask.all()
-    infos: dict[str, Any] = {}
-    for key, values in info.items():
-        if everywhere:
-            infos[key] = values.copy()
-        elif values.dtype == object:
-            infos[key] = np.where(mask, values, _NOTHING)
-        else:
-            infos[key] = values * (mask if values.ndim == 1 else mask[:, None])
-        infos[f"_{key}"] = mask.copy()
-    return infos
 
 
 def _masked_rows(array: NDArray[np.float32], mask: Bools) -> NDArray[Any]:

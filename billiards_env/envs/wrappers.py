@@ -75,16 +75,9 @@ class ActionFrame(gym.ActionWrapper[Any, Any, Any], RecordConstructorArgs):
 
 
 class VectorActionFrame(VectorActionWrapper):
-    """`ActionFrame` for a vector environment.
+    """`ActionFrame` for a vector environment, with the same arguments and errors.
 
-    Args:
-        env: A `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
-        frame: As in `ActionFrame`.
-        ball: As in `ActionFrame`.
-        least_speed: As in `ActionFrame`.
-
-    Raises:
-        ValueError: As in `ActionFrame`.
+    `env` is a `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
     """
 
     def __init__(self, env: VectorEnv, frame: str, ball: str | int = "nearest", least_speed: float = 0.4) -> None:
@@ -155,17 +148,9 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
 
 
 class VectorExecutionNoise(VectorWrapper):
-    """`ExecutionNoise` for a vector environment. Each environment has a separate random stream.
+    """`ExecutionNoise` for a vector environment, with the same arguments and errors.
 
-    Args:
-        env: A `BilliardsVectorEnv`, or a `SyncVectorEnv` of `BilliardsEnv` with the same arguments; wrapped or not.
-        angle_std: As in `ExecutionNoise`.
-        speed_std: As in `ExecutionNoise`.
-        offset_std: As in `ExecutionNoise`.
-        elevation_std: As in `ExecutionNoise`.
-
-    Raises:
-        ValueError: As in `ExecutionNoise`.
+    `env` is that of `VectorActionFrame`. Each environment has a separate random stream.
     """
 
     def __init__(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from billiards_env.jit import entry_point, kernel
+from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import SPIN_X, SPIN_Y, SPIN_Z, X, Y
@@ -45,6 +45,15 @@ def cue_numbers(scene: Scene) -> CueNumbers:
     )
 
 
+def gain_terms(cue, k):
+    """Returns (rest, total): `speed_gain` is (1 + sqrt(rest)) / total, for the spin term k. `k` may be a tensor."""
+    total, e = 1.0 + cue.mass_ratio + k, cue.restitution
+    return (e * e * total - k) / (1.0 + cue.mass_ratio), total
+
+
+_gain_terms = inlined(gain_terms)
+
+
 @kernel
 def speed_gain(cue, offset):
     """Returns the speed of the ball over that of the cue, for a tip at `offset` ball radii from the centre.
@@ -53,9 +62,7 @@ def speed_gain(cue, offset):
     the same fraction of the cue's energy at every offset (Alciatore 2008, TP A.30). This is the fraction of a central
     impact with the tip's restitution.
     """
-    k = 2.5 * offset * offset
-    total, e = 1.0 + cue.mass_ratio + k, cue.restitution
-    rest = (e * e * total - k) / (1.0 + cue.mass_ratio)
+    rest, total = _gain_terms(cue, 2.5 * offset * offset)
     return (1.0 + math.sqrt(max(rest, 0.0))) / total
 
 

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 def situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
-    targets = env.on if env.on.size else env.targets
+    targets = env.legal_balls if env.legal_balls.size else env.targets
     return Situation(
         env.scene,
         env.positions,
@@ -46,12 +46,12 @@ def rewards(env: BilliardsEnv, actions: Floats) -> Floats:
     episodes, found = env.episodes(m), np.empty(m)
     episodes.shots.positions[:] = env.positions
     episodes.shots.in_play[:] = ~env.potted
-    episodes.goals[:], episodes.on[:] = env.goals, env.on
-    no_skip = np.zeros(m, np.bool_)
+    arrays = episodes.arrays
+    arrays.goals[:], arrays.legal_balls[:], arrays.over[:] = env.goals, env.legal_balls, False
     observations = np.empty((m, len(env.observation_space.low)), np.float32)  # pyright: ignore
 
     def work(begin: int, end: int) -> None:
-        episodes.shoot(begin, end, no_skip, actions, found, observations)
+        episodes.shoot(begin, end, actions, found, observations)
 
     parallel_for(work, m)
     return found

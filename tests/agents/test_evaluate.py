@@ -17,9 +17,8 @@ from agents.evaluate import deterministic, evaluate, main, play, play_together
 from agents.intervals import wilson_interval
 from agents.policy import MixturePolicy
 from agents.ppo import evaluation_seeds, load_policy, make_env, make_policy, make_vector, save_policy
-from agents.train import open_run, train
 from billiards_env.envs import BilliardsEnv
-from tests.helpers.training import Pickled
+from tests.helpers.training import Pickled, trained_run
 
 
 class TwoShots(gym.Env):
@@ -91,9 +90,7 @@ def test_the_agent_learns_to_hit_a_big_ball(tmp_path):
             "ppo": {"n_steps": 8, "learning_rate": 3e-3, "gae_lambda": 1.0},
         }
     )
-    open_run(config, tmp_path / "run")
-    train(config, tmp_path / "run")
-    result = evaluate(tmp_path / "run", episodes=200)
+    result = evaluate(trained_run(config, tmp_path / "run"), episodes=200)
     assert result["policy"]["success_rate"] > 0.6
     assert result["random"]["success_rate"] < 0.3
 
@@ -103,9 +100,7 @@ def test_noise_applies_to_training_and_evaluation(tiny, tmp_path):
     noisy = dataclasses.replace(quiet, noise=Noise(angle_std=1.0, speed_std=0.1))
     weights = []
     for name, config in (("quiet", quiet), ("noisy", noisy)):
-        open_run(config, tmp_path / name)
-        train(config, tmp_path / name)
-        weights.append(torch.load(tmp_path / name / "policy.pt"))
+        weights.append(torch.load(trained_run(config, tmp_path / name) / "policy.pt"))
     assert not all(torch.equal(weights[0][key], weights[1][key]) for key in weights[0])
     act, seeds = deterministic(load_policy(tmp_path / "noisy")[1]), evaluation_seeds(quiet.seed, 200).tolist()
     without, with_noise = (play_together(make_vector(config, 200), act, seeds) for config in (quiet, noisy))
@@ -151,9 +146,7 @@ def test_episodes_played_together_equal_episodes_played_alone(tiny, changes):
 @pytest.mark.parametrize("head", ["gaussian", "pots"])
 def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, head):
     config = Config.from_dict(tiny(timesteps=128, policy={"head": head, "components": 3, "hidden": [8]}))
-    open_run(config, tmp_path / "run")
-    train(config, tmp_path / "run")
-    loaded, policy = load_policy(tmp_path / "run")
+    loaded, policy = load_policy(trained_run(config, tmp_path / "run"))
     assert loaded == config
     model = PPO.load(tmp_path / "run" / "model.zip", device="cpu")
     observations, _ = make_vector(config, 50).reset(seed=0)
@@ -242,14 +235,14 @@ def test_bad_arguments_are_refused_with_a_message(trained, tmp_path):
         SystemExit, match=r"error: run_dir = .*: expected the folder of a finished run .* with config.yaml"
     ):
         main([str(tmp_path)])
-    with pytest.raises(SystemExit, match="error: episodes = '0': expected a number >= 1"):
-        main([str(trained), "--episodes", "0"])
-    with pytest.raises(SystemExit, match="error: seed = '-1': expected a number >= 0"):
-        main([str(trained), "--seed", "-1"])
-    with pytest.raises(SystemExit, match="error: episodes = 'many': expected a valid integer"):
-        main([str(trained), "--episodes", "many"])
-    with pytest.raises(SystemExit, match=r"error: path = 'film.avi': expected a name that ends in '.mp4'"):
-        main([str(trained), "--film", "film.avi"])
+    for option, value, message in (
+        ("episodes", "0", "episodes = '0': expected a number >= 1"),
+        ("seed", "-1", "seed = '-1': expected a number >= 0"),
+        ("episodes", "many", "episodes = 'many': expected a valid integer"),
+        ("film", "film.avi", "path = 'film.avi': expected a name that ends in '.mp4'"),
+    ):
+        with pytest.raises(SystemExit, match=f"error: {message}"):
+            main([str(trained), f"--{option}", value])
     shutil.copytree(trained, tmp_path / "run")
     (tmp_path / "run" / "policy.pt").unlink()
     with pytest.raises(

@@ -20,18 +20,13 @@ def test_the_settings_of_the_repository_fit_their_recipe():
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "ppo", "message"),
     [
-        ({"runners": 3}, "runners = 3: expected a divisor of n_envs = 64"),
-        ({"learners": 3}, "learners = 3: expected a divisor of ppo.batch_size = 64"),
+        ({"runners": 3}, {}, "runners = 3: expected a divisor of n_envs = 64"),
+        ({"learners": 3}, {}, "learners = 3: expected a divisor of ppo.batch_size = 64"),
+        ({}, {"target_kl": 0.1}, "ppo.target_kl = 0.1: expected None"),
     ],
 )
-def test_processes_share_environments_and_minibatches_equally(changes, message):
+def test_recipes_that_do_not_fit_the_settings_are_refused(changes, ppo, message):
     with pytest.raises(ValueError, match=message):
-        Settings(recipe="pot.yaml", **changes).check(Config(timesteps=1))
-
-
-def test_a_limit_of_the_divergence_is_refused():
-    config = Config.from_dict({"timesteps": 1, "ppo": {"target_kl": 0.1}})
-    with pytest.raises(ValueError, match=r"ppo.target_kl = 0.1: expected None"):
-        Settings(recipe="pot.yaml").check(config)
+        Settings(recipe="pot.yaml", **changes).check(Config.from_dict({"timesteps": 1, "ppo": ppo}))

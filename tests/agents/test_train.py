@@ -42,16 +42,23 @@ def command(tiny, tmp_path):
     return run
 
 
-def interrupt_after(timesteps: int, monkeypatch) -> None:
-    """Interrupts the training in the middle of the rollout that reaches a number of steps."""
+@pytest.fixture
+def interrupted(command, monkeypatch):
+    """A function that runs the command until it is interrupted, in the rollout that reaches 320 steps."""
     on_step = module._Callback._on_step
 
     def stop(self):
-        if self.num_timesteps >= timesteps:
+        if self.num_timesteps >= 320:
             raise KeyboardInterrupt
         return on_step(self)
 
-    monkeypatch.setattr(module._Callback, "_on_step", stop)
+    def run(*arguments: str, **changes) -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(module._Callback, "_on_step", stop)
+            with pytest.raises(SystemExit, match="130"):
+                command(*arguments, **changes)
+
+    return run
 
 
 def test_a_run_folder_has_settings_versions_logs_checkpoints_and_model(trained, tiny):
@@ -113,11 +120,8 @@ def test_the_standard_deviations_follow_their_schedule(command, tmp_path, head, 
         assert torch.cat([found[key].exp().reshape(-1) for key in names]).tolist() == pytest.approx(expected)
 
 
-def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
-        interrupt_after(320, patch)
-        with pytest.raises(SystemExit):
-            command(policy={"hidden": [8]})
+def test_a_checkpoint_of_another_shape_is_refused(command, interrupted, trained, tmp_path):
+    interrupted(policy={"hidden": [8]})
     shutil.copy(trained / "checkpoints" / "000000256.zip", tmp_path / "run" / "checkpoints")
     with pytest.raises(
         SystemExit, match=r"error: .*000000256.zip does not fit the configuration; --fresh starts again"
@@ -125,12 +129,8 @@ def test_a_checkpoint_of_another_shape_is_refused(command, trained, tmp_path, mo
         command(policy={"hidden": [8]})
 
 
-def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(trained, command, tmp_path, monkeypatch, capsys):
-    with monkeypatch.context() as patch:
-        interrupt_after(320, patch)
-        with pytest.raises(SystemExit) as stopped:
-            command()
-    assert stopped.value.code == 130
+def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(trained, command, interrupted, tmp_path, capsys):
+    interrupted()
     assert "the same command resumes after 256 of 512 steps" in capsys.readouterr().err
     assert not (tmp_path / "run" / "model.zip").exists()
     assert [point.steps for point in module.learning_curve(tmp_path / "run")] == [0, 256]
@@ -174,7 +174,7 @@ def test_a_folder_with_another_configuration_is_refused_and_unchanged(command, t
     assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*") if path.is_file()} == before
 
 
-def test_a_finished_run_continues_with_more_timesteps(command, tmp_path, monkeypatch, capsys):
+def test_a_finished_run_continues_with_more_timesteps(command, interrupted, tmp_path, capsys):
     run, stopped = tmp_path / "run", tmp_path / "stopped"
     command("--timesteps", "256")
     first = weights(run / "model.zip")
@@ -191,10 +191,7 @@ def test_a_finished_run_continues_with_more_timesteps(command, tmp_path, monkeyp
 
     shutil.rmtree(run)
     stopped.rename(run)
-    with monkeypatch.context() as patch:
-        interrupt_after(320, patch)
-        with pytest.raises(SystemExit):
-            command("--timesteps", "500")
+    interrupted("--timesteps", "500")
     assert not (run / "policy.pt").exists()
     command("--timesteps", "500")
     assert equal(weights(run / "model.zip"), model.policy.state_dict())
@@ -246,15 +243,12 @@ def test_a_run_starts_from_the_weights_of_another_with_fewer_balls(command, tmp_
     assert not equal(policy_weights(run), policy_weights(other))
 
 
-def test_a_resumed_run_does_not_read_the_run_that_it_started_from(command, trained, tmp_path, monkeypatch):
+def test_a_resumed_run_does_not_read_the_run_that_it_started_from(command, interrupted, trained, tmp_path):
     run, whole, other = (tmp_path / name for name in ("run", "whole", "other"))
     shutil.copytree(trained, other)
     command(start_from=str(other))
     run.rename(whole)
-    with monkeypatch.context() as patch:
-        interrupt_after(320, patch)
-        with pytest.raises(SystemExit):
-            command(start_from=str(other))
+    interrupted(start_from=str(other))
     shutil.rmtree(other)
     command(start_from=str(other))
     assert equal(weights(run / "model.zip"), weights(whole / "model.zip"))
@@ -305,7 +299,7 @@ def test_the_end_of_a_training_prints_both_rates_of_success(command, tmp_path, c
     assert "deterministic=" in shown
 
 
-def test_a_training_closes_each_environment_that_it_opens(command, tmp_path, monkeypatch):
+def test_a_training_closes_each_environment_that_it_opens(command, interrupted, tmp_path, monkeypatch):
     opened, closed = [], []
     init, close = BilliardsVectorEnv.__init__, BilliardsVectorEnv.close_extras
     monkeypatch.setattr(
@@ -314,10 +308,7 @@ def test_a_training_closes_each_environment_that_it_opens(command, tmp_path, mon
     monkeypatch.setattr(
         BilliardsVectorEnv, "close_extras", lambda self, **kwargs: closed.append(self) or close(self, **kwargs)
     )
-    with monkeypatch.context() as patch:
-        interrupt_after(320, patch)
-        with pytest.raises(SystemExit):
-            command()
+    interrupted()
     newest = tmp_path / "run" / "checkpoints" / "000000256.zip"
     whole = newest.read_bytes()
     newest.write_bytes(b"")

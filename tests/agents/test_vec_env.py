@@ -13,8 +13,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormali
 
 from agents.config import Config
 from agents.ppo import make_env, make_vec_env
-from agents.train import open_run, train
 from agents.vec_env import SameStepVecEnv
+from tests.helpers.training import trained_run
 
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}
 KEPT = ("terminal_observation", "TimeLimit.truncated", "is_success")
@@ -185,9 +185,7 @@ def test_training_gives_the_same_weights_as_with_dummy_vec_env(trained, tiny, tm
         return VecMonitor(DummyVecEnv([lambda: make_env(config) for _ in range(config.n_envs)]))
 
     monkeypatch.setattr("agents.train.make_vec_env", single)
-    open_run(config, tmp_path / "run")
-    train(config, tmp_path / "run")
-    models = (folder / "model.zip" for folder in (trained, tmp_path / "run"))
+    models = (folder / "model.zip" for folder in (trained, trained_run(config, tmp_path / "run")))
     native, dummy = (cast(dict[str, Any], load_from_zip_file(path, load_data=False)[1]["policy"]) for path in models)
     assert native.keys() == dummy.keys()
     assert all(torch.equal(native[key], dummy[key]) for key in native)

@@ -190,19 +190,13 @@ def double(number: int) -> int:
     return 2 * number
 
 
-def fails_at_first(folder: Path, times: int) -> int:
+def fails_at_first(folder: Path, times: int, killed: bool = False) -> int:
     attempt = len(list(folder.iterdir()))
     (folder / str(attempt)).touch()
+    if attempt < times and killed:
+        os.kill(os.getpid(), signal.SIGKILL)
     if attempt < times:
         raise OSError(f"attempt {attempt}")
-    return attempt
-
-
-def ends_its_process(folder: Path) -> int:
-    attempt = len(list(folder.iterdir()))
-    (folder / str(attempt)).touch()
-    if not attempt:
-        os.kill(os.getpid(), signal.SIGKILL)
     return attempt
 
 
@@ -212,7 +206,7 @@ def test_failed_tasks_are_repeated(cluster, tmp_path):
         for name in ("a", "b"):
             (tmp_path / name).mkdir()
         assert pool.submit(fails_at_first, tmp_path / "a", 2).result() == 2
-        assert pool.submit(ends_its_process, tmp_path / "b").result() == 1
+        assert pool.submit(fails_at_first, tmp_path / "b", 1, killed=True).result() == 1
 
 
 def test_a_task_that_always_fails_is_named(cluster, tmp_path):

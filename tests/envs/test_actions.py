@@ -50,16 +50,11 @@ def test_perturb():
         perturb([1.0, 0.0, 0.0], [0.0, 0.0])
 
 
-def test_perturb_adds_errors_to_the_cue():
-    moved = perturb([0.5, 0.0, 0.1, -0.2, 0.3], [0.0, 0.1, 0.01, 0.02, -0.03])
-    np.testing.assert_allclose(moved, [0.6, 0.0, 0.11, -0.18, 0.27], rtol=1e-14)
-
-
-def test_perturb_clips_first():
-    errors = [0.0, 0.0, -0.1, 0.2, 0.3]
-    expected = perturb([0.6, 0.0, 1.0, -1.0, 0.0], errors)
+def test_perturb_clips_first_and_adds_errors_to_the_cue():
+    errors = [0.0, 0.1, -0.1, 0.2, 0.3]
+    expected = perturb([0.5, 0.0, 1.0, -1.0, 0.0], errors)
     np.testing.assert_allclose(expected, [0.6, 0.0, 0.9, -0.8, 0.3], rtol=1e-14)
-    assert perturb([0.6, 0.0, 7.0, -1.5, -1.0], errors).tolist() == expected.tolist()
+    assert perturb([0.5, 0.0, 7.0, -1.5, -1.0], errors).tolist() == expected.tolist()
 
 
 def test_perturb_leaves_actions_that_are_not_finite():

@@ -80,7 +80,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     n = env.scene.n_balls
     last = env.observe_shots_left
     places = 2 * (n + (TASKS[env.task].goal_radius > 0))
-    flags = n - 1 if TASKS[env.task].on else 0
+    flags = n - 1 if TASKS[env.task].opening else 0
     assert env.observation_space.shape == (places + flags + last,)
     assert env.observation_space.dtype == np.float32
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
@@ -109,7 +109,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             assert info["shots_left"] == env.max_shots - shots
             on_table = np.abs(observation[: 2 * n]).reshape(n, 2).max(axis=1) < 1
             assert np.array_equal(on_table, ~info["potted"])
-            assert np.array_equal(observation[places : places + flags], env.on[1 : 1 + flags])
+            assert np.array_equal(observation[places : places + flags], env.legal_balls[1 : 1 + flags])
             if last:
                 assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]
@@ -391,6 +391,8 @@ def test_goals_are_drawn_after_the_balls_from_the_whole_table():
     check_positions(Scene.named("pool", 0), np.array(goals)[:, None])
     assert (np.abs(goals).max(axis=0) > [1.2, 0.57]).all()
     assert plain.goals.shape == (0, 2)
+    with pytest.raises(ValueError, match="key of options = 'goal': expected one of 'positions'"):
+        plain.reset(options={"goal": [0, 0]})
 
 
 def test_positions_and_goals_from_options_are_not_drawn():
@@ -509,7 +511,11 @@ def test_no_options_draw_a_layout(options):
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"position": []}, ValueError, r"key of options = 'position': expected one of 'positions' \(did you mean"),
+        (
+            {"position": []},
+            ValueError,
+            "key of options = 'position': expected one of 'positions', 'goal' .did you mean",
+        ),
         ([1, 2], TypeError, r"options = \[1, 2\]: expected a dict"),
         ({"positions": [[0, 0]]}, ValueError, r"options\['positions'\] has shape \(1, 2\): expected \(2, 2\)"),
         ({"positions": np.full((4, 2, 2), [[0], [0.5]])}, ValueError, r"shape \(4, 2, 2\): expected \(2, 2\)"),
@@ -517,33 +523,25 @@ def test_no_options_draw_a_layout(options):
         ({"positions": [[0, 0], [2, 0]]}, ValueError, r"ball 1 is at \[2.0, 0.0\]: .* inside the cushions"),
         ({"positions": [[0, 0], [np.nan, 0]]}, ValueError, r"ball 1 is at \[nan, 0.0\]: expected finite"),
         ({"positions": [[0, 0], [1.24, 0.6]]}, ValueError, r"ball 1 is at .*: expected a place outside pocket 3"),
+        (
+            {"goals": [0, 0]},
+            ValueError,
+            "key of options = 'goals': expected one of 'positions', 'goal' .*did you mean 'goal'",
+        ),
+        ({"goal": [[0, 0]]}, ValueError, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
+        (
+            {"goal": [0, 0.62]},
+            ValueError,
+            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
+        ),
+        ({"goal": [0, np.nan]}, ValueError, "expected finite coordinates"),
+        ({"goal": [1.24, 0.6]}, ValueError, "expected a place outside pocket 3"),
     ],
 )
 def test_bad_options_raise_and_the_episode_continues(options, error, message):
-    env = BilliardsEnv()
-    observation, _ = env.reset(seed=0)
-    with pytest.raises(error, match=message):
-        env.reset(options=options)
-    assert np.array_equal(env.step(np.zeros(2))[0], observation)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"goals": [0, 0]}, "key of options = 'goals': expected one of 'positions', 'goal' .*did you mean 'goal'"),
-        ({"goal": [[0, 0]]}, r"options\['goal'\] has shape \(1, 2\): expected \(2,\)"),
-        (
-            {"goal": [0, 0.62]},
-            r"options\['goal'\] as a position of the cue ball: .* at \[0.0, 0.62\]: .* inside the cushions",
-        ),
-        ({"goal": [0, np.nan]}, "expected finite coordinates"),
-        ({"goal": [1.24, 0.6]}, "expected a place outside pocket 3"),
-    ],
-)
-def test_bad_goals_raise_and_the_episode_continues(options, message):
     env = BilliardsEnv(task="place")
     observation, _ = env.reset(seed=0)
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(error, match=message):
         env.reset(options=options)
     assert np.array_equal(env.step(np.zeros(2))[0], observation)
 

@@ -8,26 +8,17 @@ import pytest
 import billiards_env
 
 
-def run(code):
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-
-
-def test_importing_registers_the_environment_and_loads_nothing_heavy():
-    code = (
-        "import sys, gymnasium, billiards_env\n"
-        "print(gymnasium.spec('Billiards-v0').id)\n"
-        "print(*sorted({'torch', 'pygame', 'matplotlib', 'numba'} & set(sys.modules)))\n"
-    )
-    assert run(code) == ["Billiards-v0"]
-
-
-def test_the_id_may_contain_the_module_to_import():
-    code = (
-        "import sys, gymnasium\n"
-        "print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)\n"
-        "print(*sorted({'torch', 'pygame', 'matplotlib'} & set(sys.modules)))\n"
-    )
-    assert run(code) == ["BilliardsEnv"]
+@pytest.mark.parametrize(
+    ("code", "printed", "heavy"),
+    [
+        ("import billiards_env; print(gymnasium.spec('Billiards-v0').id)", "Billiards-v0", {"numba"}),
+        ("print(type(gymnasium.make('billiards_env:Billiards-v0').unwrapped).__name__)", "BilliardsEnv", set()),
+    ],
+)
+def test_registration_loads_nothing_heavy(code, printed, heavy):
+    heavy |= {"torch", "pygame", "matplotlib"}
+    code = f"import sys, gymnasium; {code}; print(*{heavy} & set(sys.modules))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).split() == [printed]
 
 
 def test_the_version_matches_pyproject():

@@ -4,19 +4,16 @@ import numpy as np
 import pytest
 
 from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import (
     TASKS,
-    Outcome,
     judge_carom,
     judge_clear,
-    judge_eight_ball,
-    judge_nine_ball,
     judge_place,
     judge_position,
     judge_pot,
     judge_sum_to_three,
     judge_three_cushion,
-    write_on,
 )
 from tests.helpers.environments import RUN_OUTS
 
@@ -34,6 +31,13 @@ SAMPLE: dict[str, Any] = {
 }
 
 
+def judged(kernel, targets, goal_radius=0.0, **arrays: Any):
+    """Returns the result of the last shot in the arrays."""
+    numbers = TaskNumbers(targets, 1 << np.arange(len(targets)), 0, goal_radius, 1, 0.0, 1.0, 1.0)
+    unused = EpisodeArrays(*[None] * len(EpisodeArrays._fields))
+    return kernel(len(arrays["potted"]) - 1, numbers, unused._replace(**arrays))
+
+
 def one(task, targets=BOTH, **changes: Any):
     """Returns the result of the last of three shots. The other two shots have different values."""
     shot = {**SAMPLE, **changes}
@@ -41,10 +45,17 @@ def one(task, targets=BOTH, **changes: Any):
     cushions, before_hit, positions = np.full((3, 3), 7), np.full((3, 3), 7), np.full((3, 3, 2), 5.0)
     goals[2, 0], before[2], after[2], positions[2, 0] = GOAL, shot["before"], shot["after"], shot["cue"]
     cushions[2], before_hit[2] = shot["cushions"], shot["before_hit"]
-    first_hit = np.array([1, 1, shot["first_hit"]])
-    radius, bits = {judge_place: PLACE, judge_position: POSITION}.get(task, 0.0), np.array([1, 2, 4])
-    return task(
-        2, targets, Outcome(positions, goals, radius, before, after, cushions, before_hit, first_hit, bits, None)
+    return judged(
+        task,
+        targets,
+        {judge_place: PLACE, judge_position: POSITION}.get(task, 0.0),
+        positions=positions,
+        goals=goals,
+        potted_before=before,
+        potted=after,
+        cushions=cushions,
+        cushions_before_hit=before_hit,
+        first_hit=np.array([1, 1, shot["first_hit"]]),
     )
 
 
@@ -86,8 +97,10 @@ TOUCHES = [
 
 
 @pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_carom(before_hit, potted, points, over):
-    assert one(judge_carom, before_hit=before_hit, after=balls(*potted)) == (points, over, points == 1)
+def test_carom_and_three_cushion(before_hit, potted, points, over):
+    later = np.where(np.array(before_hit) >= 0, 3, -1)
+    for kernel, hits in ((judge_carom, before_hit), (judge_three_cushion, later)):
+        assert one(kernel, before_hit=hits, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
@@ -105,12 +118,6 @@ def test_carom(before_hit, potted, points, over):
 )
 def test_three_cushion_needs_three_contacts_before_the_last_ball(before_hit, points):
     assert one(judge_three_cushion, before_hit=before_hit, cushions=(9, 9, 9)) == (points, False, points == 1)
-
-
-@pytest.mark.parametrize(("before_hit", "potted", "points", "over"), TOUCHES)
-def test_three_cushion_ends_like_carom(before_hit, potted, points, over):
-    later = np.where(np.array(before_hit) >= 0, 3, -1)
-    assert one(judge_three_cushion, before_hit=later, after=balls(*potted)) == (points, over, points == 1)
 
 
 @pytest.mark.parametrize(
@@ -195,23 +202,30 @@ def test_clear(before, after, points, over):
 
 
 def run_out(task, before=(), potted=(), first=1, on=(), cushion=5):
-    """Returns the result of a shot of a run-out, and the balls that are on after it.
+    """Returns the result of a shot of a run-out, and the legal balls after it.
 
     `cushion` is the ball that touches a cushion after the hit, or -1.
     """
     n = RUN_OUTS[task] + 1
-    targets, was, off, now_on = (np.zeros((1, n), np.bool_) for _ in range(4))
-    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = now_on[0, list(on)] = True
+    was, off, legal = (np.zeros((1, n), np.bool_) for _ in range(3))
+    was[0, list(before)] = off[0, list(before)] = off[0, list(potted)] = legal[0, list(on)] = True
     cushions = np.zeros((1, n), np.int32)
     if cushion >= 0:
         cushions[0, cushion] = 1
     before_hit = np.full((1, n), -1)
     if first >= 0:
         before_hit[0, first] = 0
-    places, bits = (np.zeros((1, n, 2)), np.zeros((1, 0, 2))), 1 << np.arange(n)
-    outcome = Outcome(*places, 0.0, was, off, cushions, before_hit, np.array([first]), bits, now_on)
-    kernel = {"nine_ball": judge_nine_ball, "eight_ball": judge_eight_ball}[task]
-    return kernel(0, targets[0], outcome), set(np.flatnonzero(now_on[0]).tolist())
+    result = judged(
+        TASKS[task].judge,
+        np.zeros(n, np.bool_),
+        potted_before=was,
+        potted=off,
+        cushions=cushions,
+        cushions_before_hit=before_hit,
+        first_hit=np.array([first]),
+        legal_balls=legal,
+    )
+    return result, set(np.flatnonzero(legal[0]).tolist())
 
 
 @pytest.mark.parametrize(
@@ -272,14 +286,21 @@ def test_eight_ball(shot, result, on):
     assert run_out("eight_ball", **{"on": ALL - {8}, **shot}) == (result, on)
 
 
-def test_the_balls_that_are_on_at_the_start():
-    for task, break_on, later in (("eight_ball", ALL, ALL - {8}), ("nine_ball", {1}, {1})):
-        sets = TASKS[task].on
-        assert sets
-        on = np.zeros((2, RUN_OUTS[task] + 1), np.bool_)
-        for k in range(2):
-            write_on(on, k, sets[k])
-        assert [set(np.flatnonzero(row).tolist()) for row in on] == [break_on, later]
+@pytest.mark.parametrize(
+    ("task", "layout", "legal"),
+    [
+        ("eight_ball", "eight_ball", ALL),
+        ("eight_ball", "tight_rack", ALL),
+        ("eight_ball", "random", ALL - {8}),
+        ("nine_ball", "nine_ball", {1}),
+        ("nine_ball", "random", {1}),
+        ("pot", "random", set()),
+    ],
+)
+def test_the_legal_balls_of_the_first_shot(task, layout, legal):
+    env = BilliardsEnv(task=task, layout=layout)
+    env.reset(seed=0)
+    assert set(np.flatnonzero(env.legal_balls).tolist()) == legal
 
 
 def test_the_table_of_tasks():

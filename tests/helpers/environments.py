@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from billiards_env.envs.tasks import TASKS
 
-RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.on}
+RUN_OUTS = {name: task.n_object_balls[0] for name, task in TASKS.items() if task.opening}
 """The run-outs and their numbers of object balls."""
 
 LONG = {"max_shots": 3, "observe_shots_left": True}

@@ -20,6 +20,13 @@ class Pickled:
         return (open, (str(self.path), "w"))
 
 
+def trained_run(config: Config, folder: Path) -> Path:
+    """Trains a configuration and returns the folder of the run."""
+    open_run(config, folder)
+    train(config, folder)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def tiny() -> Callable[..., dict[str, Any]]:
     """Returns a function that returns the settings of a tiny run of four updates with a checkpoint after the second."""
@@ -42,8 +49,4 @@ def tiny() -> Callable[..., dict[str, Any]]:
 @pytest.fixture(scope="session")
 def trained(tiny, tmp_path_factory) -> Path:
     """Returns the folder of a finished tiny run. Tests must not change it."""
-    run_dir = tmp_path_factory.mktemp("runs") / "tiny"
-    config = Config.from_dict(tiny())
-    open_run(config, run_dir)
-    train(config, run_dir)
-    return run_dir
+    return trained_run(Config.from_dict(tiny()), tmp_path_factory.mktemp("runs") / "tiny")

@@ -84,7 +84,7 @@ def step_one(**options: Any) -> None:
     finally:
         assert (env.positions == before[0]).all()
         assert (env.potted == before[1]).all()
-        assert not env._episodes.over[0]
+        assert not env._episodes.arrays.over[0]
         env.reset(seed=0)
         assert (env.positions == before[0]).all()
 
@@ -98,8 +98,10 @@ def step_many(num_envs: int, threads: int | None, mode: str) -> None:
     envs.reset(seed=0)
 
     def now() -> list[Any]:
-        tables = envs._episodes
-        return [a.copy() for a in (envs.positions, envs.potted, *tables.tally, tables.over, envs._streams)]
+        tables = envs._episodes.arrays
+        return [
+            a.copy() for a in (envs.positions, envs.potted, tables.points, tables.score, tables.over, envs._streams)
+        ]
 
     before = now()
     actions = np.tile([1.0, 0.3], (num_envs, 1))
