@@ -135,7 +135,7 @@ class Std(Checked):
 
     They fall geometrically from `first` to `last` in the first part of the training and then stay constant. With the
     head "gaussian" they are those of the velocity along x and y, over the largest speed. For the other heads see
-    `agents.policy.MixturePolicy.set_std`.
+    `billiards_env.sb3.policy.MixturePolicy.set_std`.
 
     Attributes:
         first: The values before the training.
@@ -164,8 +164,8 @@ class Policy(Checked):
 
     Attributes:
         head: The part of the policy that computes its distribution: "gaussian", which is the policy of
-            Stable-Baselines3, or one of `agents.policy.HEADS`.
-        components: The number of components, see `agents.policy.MixturePolicy`; "gaussian" ignores it.
+            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`.
+        components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it.
         speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
             "gaussian" and "pots" ignore it.
         banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.

@@ -7,88 +7,21 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
-from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.config import Count, Seed, validate
 from agents.film import EPISODES, film, show
-from agents.intervals import mean_interval, wilson_interval
 from agents.output import print_commands, print_table
 from agents.policy_player import playable
-from agents.ppo import evaluation_seeds, load_policy, make_vector
+from agents.ppo import load_policy, make_vector
+from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
-
-
-def play(
-    env: gym.Env[Any, Any], act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]], seeds: Iterable[int]
-) -> dict[str, Any]:
-    """Plays one episode for each seed.
-
-    Args:
-        env: The environment; the last `info` of an episode has `success` and `score`.
-        act: A function that returns the action for an observation.
-        seeds: The seeds of the episodes.
-
-    Returns:
-        `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` and its
-        `score_interval_95` (see `mean_interval`), and `mean_reward`, the mean over the episodes of the sum of the
-        rewards.
-    """
-    successes, scores, rewards = [], [], []
-    for seed in seeds:
-        observation, info = env.reset(seed=int(seed))
-        total, done = 0.0, False
-        while not done:
-            observation, reward, terminated, truncated, info = env.step(act(observation))
-            total += float(reward)
-            done = terminated or truncated
-        successes.append(bool(info["is_success"]))
-        scores.append(float(info["score"]))
-        rewards.append(total)
-    return summary(successes, scores, rewards)
-
-
-def play_together(
-    envs: VectorEnv[Any, Any, Any],
-    act: Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]],
-    seeds: Sequence[int],
-) -> dict[str, Any]:
-    """Plays one episode for each seed, all at the same time. The episodes and the result are those of `play`.
-
-    `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.
-    """
-    observations, _ = envs.reset(seed=[int(seed) for seed in seeds])  # pyright: ignore[reportArgumentType]
-    over = np.zeros(len(seeds), np.bool_)
-    successes, scores, rewards = over.copy(), np.zeros(len(seeds)), np.zeros(len(seeds))
-    while not over.all():
-        observations, gained, terminated, truncated, infos = envs.step(act(observations))
-        rewards[~over] += gained[~over]
-        ended = (terminated | truncated) & ~over
-        if ended.any():
-            successes[ended] = infos["final_info"]["is_success"][ended]
-            scores[ended] = infos["final_info"]["score"][ended]
-        over |= ended
-    return summary(successes.tolist(), scores.tolist(), rewards.tolist())
-
-
-def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
-    """Returns the dictionary that `play` returns, from the outcome of each episode."""
-    return {
-        "episodes": len(successes),
-        "successes": sum(successes),
-        "success_rate": sum(successes) / len(successes),
-        "confidence_interval_95": list(wilson_interval(sum(successes), len(successes))),
-        "mean_score": sum(scores) / len(scores),
-        "score_interval_95": None if (interval := mean_interval(scores)) is None else list(interval),
-        "mean_reward": sum(rewards) / len(rewards),
-    }
 
 
 def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:

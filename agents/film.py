@@ -13,7 +13,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.ppo import evaluation_seeds, load_policy, make_env
+from agents.ppo import load_policy, make_env
+from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import check_path
 
 EPISODES = 5

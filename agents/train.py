@@ -46,21 +46,12 @@ from tqdm import tqdm
 
 import billiards_env
 from agents.config import Config, changed, load
-from agents.evaluate import deterministic, play_together
+from agents.evaluate import deterministic
 from agents.output import print_commands, print_table
-from agents.ppo import (
-    evaluation_seeds,
-    load_weights,
-    make_model,
-    make_policy,
-    make_vec_env,
-    make_vector,
-    save_policy,
-    set_std,
-    training_seed,
-    whole_archive,
-)
+from agents.ppo import make_model, make_policy, make_vec_env, make_vector, set_std, training_seed
+from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
+from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
 _FILES = ("versions.json", "training.csv", "model.zip", "policy.pt", "evaluation.json")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import importlib.util
+import itertools
 import platform
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,6 +78,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
     commands.add_parser("play", add_help=False, help="play in a window, against people or programs")
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
+    _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, beside other players"))
     _add_replay(commands.add_parser("replay", help="run the shot or the game in a file again, and show it"))
     commands.add_parser("version", help="print the version and those of the packages that it uses")
     cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
@@ -109,6 +111,41 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
     add("--max-time", type=number, help="time at which the shot ends, s")
     _add_out(parser)
+
+
+def _add_evaluate(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Measure players in Billiards-v0, on layouts that no training uses. A player is module:function for a function "
+        "act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric or "
+        "search:K, which simulates K shots."
+    )
+    add = parser.add_argument
+    add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")
+    add(
+        "--beside",
+        nargs="*",
+        default=["random", "geometric", "search:200"],
+        metavar="PLAYER",
+        help="(default: all three)",
+    )
+    add("--task", help="the task, such as pot, carom or nine_ball (default: pot)")
+    add("--scene", help=f"the scene: {', '.join(SCENES)} (default: that of the task)")
+    add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: of the task)")
+    add("--layout", help="starting positions (default: those of the task)")
+    add("--action", help="velocity or strike (default: velocity)")
+    add("--max-shots", type=int, help="shots of an episode (default: those of the task)")
+    add("--mode", help="the engine: pic or pit (default: pic)")
+    add("--dt", type=number, help="timestep of pit, s, such as 1/60")
+    add(
+        "--noise",
+        type=number,
+        nargs=2,
+        default=(0.0, 0.0),
+        metavar=("DEGREES", "SPEED"),
+        help="execution noise: standard deviations of the direction and of the speed, m/s (default: none)",
+    )
+    add("--episodes", type=int, default=1000, help="(default: %(default)s)")
+    add("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")
 
 
 def _radians(text: str) -> Any:
@@ -174,6 +211,34 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
     if struck.miscue:
         print("the tip slips on the ball: a miscue")
     return struck.velocity, struck.spin
+
+
+def evaluate(args: argparse.Namespace) -> None:
+    """Runs the command `evaluate`."""
+    from billiards_env.evaluation import measure
+
+    names = ("task", "scene", "n_object_balls", "layout", "action", "max_shots", "mode", "dt")
+    arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
+    episodes, seed = whole("--episodes", args.episodes, Range(1, None)), whole("--seed", args.seed, Range(0, None))
+    players = [*args.player, *(player for player in args.beside if player not in args.player)]
+    width = max(map(len, players))
+    print(f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot")
+    for player in players:
+        shots = itertools.count(1)
+
+        def progress(player: str = player, shots: Iterator[int] = shots) -> None:
+            number = next(shots)
+            if sys.stderr.isatty() and number % 100 == 0:
+                print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
+
+        found = measure(player, arguments, tuple(args.noise), episodes, seed, progress)
+        low, high = found["confidence_interval_95"]
+        print(
+            f"{player:{width}}  {found['success_rate']:7.1%}  {f'{100 * low:.1f} to {100 * high:.1f}':>12}  "
+            f"{found['mean_score']:5.2f}  {found['mean_reward']:6.2f}  {found['mean_shots']:5.1f}  "
+            f"{found['ms_per_decision']:11.2f}",
+            flush=True,
+        )
 
 
 def replay(args: argparse.Namespace) -> None:
@@ -278,6 +343,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         if args.command == "simulate":
             simulate(args)
+        elif args.command == "evaluate":
+            evaluate(args)
         elif args.command == "replay":
             replay(args)
         elif args.command == "version":

@@ -20,11 +20,10 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-from agents.evaluate import play_together
-from agents.intervals import as_percent, over_seeds
-from agents.ppo import evaluation_seeds
 from benchmarks import machine, machine_line, table
+from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
+from billiards_env.intervals import as_percent, over_seeds
 from studies import RESULTS
 
 OUTPUT = RESULTS / "plain.json"

@@ -34,13 +34,13 @@ from pydantic.dataclasses import dataclass
 
 from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
 from agents.evaluate import evaluate
-from agents.intervals import as_percent, over_seeds
 from agents.runs import train_all
 from agents.train import Point, learning_curve
 from benchmarks import IMAGES, save, table
+from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json, write_whole
+from billiards_env.intervals import as_percent, over_seeds
 from studies import RESULTS, RUNS
-from studies.players import measure as play_alone
 
 CONFIG = Path(__file__).resolve().parent.parent / "configs" / "recipes.yaml"
 

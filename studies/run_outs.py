@@ -19,9 +19,9 @@ from typing import Any
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
+from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from studies import RESULTS
-from studies.players import measure as play_alone
 
 OUTPUT = RESULTS / "run_outs.json"
 
@@ -58,7 +58,7 @@ def measure(output: Path) -> dict[str, Any]:
 
     Returns:
         The content of the file: `machine`, `settings`, and `results[task][noise][player]`, see
-        `studies.players.measure`.
+        `billiards_env.evaluation.measure`.
 
     Raises:
         OSError: If the file cannot be read or written.

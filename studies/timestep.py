@@ -31,13 +31,14 @@ from tqdm import tqdm
 
 from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
 from agents.evaluate import deterministic
-from agents.ppo import evaluation_seeds, load_policy
+from agents.ppo import load_policy
 from agents.runs import train_all
 from agents.train import learning_curve, versions
 from benchmarks import IMAGES
 from billiards_env.engine.modes import checked_engine
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
 from billiards_env.envs.actions import cue_strike
+from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.shots.simulation import simulate
 from studies import RESULTS, RUNS, timestep_report

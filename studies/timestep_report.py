@@ -14,8 +14,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.intervals import as_percent, difference, over_seeds
 from benchmarks import save, table
+from billiards_env.intervals import as_percent, difference, over_seeds
 from studies.causes import CAUSES
 
 

@@ -15,8 +15,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 
 from agents.config import Config
-from agents.pot_head import PotFeatures
 from agents.ppo import make_policy, make_vector, training_seed
+from billiards_env.sb3.pot_head import PotFeatures
 
 # In a folder of this machine, because the clone may be on a disk that several machines share.
 _LOCK = Path(tempfile.gettempdir()) / f"billiards-env-{zlib.crc32(__file__.encode()):08x}.lock"

@@ -20,11 +20,12 @@ import ray  # pyright: ignore[reportMissingImports]
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from agents.config import Config
-from agents.ppo import make_policy, save_policy
+from agents.ppo import make_policy
 from agents.rllib.algorithm import ArrayPPO, algorithm_config
 from agents.rllib.settings import Settings
 from agents.train import LearningCurve, locked, progress_bar, start_from, versions
 from billiards_env.files import write_json
+from billiards_env.sb3.weights import save_policy
 
 
 def train(config: Config, settings: Settings, run_dir: Path) -> None:

@@ -8,11 +8,11 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.config import HEADS, Config, Hyperparameters, Noise, Policy, Std, changed, load
-from agents.policy import MixturePolicy
 from agents.ppo import make_env, make_model, make_policy, make_vec_env
 from billiards_env.envs import wrappers
 from billiards_env.envs.tasks import TASKS
 from billiards_env.players.pots import SPEEDS
+from billiards_env.sb3.policy import MixturePolicy
 
 FOLDER = Path(__file__).parents[2] / "configs"
 CONFIGS = sorted(path for folder in ("ppo", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml"))

@@ -13,11 +13,13 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.config import Config, Noise
-from agents.evaluate import deterministic, evaluate, main, play, play_together
-from agents.intervals import wilson_interval
-from agents.policy import MixturePolicy
-from agents.ppo import evaluation_seeds, load_policy, make_env, make_policy, make_vector, save_policy
+from agents.evaluate import deterministic, evaluate, main
+from agents.ppo import load_policy, make_env, make_policy, make_vector
 from billiards_env.envs import BilliardsEnv
+from billiards_env.evaluation import evaluation_seeds, play, play_together
+from billiards_env.intervals import wilson_interval
+from billiards_env.sb3.policy import MixturePolicy
+from billiards_env.sb3.weights import save_policy
 from tests.helpers.training import Pickled, trained_run
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from agents.config import Config
 from agents.policy_player import playable, policy
-from agents.ppo import make_env, make_policy, save_policy
+from agents.ppo import make_env, make_policy
 from billiards_env.games import custom_opening, opening
+from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import setup
 
 RNG = np.random.default_rng

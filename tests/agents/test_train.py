@@ -17,8 +17,9 @@ import agents
 from agents import train as module
 from agents.config import Config, load
 from agents.evaluate import evaluate
-from agents.ppo import evaluation_seeds, load_policy, training_seed
+from agents.ppo import load_policy, training_seed
 from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.evaluation import evaluation_seeds
 from tests.helpers.training import Pickled
 
 

@@ -13,10 +13,11 @@ import yaml
 
 from agents import runs
 from agents.config import Config, read
-from agents.evaluate import deterministic, play_together
-from agents.intervals import as_percent, over_seeds
-from agents.ppo import evaluation_seeds, load_policy, make_vector
+from agents.evaluate import deterministic
+from agents.ppo import load_policy, make_vector
 from agents.train import open_run
+from billiards_env.evaluation import evaluation_seeds, play_together
+from billiards_env.intervals import as_percent, over_seeds
 from studies import recipes
 from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
 

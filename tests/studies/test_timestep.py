@@ -12,11 +12,11 @@ import pytest
 import yaml
 
 from agents.config import Config
-from agents.intervals import over_seeds
-from agents.ppo import evaluation_seeds
 from agents.train import Point
 from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
+from billiards_env.evaluation import evaluation_seeds
+from billiards_env.intervals import over_seeds
 from studies import timestep as module
 from studies import timestep_report
 from studies.causes import CAUSES

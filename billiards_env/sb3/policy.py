@@ -18,12 +18,12 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
 import billiards_env  # noqa: F401  (registers the environment)
-from agents.cue_parts import NUMBERS, cue_of
-from agents.mixture import MixtureDistribution
-from agents.position_heads import HitAims, PointAims, PositionHead, Reflected
-from agents.pot_head import PotFeatures, PotHead
 from billiards_env.checks import one_of
 from billiards_env.envs import BilliardsEnv
+from billiards_env.sb3.cue_parts import NUMBERS, cue_of
+from billiards_env.sb3.mixture import MixtureDistribution
+from billiards_env.sb3.position_heads import HitAims, PointAims, PositionHead, Reflected
+from billiards_env.sb3.pot_head import PotFeatures, PotHead
 from billiards_env.scene import Scene
 
 HEADS = ("mixture", "hits", "pots")

@@ -1,6 +1,6 @@
 """Measurements of the players without training."""
 
-from studies.players import measure
+from billiards_env.evaluation import measure
 
 
 def test_success_rates():

@@ -13,16 +13,16 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
-from agents import config, policy
+from agents import config
 from agents.config import Config
-from agents.cue_parts import cue_of, cue_parts, turned
-from agents.mixture import NEVER, Components, MixtureDistribution
-from agents.policy import HEADS, MixturePolicy
-from agents.pot_head import FeatureBuffer, PotFeatures
 from agents.ppo import make_model, make_vec_env
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import cue_strike
 from billiards_env.players.pots import find_pots
+from billiards_env.sb3.cue_parts import cue_of, cue_parts, turned
+from billiards_env.sb3.mixture import NEVER, Components, MixtureDistribution
+from billiards_env.sb3.policy import HEADS, MixturePolicy
+from billiards_env.sb3.pot_head import FeatureBuffer, PotFeatures
 
 MIRRORS = [(1, -1), (-1, 1), (-1, -1)]
 SET = ("log_along", "log_across")  # names of the standard deviations that `set_std` sets
@@ -83,7 +83,7 @@ def learned(request) -> PPO:
 
 
 def test_the_configuration_and_the_policy_have_the_same_heads():
-    assert ("gaussian", *policy.HEADS) == config.HEADS
+    assert ("gaussian", *HEADS) == config.HEADS
 
 
 def test_ppo_trains_in_the_plain_environment_and_its_actions_are_velocities(learned):

@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormali
 
 from agents.config import Config
 from agents.ppo import make_env, make_vec_env
-from agents.vec_env import SameStepVecEnv
+from billiards_env.sb3.vec_env import SameStepVecEnv
 from tests.helpers.training import trained_run
 
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}

@@ -20,12 +20,12 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_
 from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from torch import Tensor, nn
 
-from agents.cue_parts import MOST, NUMBERS, cue_of, cue_parts, speed_gain, turned
-from agents.mixture import NEVER
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
 from billiards_env.physics.strike import CueNumbers
 from billiards_env.players import pots
+from billiards_env.sb3.cue_parts import MOST, NUMBERS, cue_of, cue_parts, speed_gain, turned
+from billiards_env.sb3.mixture import NEVER
 
 Floats = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.distributions import MultivariateNormal
 
-from agents.mixture import NEVER, Components, MixtureDistribution
+from billiards_env.sb3.mixture import NEVER, Components, MixtureDistribution
 
 FIELDS = 6
 

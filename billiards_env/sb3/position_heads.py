@@ -12,10 +12,10 @@ import torch
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
 from torch import Tensor, nn
 
-from agents.cue_parts import NUMBERS, cue_parts, turned
-from agents.mixture import NEVER, Components
 from billiards_env.envs import BilliardsEnv
 from billiards_env.physics.strike import CueNumbers
+from billiards_env.sb3.cue_parts import NUMBERS, cue_parts, turned
+from billiards_env.sb3.mixture import NEVER, Components
 
 _CRITIC = 32  # units of each of the two hidden layers of the value function
 

@@ -1,0 +1,188 @@
+"""Measures players in `Billiards-v0`: `billiards evaluate PLAYER --task pot`.
+
+A player is a function `act(observation) -> action`, or one of the names of `find_player`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, cast
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
+
+from billiards_env.checks import suggestion
+from billiards_env.envs.wrappers import ExecutionNoise
+from billiards_env.intervals import mean_interval, wilson_interval
+from billiards_env.players.env_player import situation
+from billiards_env.players.strategies import STRATEGIES, find_strategy
+
+Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
+
+FIRST_EVALUATION_SEED = 2**31
+"""Environment seeds are below this number in training, and not below it in evaluation."""
+
+
+def evaluation_seeds(seed: int, episodes: int) -> NDArray[np.int64]:
+    """Returns one environment seed for each episode, (episodes,); training uses none of them.
+
+    Example:
+        >>> bool((evaluation_seeds(0, 1000) >= 2**31).all())
+        True
+    """
+    return FIRST_EVALUATION_SEED + np.random.SeedSequence(seed).generate_state(episodes).astype(np.int64) // 2
+
+
+def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, Any]:
+    """Plays one episode for each seed.
+
+    Args:
+        env: The environment; the last `info` of an episode has `success` and `score`.
+        act: A function that returns the action for an observation.
+        seeds: The seeds of the episodes.
+
+    Returns:
+        `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` and its
+        `score_interval_95` (see `mean_interval`), and `mean_reward`, the mean over the episodes of the sum of the
+        rewards.
+    """
+    successes, scores, rewards = [], [], []
+    for seed in seeds:
+        observation, info = env.reset(seed=int(seed))
+        total, done = 0.0, False
+        while not done:
+            observation, reward, terminated, truncated, info = env.step(act(observation))
+            total += float(reward)
+            done = terminated or truncated
+        successes.append(bool(info["is_success"]))
+        scores.append(float(info["score"]))
+        rewards.append(total)
+    return summary(successes, scores, rewards)
+
+
+def play_together(
+    envs: VectorEnv[Any, Any, Any],
+    act: Act,
+    seeds: Sequence[int],
+) -> dict[str, Any]:
+    """Plays one episode for each seed, all at the same time. The episodes and the result are those of `play`.
+
+    `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.
+    """
+    observations, _ = envs.reset(seed=[int(seed) for seed in seeds])  # pyright: ignore[reportArgumentType]
+    over = np.zeros(len(seeds), np.bool_)
+    successes, scores, rewards = over.copy(), np.zeros(len(seeds)), np.zeros(len(seeds))
+    while not over.all():
+        observations, gained, terminated, truncated, infos = envs.step(act(observations))
+        rewards[~over] += gained[~over]
+        ended = (terminated | truncated) & ~over
+        if ended.any():
+            successes[ended] = infos["final_info"]["is_success"][ended]
+            scores[ended] = infos["final_info"]["score"][ended]
+        over |= ended
+    return summary(successes.tolist(), scores.tolist(), rewards.tolist())
+
+
+def summary(successes: Sequence[bool], scores: Sequence[float], rewards: Sequence[float]) -> dict[str, Any]:
+    """Returns the dictionary that `play` returns, from the outcome of each episode."""
+    return {
+        "episodes": len(successes),
+        "successes": sum(successes),
+        "success_rate": sum(successes) / len(successes),
+        "confidence_interval_95": list(wilson_interval(sum(successes), len(successes))),
+        "mean_score": sum(scores) / len(scores),
+        "score_interval_95": None if (interval := mean_interval(scores)) is None else list(interval),
+        "mean_reward": sum(rewards) / len(rewards),
+    }
+
+
+def find_player(
+    text: str, env: gym.Env[Any, Any], noise: tuple[float, float] = (0.0, 0.0), seed: int | None = None
+) -> Act:
+    """Returns the player of a name.
+
+    Args:
+        text: "random", "geometric" or "search:K" (see `players.strategies`), "policy:FOLDER" for the policy of a run,
+            or "module:function" for your own function `act(observation) -> action`.
+        env: The environment that it plays in.
+        noise: The execution noise in the simulations of "search", see `players.strategies.search`.
+        seed: The seed of the random numbers of "random" and "search".
+
+    Raises:
+        OSError: If the folder of a policy holds no finished run.
+        ModuleNotFoundError: If the extra `train` is not installed and a policy needs it.
+        TypeError: If the function does not take an observation.
+        ValueError: If there is no such player.
+    """
+    name, _, argument = text.partition(":")
+    if name in STRATEGIES:
+        strategy, rng, base = find_strategy(text, noise), np.random.default_rng(seed), cast(Any, env.unwrapped)
+        return lambda observation: strategy(situation(base), rng)
+    if name == "policy":
+        from billiards_env import sb3  # needs the extra `train`
+
+        given = cast(Any, env.spec).kwargs
+        policy = sb3.load_policy(argument, {key: given[key] for key in given if key != "render_mode"})[1]
+        return lambda observation: policy.predict(observation, deterministic=True)[0]
+    try:
+        act = getattr(importlib.import_module(name), argument)
+    except (AttributeError, ImportError, ValueError) as error:
+        known = (*STRATEGIES, "policy")
+        why = suggestion(name, known) or f" ({error})"
+        raise ValueError(
+            f"player = {text!r}: expected one of {', '.join(map(repr, known))}, or module:function{why}"
+        ) from error
+    try:
+        inspect.signature(act).bind(None)
+    except (TypeError, ValueError):
+        raise TypeError(f"player = {text!r}: expected a function act(observation) that returns an action") from None
+    return act
+
+
+def measure(
+    player: str,
+    arguments: Mapping[str, Any],
+    noise: tuple[float, float],
+    episodes: int,
+    seed: int,
+    progress: Callable[[], object] = lambda: None,
+) -> dict[str, Any]:
+    """Plays episodes with a player.
+
+    Args:
+        player: See `find_player`.
+        arguments: Arguments of `gym.make("Billiards-v0", ...)`.
+        noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s.
+        episodes: The number of episodes.
+        seed: The seed of the layouts, the noise and the player. Training uses none of these layouts.
+        progress: A function that is called before each shot.
+
+    Returns:
+        The results of `play`, `mean_shots`, the mean number of shots of an episode, and `ms_per_decision`, the median
+        time for the choice of a shot.
+
+    Raises:
+        OSError: As in `find_player`.
+        ValueError: If a name or an argument is unknown or impossible.
+        TypeError: If an argument has the wrong type.
+    """
+    env = gym.make("billiards_env:Billiards-v0", **arguments)
+    if any(noise):
+        env = ExecutionNoise(env, *noise)
+    choose, times = find_player(player, env, noise, seed), []
+
+    def act(observation: NDArray[np.float32]) -> NDArray[np.floating[Any]]:
+        progress()
+        begin = time.perf_counter()
+        action = choose(observation)
+        times.append(time.perf_counter() - begin)
+        return action
+
+    result = play(env, act, evaluation_seeds(seed, episodes).tolist())
+    env.close()
+    return {**result, "mean_shots": len(times) / episodes, "ms_per_decision": 1e3 * float(np.median(times))}

@@ -1,0 +1,24 @@
+"""Stable-Baselines3: an adapter of the vector environment, policies, and policies from files. Needs the extra `train`.
+
+Example:
+    >>> import gymnasium as gym
+    >>> from stable_baselines3 import PPO
+    >>> envs = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=64))
+    >>> model = PPO(MixturePolicy, envs, n_steps=16, batch_size=256, gamma=1.0, device="cpu")
+    >>> model.learn(2048).num_timesteps
+    2048
+"""
+
+from billiards_env.checks import missing
+
+try:
+    import stable_baselines3  # noqa: F401
+    import yaml  # noqa: F401
+except ModuleNotFoundError as error:
+    raise missing(error.name or "stable_baselines3", "train") from error
+
+from billiards_env.sb3.policy import MixturePolicy
+from billiards_env.sb3.vec_env import SameStepVecEnv
+from billiards_env.sb3.weights import load_policy
+
+__all__ = ["MixturePolicy", "SameStepVecEnv", "load_policy"]

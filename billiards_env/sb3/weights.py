@@ -1,0 +1,166 @@
+"""Policies in files: building a policy from its description, and writing and reading its weights."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch import Tensor
+
+from billiards_env.files import write_whole
+from billiards_env.sb3.policy import MixturePolicy, find_game
+
+ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
+
+
+def policy_class(head: str) -> type[ActorCriticPolicy]:
+    """Returns the class of a policy with a head: "gaussian" or one of `policy.HEADS`."""
+    return ActorCriticPolicy if head == "gaussian" else MixturePolicy
+
+
+def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the keyword arguments of a policy.
+
+    Args:
+        env: Arguments of `gym.make("Billiards-v0", ...)`.
+        description: The section `policy` of a configuration: `head`, `hidden`, `activation`, `components`, `speeds`,
+            `banks`.
+    """
+    arguments: dict[str, Any] = {
+        "net_arch": list(description["hidden"]),
+        "activation_fn": ACTIVATIONS[description["activation"]],
+    }
+    if description["head"] != "gaussian":
+        own = {name: description[name] for name in ("head", "components", "speeds", "banks") if name in description}
+        arguments |= {"env": dict(env), **own}
+    return arguments
+
+
+def build_policy(
+    env: Mapping[str, Any], description: Mapping[str, Any], learning_rate: Callable[[float], float] = lambda _: 0.0
+) -> ActorCriticPolicy:
+    """Returns an untrained policy.
+
+    Args:
+        env: As in `policy_arguments`.
+        description: As in `policy_arguments`.
+        learning_rate: The step size of the optimiser, as a function of the share of steps to come.
+
+    Raises:
+        ValueError: If an argument of the environment is impossible, or the head does not fit the task.
+        TypeError: If an argument of the environment has the wrong type.
+    """
+    game = find_game(env)
+    spaces = game.observation_space, game.action_space
+    return policy_class(description["head"])(*spaces, learning_rate, **policy_arguments(env, description))
+
+
+def check_finished(folder: Path) -> None:
+    """Raises a FileNotFoundError unless a folder holds a finished run."""
+    for name in ("config.yaml", "policy.pt"):
+        if not (folder / name).is_file():
+            raise FileNotFoundError(
+                f"run_dir = {str(folder)!r}: expected the folder of a finished run of agents.train, with {name}"
+            )
+
+
+def load_policy(
+    run_dir: str | os.PathLike[str], env: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], ActorCriticPolicy]:
+    """Returns a trained policy and the arguments of its environment.
+
+    Only weights are read from the file. Unlike `PPO.load`, this runs no code from the file.
+
+    Args:
+        run_dir: The folder of a run of `agents.train`, with `config.yaml` and `policy.pt`.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run. The weights of the head "pots"
+            do not depend on the number of balls.
+
+    Returns:
+        The arguments of `gym.make("Billiards-v0", ...)`, and the policy. `policy.predict` returns actions of this
+        environment. The value function of the policy is untrained.
+
+    Raises:
+        FileNotFoundError: If the folder holds no finished run.
+        OSError: If a file cannot be read.
+        ValueError: If `config.yaml` does not describe a policy, an argument of the environment is impossible, or
+            `policy.pt` does not hold the weights of the policy.
+        TypeError: If an argument of the environment has the wrong type.
+    """
+    folder = Path(run_dir)
+    check_finished(folder)
+    try:
+        config = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
+        arguments, description = {**config["env"], **(env or {})}, config["policy"]
+        policy = build_policy(arguments, description)
+    except (KeyError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"{folder / 'config.yaml'}: expected the sections env and policy of a run ({error})") from None
+    load_weights(policy, folder / "policy.pt")
+    policy.set_training_mode(False)
+    return arguments, policy
+
+
+def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
+    """Writes the weights of a policy without those of the value function."""
+    weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
+    buffer = io.BytesIO()
+    torch.save(weights, buffer)
+    write_whole(path, buffer.getvalue())
+
+
+def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
+    """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If the weights in the file are not those of this policy.
+    """
+    with whole_archive(path, "a policy's weights"):
+        weights = torch.load(path, map_location="cpu", weights_only=True)
+        if not isinstance(weights, dict) or not all(isinstance(tensor, Tensor) for tensor in weights.values()):
+            raise ValueError
+    try:
+        missing, unknown = policy.load_state_dict(weights, strict=False)
+        missing = [name for name in missing if not _is_value(name)]
+        if missing or unknown:
+            raise RuntimeError(f"missing {missing}, unknown {unknown}")
+    except (AttributeError, RuntimeError, TypeError) as error:
+        raise ValueError(f"{path} does not hold the policy of its configuration: {error}") from error
+
+
+@contextlib.contextmanager
+def whole_archive(path: Path, content: str) -> Iterator[None]:
+    """Checks a zip file and turns the exceptions of reading it into a ValueError.
+
+    The message of PyTorch is left out: it advises to load the file with `weights_only=False`, which runs its code.
+
+    Args:
+        path: The file.
+        content: What the file should hold, for the message.
+
+    Raises:
+        OSError: If the file cannot be opened.
+        ValueError: If the file is damaged or reading it raises another exception.
+    """
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                if archive.testzip() is not None:  # neither PyTorch nor Stable-Baselines3 compares the checksums
+                    raise ValueError
+            yield
+        except Exception:
+            expected = "expected a whole file of weights, it is damaged or holds other objects"
+            raise ValueError(f"{path} does not hold {content}: {expected}") from None
+
+
+def _is_value(name: str) -> bool:
+    """Returns whether weights of this name belong to the value function."""
+    return "value_net" in name
