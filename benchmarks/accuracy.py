@@ -11,12 +11,9 @@ those of PIC, which are compared with the oracle first. Run times are measured o
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,9 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, RESULTS, accuracy_report, check_counts, error_limit, machine, print_blocks
+from benchmarks import (
+    IMAGES,
+    RESULTS,
+    WORKERS,
+    Count,
+    accuracy_report,
+    error_limit,
+    machine,
+    parser_of,
+    report,
+    run_kinds,
+)
 from benchmarks.methods import PIC, Method, run_all, timer
-from billiards_env.files import write_json
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
@@ -88,7 +95,7 @@ def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
     return np.array(positions), np.array(velocities)
 
 
-def follow(task: tuple[str, int]) -> dict[str, Any]:
+def follow(name: str, seed: int) -> dict[str, Any]:
     """Runs one shot by the oracle and by every method.
 
     The shot is followed to its end, or until balls at rest press against each other, because the laws of impact do not
@@ -99,7 +106,6 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
         to which the shot is not followed. `complete`: whether the shot is followed to its end. `outcome_as_oracle`:
         whether PIC has the outcome of the oracle.
     """
-    name, seed = task
     scene = PROBLEMS[name].scene
     positions, velocities = shot_of(name, seed)
     pic = simulate(scene, positions, velocities, record=True)
@@ -129,16 +135,6 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
         and set(np.flatnonzero(pic.cushions_before_hit >= 0)) == set(hits),
         "errors": [errors([*(shot.at(t) for t in TIMES), shot.positions]) for shot in found],
     }
-
-
-def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
-    """Runs `follow` for the first `shots` shots of every problem."""
-    tasks = [(name, seed) for name in PROBLEMS for seed in range(shots)]
-    found: dict[str, list[dict[str, Any]]] = {name: [] for name in PROBLEMS}
-    with ProcessPoolExecutor(workers) as pool:
-        for task, result in zip(tasks, tqdm(pool.map(follow, tasks), "errors", len(tasks), unit="shot"), strict=True):
-            found[task[0]].append(result)
-    return found
 
 
 def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method, dict[str, float | int]]:
@@ -241,7 +237,7 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
     """
     on = machine()
     seconds = seconds_per_shot(shots, passes)
-    followed = follow_all(shots, workers)
+    followed = run_kinds(follow, PROBLEMS, shots, workers)
     playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
     with tqdm(desc="outcomes", total=len(playable) * len(PIT), unit="run") as bar:
         counts = {name: outcome_shots // (BREAKS if "break" in name else 1) or 1 for name in playable}
@@ -279,27 +275,26 @@ def packed(result: dict[str, Any]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.accuracy --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.accuracy", description="Run time against error, for every engine and timestep."
+    parser = parser_of(
+        "accuracy",
+        "Run time against error, for every engine and timestep.",
+        output=False,
+        shots=Count(64, "shots of each scene against the oracle", 4),  # the fourth break is followed to its end
+        outcomes=Count(2000, "shots of each scene for outcomes"),
+        passes=Count(3, "repetitions of the run time measurement"),
+        workers=WORKERS,
     )
-    parser.add_argument("--shots", type=int, default=64, help="shots of each scene against the oracle (64)")
-    parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
-    parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png")
     parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
-    # The fourth break is the first one that can be followed to its end.
-    check_counts(parser, args, shots=4, outcomes=1, passes=1, workers=1)
+    path = args.results / "accuracy.json"
     if args.again:
-        result = json.loads((args.results / "accuracy.json").read_text())
+        result = json.loads(path.read_text())
     else:
         result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
-        write_json(args.results / "accuracy.json", result)
     accuracy_report.draw_pareto(accuracy_report.unpacked(result), args.images / "pareto.png")
-    print_blocks(accuracy_report.blocks(result))
-    print(f"Written to {args.results / 'accuracy.json'}; drawn in {args.images}.")
+    report(result, accuracy_report.blocks, path)
 
 
 if __name__ == "__main__":

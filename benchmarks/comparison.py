@@ -22,7 +22,6 @@ A simulator that is not installed is left out.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import importlib.metadata
@@ -39,9 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, check_counts, error_limit, machine, machine_line, print_blocks, table
+from benchmarks import Count, error_limit, machine, machine_line, metres, parser_of, ratio, report, table
 from benchmarks.methods import PIC, timer
-from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
@@ -337,28 +335,20 @@ def _time(microseconds: float) -> str:
     return f"{microseconds:.0f} us" if ms < 1 else f"{ms:.1f} ms" if ms < 10 else f"{ms:,.0f} ms"
 
 
-def _ratio(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 10 else f"{ratio:,.0f}"
-
-
-def _metres(error: float | None) -> str:
-    return "" if error is None else f"{error:.1e} m"
-
-
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     short, long = [], []
     for row in result["rows"]:
         ours = row["simulator"] == "billiards-env"
         name = "**billiards-env**" if ours else row["simulator"]
-        times = [_time(row[kind]["us"]) + ("" if ours else f" ({_ratio(row[kind]['ratio'])}x)") for kind in KINDS]
+        times = [_time(row[kind]["us"]) + ("" if ours else f" ({ratio(row[kind]['ratio'])}x)") for kind in KINDS]
         if "gap" not in row["method"]:
-            short.append((row["laws"], name, row["method"], *times, _metres(row["1 object ball"]["median_error_m"])))
+            short.append((row["laws"], name, row["method"], *times, metres(row["1 object ball"]["median_error_m"])))
         for kind, (_, _, time) in KINDS.items():
             measured = row[kind]
             when = "end" if time is None else f"{time:g} s"
-            errors = [_metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
-            cells = (_time(measured["us"]), _ratio(measured["ratio"]), f"{measured['unfinished']}", when)
+            errors = [metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
+            cells = (_time(measured["us"]), ratio(measured["ratio"]), f"{measured['unfinished']}", when)
             cells += (*errors, f"{measured['compared']}")
             long.append((row["laws"], row["simulator"], row["method"], kind, *cells))
     batch = {
@@ -396,25 +386,17 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.comparison", description="Compare billiards-env with pooltool and pymunk."
-    )
-    parser.add_argument("--shots", type=int, default=100, help="shots of each kind (100)")
-    parser.add_argument("--passes", type=int, default=5, help="repetitions of the run time measurement (5)")
+    shots, passes = Count(100, "shots of each kind"), Count(5, "repetitions of the run time measurement")
+    parser = parser_of("comparison", "Compare billiards-env with pooltool and pymunk.", shots=shots, passes=passes)
     parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (that of .venv-pooltool, if any)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "comparison.json", help="JSON file")
     args = parser.parse_args(arguments)
-    check_counts(parser, args, shots=1, passes=1)
     python = args.pooltool_python or POOLTOOL_PYTHON
     if not python.exists():
         if args.pooltool_python:
             parser.error(f"--pooltool-python = {python}: expected a Python interpreter")
         print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
         python = None
-    result = measure(args.shots, args.passes, python)
-    write_json(args.output, result)
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    report(measure(args.shots, args.passes, python), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -7,10 +7,8 @@ reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots p
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -19,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
-from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
+from benchmarks import Count, machine, machine_line, parser_of, report, table
 from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
-from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import POOL_RADIUS, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
@@ -278,16 +275,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.speed --help`."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.speed", description="Measure the speed of shots.")
-    parser.add_argument("--repeats", type=int, default=11, help="number of passes (default: 11)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "speed.json", help="JSON file")
-    args = parser.parse_args(arguments)
-    check_counts(parser, args, repeats=1)
-    result = measure(args.repeats)
-    write_json(args.output, result)
-
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    args = parser_of("speed", "Measure the speed of shots.", repeats=Count(11, "number of passes")).parse_args(
+        arguments
+    )
+    report(measure(args.repeats), blocks, args.output)
 
 
 if __name__ == "__main__":

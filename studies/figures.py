@@ -75,13 +75,13 @@ GAMES = {
 
 def tables() -> Figure:
     """Returns a figure of all named tables at the same scale, the largest first."""
-    figure = Figure(figsize=(9, 7.3), dpi=120, facecolor="white")
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     names = sorted(TABLES, key=lambda name: -Table.named(name).length)
-    middle, top = (0.0, 3.95), 0.0
-    for left, right in (names[:2], names[2:4], names[4:]):
-        height = Table.named(left).width / 2 + rail_width(Table.named(left))
-        for name, x in zip((left, right), middle, strict=True):
+    figure = Figure(figsize=(9, 1.0 + 2.1 * math.ceil(len(names) / 2)), dpi=120, facecolor="white")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    top = 0.0
+    for k in range(0, len(names), 2):
+        height = max(Table.named(name).width / 2 + rail_width(Table.named(name)) for name in names[k : k + 2])
+        for name, x in zip(names[k : k + 2], (0.0, 3.95), strict=False):
             _draw_named_table(ax, name, np.array([x, top - height]))
             ax.text(x, top + 0.06, name, fontsize=10, color=INK, ha="center", va="bottom")
         top -= 2 * height + 0.36

@@ -7,7 +7,7 @@ recipes with and without english. The results of these lists are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
-* `docs/images/LIST.png`: the learning curves,
+* `docs/images/LIST.png`: the learning curves of the recipes in `figure`,
 * for `configs/recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
 
 The results of any other list are in `runs/LIST`.
@@ -59,7 +59,7 @@ class Recipes(Checked):
         seeds: The seeds. Each recipe is trained once with each seed.
         recipes: Paths of the recipes, which are configurations of `agents.train`, relative to the list.
         timesteps: The number of steps of each recipe; None for that of the recipe.
-        figure: The names of the recipes whose learning curves are drawn. If it is empty, all are drawn.
+        figure: The names of the recipes whose learning curves are drawn.
     """
 
     seeds: Annotated[tuple[Seed, ...], AfterValidator(distinct)]
@@ -301,14 +301,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         asked = read(Recipes, args.config)
         results = measure(asked, args.config.parent, places, args.jobs, args.address)
-        draw([r for r in results if not asked.figure or r["recipe"] in asked.figure], places.figure)
+        if asked.figure:
+            draw([r for r in results if r["recipe"] in asked.figure], places.figure)
     except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
     print(blocks({"results": results})["table"])
-    print(f"\nwritten to {places.summary}, {places.policies} and {places.figure}")
+    print("\nwritten to", *(path for path in (places.summary, places.policies, places.figure) if path.exists()))
 
 
 if __name__ == "__main__":

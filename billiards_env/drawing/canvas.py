@@ -13,6 +13,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +67,16 @@ RESULT_SHOWN = 1.0
 """s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
 
 
+class Caption(NamedTuple):
+    """The texts under a film: on the left, before the time, and on the right, shown in the last second."""
+
+    left: str = ""
+    right: str = ""
+
+
+NO_CAPTION = Caption()
+
+
 class Canvas:
     """Draws one scene.
 
@@ -112,8 +123,7 @@ class Canvas:
         self,
         recording: Recording,
         fps: float,
-        left: str = "",
-        right: str = "",
+        caption: Caption = NO_CAPTION,
         compare: Recording | None = None,
         arrow: bool = True,
         only_last: bool = False,
@@ -124,8 +134,7 @@ class Canvas:
         Args:
             recording: The shot.
             fps: Frames per second.
-            left: Text on the left, before the time.
-            right: Text on the right, shown in the last second.
+            caption: The texts under the table.
             compare: Another run of the same shot, drawn as rings.
             arrow: Whether to show the initial velocity of the cue ball.
             only_last: Whether to yield only the last frame, which is the same as in the whole film.
@@ -179,9 +188,9 @@ class Canvas:
                     self.stamp(frame, i, centres[k], RING)
             shown = [(i, centres[k]) for shot, ring, i, centres, _ in tracks if not ring and t < shot.gone[i]]
             self.draw_balls(frame, [i for i, _ in shown], [centre for _, centre in shown], turns.at(t))
-            line = f"{left}   {t:.2f} s" if duration > 0 else left
+            line = f"{caption.left}   {t:.2f} s" if duration > 0 else caption.left
             potted = np.flatnonzero(recording.gone <= t)
-            self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
+            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", potted)
             yield frame
 
     def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:

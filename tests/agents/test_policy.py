@@ -22,7 +22,7 @@ from agents.pot_head import FeatureBuffer, PotFeatures
 from agents.ppo import make_model, make_vec_env
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import cue_strike
-from billiards_env.players.pots import find_pots
+from billiards_env.players.pots import Tables, find_pots
 
 MIRRORS = [(1, -1), (-1, 1), (-1, -1)]
 SET = ("log_along", "log_across")  # names of the standard deviations that `set_std` sets
@@ -241,7 +241,7 @@ def test_without_a_pot_the_head_pots_plays_a_full_hit_on_the_nearest_ball():
     observations = layouts(3000, **env)
     positions = observations.reshape(-1, 3, 2) * size
     playing = np.zeros((3000, 3), np.bool_)
-    alone = find_pots(game.scene, game.targets, positions, playing, game.max_speed, most=5).count == 0
+    alone = find_pots(Tables(game.scene, game.targets, positions, playing, game.max_speed), most=5).count == 0
     assert alone.sum() >= 5
     ways = (positions[:, 1:] - positions[:, :1])[alone]
     nearest = ways[np.arange(len(ways)), np.hypot(*ways.T).T.argmin(1)]

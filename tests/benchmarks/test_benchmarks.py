@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+import benchmarks
 from benchmarks import (
     RESULTS,
     accuracy,
@@ -17,6 +18,7 @@ from benchmarks import (
     start_up,
     stress,
     table,
+    vector,
 )
 from benchmarks.methods import PIC, Method, timer
 from billiards_env.scene import Scene, check_positions
@@ -83,7 +85,7 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
 
 def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path, monkeypatch):
     monkeypatch.setattr(error_limit, "KINDS", {name: error_limit.KINDS[name] for name in ("carom", "gas of 16 disks")})
-    monkeypatch.setattr(error_limit, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
     written, picture = tmp_path / "e.json", tmp_path / "e.png"
     error_limit.main(["--shots", "1", "--workers", "1", "--output", str(written), "--picture", str(picture)])
     assert json.loads(written.read_text())["kinds"].keys() == error_limit.KINDS.keys()
@@ -103,7 +105,7 @@ def test_a_process_that_fails_raises(tmp_path):
 @pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
 def test_pic_is_exact_and_pit_is_not(name):
     ways = (PIC, *accuracy.PIT)
-    found = [accuracy.follow((name, seed)) for seed in range(3)]
+    found = [accuracy.follow(name, seed) for seed in range(3)]
     errors = dict(zip(ways, np.array([shot["errors"] for shot in found]).max(axis=0), strict=True))
     assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in found)
     assert errors[PIC].max() < 1e-9
@@ -112,7 +114,7 @@ def test_pic_is_exact_and_pit_is_not(name):
 
 def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
-    found = [accuracy.follow(("15-ball break", seed)) for seed in range(4)]
+    found = [accuracy.follow("15-ball break", seed) for seed in range(4)]
     errors = np.array([shot["errors"][0] for shot in found])
     complete = np.array([shot["complete"] for shot in found])
     assert 0 < complete.sum() < 4
@@ -133,7 +135,7 @@ def test_the_coarsest_timestep_has_only_good_results_from_there_on():
 
 def test_accuracy_is_printed_drawn_and_written(matplotlib, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(accuracy, "PIT", [m for m in accuracy.PIT if m.steps in (15, 60, 240)])
-    monkeypatch.setattr(accuracy, "follow_all", lambda shots, workers: {n: [accuracy.follow((n, 3))] for n in names})
+    monkeypatch.setattr(accuracy, "run_kinds", lambda work, kinds, *_: {name: [work(name, 3)] for name in kinds})
     names = list(accuracy.PROBLEMS)
     few = ["--shots", "4", "--outcomes", "40", "--passes", "1", "--workers", "1"]
     accuracy.main([*few, "--results", str(tmp_path), "--images", str(tmp_path)])
@@ -166,6 +168,7 @@ def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
         (speed, "--repeats"),
         (start_up, "--repeats"),
         (stress, "--workers"),
+        (vector, "--repeats"),
     ],
 )
 def test_counts_below_one_are_rejected(module, option, capsys):

@@ -11,7 +11,7 @@ from billiards_env.shots.simulation import simulate
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, pixels, side_by_side
+from billiards_env.drawing.canvas import Canvas, Caption, pixels, side_by_side
 from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks, rail_width
 
 
@@ -41,7 +41,7 @@ def test_a_film_has_a_frame_per_interval_and_one_for_the_end(shot):
 
 def test_frames_are_the_same_every_time(shot, pit):
     def film(canvas):
-        return [pixels(f).tobytes() for f in canvas.film(shot.recording(), 20, "one", "two", pit.recording())]
+        return [pixels(f).tobytes() for f in canvas.film(shot.recording(), 20, Caption("one", "two"), pit.recording())]
 
     canvas = Canvas(shot.scene, width=400)
     assert film(canvas) == film(canvas) == film(Canvas(shot.scene, width=400))
@@ -49,8 +49,8 @@ def test_frames_are_the_same_every_time(shot, pit):
 
 def test_only_last_yields_the_last_frame_of_the_film(shot, pit):
     canvas = Canvas(shot.scene, width=400)
-    film = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording())]
-    (last,) = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording(), only_last=True)]
+    film = [pixels(f) for f in canvas.film(shot.recording(), 30, Caption("a", "b"), pit.recording())]
+    (last,) = [pixels(f) for f in canvas.film(shot.recording(), 30, Caption("a", "b"), pit.recording(), only_last=True)]
     assert (film[-1] == last).all()
 
 
@@ -168,7 +168,7 @@ def test_texts_are_drawn_in_the_bar(shot):
     canvas = Canvas(shot.scene)
 
     def film(left, right):
-        return [pixels(frame) for frame in canvas.film(shot.recording(), 10, left, right)]
+        return [pixels(frame) for frame in canvas.film(shot.recording(), 10, Caption(left, right))]
 
     plain, left, right = film("", ""), film("a task", ""), film("", "a reward")
     assert all((a != b).any() for a, b in zip(plain, left, strict=True))

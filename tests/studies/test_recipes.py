@@ -123,6 +123,14 @@ def test_runs_that_are_not_finished_are_trained_in_their_own_processes(trained, 
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
+@pytest.mark.usefixtures("printed")
+def test_a_list_without_a_figure_has_no_picture(tmp_path):
+    (tmp_path / "runs" / "recipes.png").unlink()
+    (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml"]}))
+    run_command(tmp_path)
+    assert not (tmp_path / "runs" / "recipes.png").exists()
+
+
 def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     def failing(folder):
         (folder / "train.log").write_text("out of luck")
