@@ -61,6 +61,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
     return "\n".join(lines)
 
 
+def use_own_font() -> None:
+    """Selects the font that is part of matplotlib, so that pictures are the same on every machine."""
+    import matplotlib
+
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"
+
+
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure of matplotlib as PNG, completely or not at all.
 

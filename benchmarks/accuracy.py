@@ -50,16 +50,10 @@ BREAKS = 8  # number of other shots per break in the comparison of outcomes, bec
 
 
 class Problem(NamedTuple):
-    """Random shots in a scene.
-
-    Attributes:
-        scene: The scene.
-        draw: Draws positions, m, and velocities, m/s.
-        column: Index in `TIMES` of the time of the main error, or -1 for the end.
-    """
+    """Random shots in a scene; `column` is the index in `TIMES` of the time of the main error, or -1 for the end."""
 
     scene: Scene
-    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    draw: error_limit.Draw
     column: int
 
 
@@ -198,9 +192,7 @@ def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[flo
 
 
 def rows_of(
-    followed: Sequence[dict[str, Any]],
-    seconds: dict[Method, list[float]],
-    wrong: dict[Method, dict[str, float | int]],
+    followed: Sequence[dict[str, Any]], seconds: dict[Method, list[float]], wrong: dict[Method, dict[str, float | int]]
 ) -> list[dict[str, Any]]:
     """Returns the results of a problem, one row per method."""
     rows = []
@@ -224,16 +216,10 @@ def rows_of(
 
 
 def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
-    """Runs all measurements.
+    """Returns the results of all measurements.
 
-    Args:
-        shots: Shots of each problem that are compared with the oracle.
-        outcome_shots: Shots of each problem whose outcomes are compared with those of PIC.
-        passes: Repetitions of the run time measurement.
-        workers: Processes and threads, except for run times.
-
-    Returns:
-        The content of `accuracy.json`.
+    `shots` of each problem are compared with the oracle, and the outcomes of `outcome_shots` with those of PIC. The run
+    times are measured in `passes` on one core, and all others by `workers`.
     """
     on = machine()
     seconds = seconds_per_shot(shots, passes)
@@ -255,12 +241,7 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
             "pic_outcome_as_oracle": sum(ends),
             "methods": rows_of(results, seconds[name], wrong.get(name, {})),
         }
-    return {
-        "machine": on,
-        "shots": shots,
-        "passes": passes,
-        "scenes": scenes,
-    }
+    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
 
 
 def packed(result: dict[str, Any]) -> dict[str, Any]:

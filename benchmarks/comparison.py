@@ -87,16 +87,10 @@ positions, s, or None for the end of the shot."""
 
 
 class Kind(NamedTuple):
-    """A kind of shots.
-
-    Attributes:
-        n_object_balls: The number of object balls.
-        draw: Draws positions, m, and the velocity of the cue ball, m/s.
-        time: The time at which positions are compared, s; None for the end of the shot.
-    """
+    """A kind of shots; the positions are compared at `time`, s, or at the end of the shot for None."""
 
     n_object_balls: int
-    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    draw: error_limit.Draw
     time: float | None
 
 
@@ -251,23 +245,15 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
 
 
 def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
-    """Runs all measurements.
+    """Returns the results of all measurements: `count` shots of each kind, and their run times in `passes`.
 
-    Args:
-        count: Shots of each kind.
-        passes: Repetitions of the run time measurement.
-        python: The interpreter of the environment of pooltool; None to leave pooltool out.
-
-    Returns:
-        The content of `comparison.json`.
+    `python` is the interpreter of the environment of pooltool; None leaves pooltool out.
     """
     found: dict[str, Any] = {"machine": machine(), "shots": count, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
     # are compared with pooltool, because pooltool always records them.
     simulators: dict[str, list[tuple[str, str, Runner]]] = {
-        "friction and spin": [("billiards-env", "event-driven", billiards_env(record=True))],
-        "throw and jaws": [("billiards-env", "event-driven", billiards_env(record=True))],
-        "elastic disks": [("billiards-env", "event-driven", billiards_env(record=False))],
+        laws: [("billiards-env", "event-driven", billiards_env(record=laws != "elastic disks"))] for laws in LAWS
     }
     with contextlib.ExitStack() as stack:
         if python:
@@ -322,10 +308,7 @@ def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes:
         }
         for times, not_done, off in zip(per_shot, unfinished, errors, strict=True)
     ]
-    positions, velocities = (np.array(part) for part in zip(*shots, strict=True))
-    moving = np.zeros_like(positions)
-    moving[:, 0] = velocities
-    call = timer(scene, positions, moving, PIC)
+    call = timer(scene, *(np.array(part) for part in zip(*shots, strict=True)), PIC)
     found[0]["us_in_a_batch"] = 1e6 * float(np.median([call() for _ in range(passes)]))
     return found
 
@@ -337,6 +320,19 @@ def _time(microseconds: float) -> str:
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
+    head = (
+        "laws",
+        "simulator",
+        "method",
+        "shot",
+        "time",
+        "ratio",
+        "unfinished",
+        "compared at",
+        "error",
+        "90 %",
+        "shots",
+    )
     short, long = [], []
     for row in result["rows"]:
         ours = row["simulator"] == "billiards-env"
@@ -361,19 +357,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "comparison": table(("laws", "simulator", "method", "1 object ball", "break", "error"), short, left=3),
         "how": f"{result['shots']} shots of each kind; medians of {result['passes']} interleaved passes.",
         "shots": table(
-            (
-                "laws",
-                "simulator",
-                "method",
-                "shot",
-                "time",
-                "ratio",
-                "unfinished",
-                "compared at",
-                "error",
-                "90 %",
-                "shots",
-            ),
+            head,
             sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
             left=4,
         ),

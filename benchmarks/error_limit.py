@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import mpmath
 import numpy as np
@@ -27,6 +27,8 @@ from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
+Draw: TypeAlias = Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+"""Draws the positions (n, 2), m, and the velocities (n, 2) or (2,), m/s, of a shot."""
 
 OF_A_RADIUS = 1e-3
 GAS_COLLISIONS = 100
@@ -60,7 +62,7 @@ def _gas(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 _LOOSE, _TIGHT = functools.partial(_break, loose=True), functools.partial(_break, loose=False)
-KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]]] = {
+KINDS: dict[str, tuple[Scene, Draw]] = {
     "1 object ball": (Scene.named("pool", 1), _shot),
     "2 object balls": (Scene.named("pool", 2), _shot),
     "5 object balls": (Scene.named("pool", 5), _shot),
@@ -78,11 +80,7 @@ KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Float
 
 
 def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
-    """Runs one shot by the engine and by the oracle.
-
-    Args:
-        kind: One of `KINDS`.
-        seed: The number of the shot.
+    """Runs a shot of one of `KINDS` by the engine and by the oracle.
 
     Returns:
         error (m), condition (m), ratio (error over condition times the unit roundoff), same_events, to_end (whether the

@@ -57,11 +57,7 @@ def run(code: str, cache: Path) -> list[float]:
 
 
 def measure(repeats: int, compilations: int) -> dict[str, Any]:
-    """Starts the processes; the kinds take turns.
-
-    Args:
-        repeats: Starts of each kind.
-        compilations: Starts with an empty cache, which take much longer.
+    """Starts the processes, `compilations` of them with an empty cache; the kinds take turns.
 
     Returns:
         `seconds`, a list for each measured quantity, and `median_seconds`.

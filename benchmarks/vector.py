@@ -108,11 +108,7 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs all measurements `repeats` times.
-
-    Args:
-        repeats: Number of passes over the kinds of environments.
-        scale: Factor on the number of steps in a pass.
+    """Runs all measurements `repeats` times; `scale` is a factor on the number of steps in a pass.
 
     Returns:
         `steps`: a list with one entry per kind, with rates per second. `outside_engine`: the share of a step of 1,024

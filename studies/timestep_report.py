@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from agents.intervals import as_percent, difference, over_seeds
-from benchmarks import save, table
+from benchmarks import save, table, use_own_font
 from studies.causes import CAUSES
 
 
@@ -109,16 +108,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def draw(result: Mapping[str, Any], path: Path) -> None:
-    """Draws the success in the world of the training and in the exact world, against the timestep.
-
-    Args:
-        result: The result of a study, see `studies.timestep`.
-        path: The PNG file to write.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    """Draws the success in the world of the training and in the exact world, against the timestep."""
+    use_own_font()
     means = summary(result)
     # The exact world, whose timestep would be 0, is on the left.
     worlds = sorted(means, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks import use_own_font
 from benchmarks.validation import collisions, cushions
 
 # Okabe and Ito (2008): distinct with every kind of colour vision
@@ -18,7 +18,7 @@ MEASURED: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": "black"
 
 def picture() -> Figure:
     """Draws the throw, the path of a rolling cue ball, and the speed after a cushion, with the measured values."""
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    use_own_font()
     figure = Figure(figsize=(10, 3.8), dpi=120, facecolor="white", layout="constrained")
     throw, paths, speeds = figure.subplots(1, 3)
     cuts = np.linspace(0.5, 85.0, 170)

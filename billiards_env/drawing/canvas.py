@@ -30,18 +30,7 @@ from billiards_env.drawing.materials import paint_table
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, shadow
-from billiards_env.drawing.style import (
-    ARROW,
-    ARROW_START,
-    CHALK,
-    INK,
-    PAPER,
-    POTTED,
-    RAIL,
-    looks,
-    rail_width,
-    tray,
-)
+from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
 from billiards_env.drawing.text import text_image
 from billiards_env.scene import Scene
 
@@ -265,23 +254,19 @@ class Canvas:
         """Draws a line with round ends through points (m, 2), pixels."""
         if not np.ptp(points, axis=0).any():
             return
-        z, wide = PATH_ZOOM, max(1.6, self.size[0] / 420)
-        corner = np.floor(points.min(0) - wide).astype(int)
-        side = np.ceil(points.max(0) + wide).astype(int) - corner
-        ink = pygame.Color(colour)
-        large = Surface((z * side).tolist(), pygame.SRCALPHA, 32)
-        large.fill((ink.r, ink.g, ink.b, 0))
-        line = z * (points - corner)
-        half = z * wide / 2
+        wide = max(1.6, self.size[0] / 420)
+        large, corner = _enlarged(points, wide, colour)
+        line = PATH_ZOOM * (points - corner)
+        half = PATH_ZOOM * wide / 2
         for start, end in itertools.pairwise(line):
             along = end - start
             length = math.hypot(*along)
             if length > 0:
                 across = half / length * np.array([-along[1], along[0]])
-                pygame.draw.polygon(large, ink, [*(start + across, end + across), *(end - across, start - across)])
+                pygame.draw.polygon(large, colour, [*(start + across, end + across), *(end - across, start - across)])
         for point in line:
-            pygame.draw.circle(large, ink, point, half)
-        surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
+            pygame.draw.circle(large, colour, point, half)
+        surface.blit(_reduced(large), corner.tolist())
 
     def draw_arrow(self, surface: Surface, ball: int, position: Floats, velocity: Floats) -> None:
         """Draws the velocity (2,), m/s, of a ball at `position` (2,), m, as an arrow from its edge."""
@@ -303,13 +288,9 @@ class Canvas:
         shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]
         shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
         points = np.array(shape)
-        corner = np.floor(points.min(0) - 1).astype(int)
-        side = np.ceil(points.max(0) + 1).astype(int) - corner
-        large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
-        ink = pygame.Color(CHALK)
-        large.fill((ink.r, ink.g, ink.b, 0))
-        pygame.draw.polygon(large, ink, (PATH_ZOOM * (points - corner)).tolist())
-        small = pygame.transform.smoothscale(large, side.tolist())
+        large, corner = _enlarged(points, 1.0, CHALK)
+        pygame.draw.polygon(large, CHALK, (PATH_ZOOM * (points - corner)).tolist())
+        small = _reduced(large)
         small.set_alpha(210)
         surface.blit(small, corner.tolist())
 
@@ -350,15 +331,22 @@ class Canvas:
         return Painter(self.looks, np.full(n, radius)).paint(np.arange(n), np.zeros((n, 2)), faces)
 
 
+def _enlarged(points: Floats, margin: float, colour: str) -> tuple[Surface, NDArray[np.int_]]:
+    """Returns a transparent surface, `PATH_ZOOM` times as large as points and a margin, and its corner, pixels."""
+    corner = np.floor(points.min(0) - margin).astype(int)
+    side = np.ceil(points.max(0) + margin).astype(int) - corner
+    large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+    large.fill((*pygame.Color(colour)[:3], 0))
+    return large, corner
+
+
+def _reduced(large: Surface) -> Surface:
+    return pygame.transform.smoothscale(large, [side // PATH_ZOOM for side in large.get_size()])
+
+
 def pixels(surface: Surface) -> Frame:
     """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
-    width, height = surface.get_size()
-    array = np.empty((height, width, 3), np.uint8)
-    for k, view in enumerate(
-        (pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue)
-    ):
-        array[..., k] = view(surface).T
-    return array
+    return np.ascontiguousarray(pygame.surfarray.array3d(surface).swapaxes(0, 1))
 
 
 def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:

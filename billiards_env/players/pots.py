@@ -155,16 +155,9 @@ def find_pots(
     return pots
 
 
-def pot_shots(
-    scene: Scene,
-    targets: NDArray[np.bool_],
-    positions: Floats,
-    potted: NDArray[np.bool_],
-    max_speed: float,
-    cue: int = 0,
-) -> PotShots:
-    """Returns the pots of one table at several speeds. `positions` is (n, 2) and `potted` (n,), see `Tables`."""
-    pots = find_pots(Tables(scene, targets, positions[None], potted[None], max_speed, cue))
+def pot_shots(table: Tables) -> PotShots:
+    """Returns the pots of one table at several speeds. Its positions are (n, 2) and its potted balls (n,)."""
+    pots = find_pots(table._replace(positions=table.positions[None], potted=table.potted[None]))
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
     scratch = shots[:, GAPS] < 0

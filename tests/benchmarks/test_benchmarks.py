@@ -9,20 +9,9 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import (
-    RESULTS,
-    accuracy,
-    accuracy_report,
-    error_limit,
-    speed,
-    start_up,
-    stress,
-    table,
-    vector,
-)
-from benchmarks.methods import PIC, Method, timer
+from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, speed, start_up, stress, table, vector
+from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
-from billiards_env.shots.simulation import simulate_batch
 
 
 @pytest.fixture
@@ -34,7 +23,7 @@ def test_cases_are_repeatable_and_valid():
     for case, again in zip(speed.cases(0.001), speed.cases(0.001), strict=True):
         assert np.array_equal(case.positions, again.positions)
         assert np.array_equal(case.velocities, again.velocities)
-        simulate_batch(case.scene, case.positions, case.velocities, threads=1)
+        speed.run(case)
 
 
 def test_random_shots_are_at_most_as_fast_as_an_action():
@@ -47,7 +36,7 @@ def test_random_shots_are_at_most_as_fast_as_an_action():
 @pytest.mark.parametrize("rack", ["rack", "tight_rack"])
 def test_breaks_hit_the_rack(rack):
     case = speed.breaks("", "pool", rack, 20)
-    assert (simulate_batch(case.scene, case.positions, case.velocities).first_hit == 1).all()
+    assert (speed.run(case).first_hit == 1).all()
 
 
 def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
@@ -120,11 +109,6 @@ def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     assert 0 < complete.sum() < 4
     assert (np.isnan(errors[:, -1]) == ~complete).all()
     assert np.nanmax(errors[:, 0]) < 1e-9
-
-
-def test_a_timer_returns_the_seconds_per_shot():
-    positions, velocities = accuracy.shots_of("1 object ball", 4)
-    assert 0 < timer(accuracy.PROBLEMS["1 object ball"].scene, positions, velocities, PIC)() < 1
 
 
 def test_the_coarsest_timestep_has_only_good_results_from_there_on():

@@ -119,10 +119,7 @@ def test_play_runs_and_stops_at_the_end(player, shot, pit):
     player.evaluate(f"billiards.seek({end - 0.02}); billiards.play()")
     assert player.evaluate(
         "new Promise(done => setTimeout(() => done([billiards.playing, billiards.time]), 1000))"
-    ) == [
-        False,
-        end,
-    ]
+    ) == [False, end]
     player.click("#table")  # starts again
     assert player.evaluate("billiards.playing && billiards.time < 1")
     player.evaluate("billiards.pause()")

@@ -267,4 +267,4 @@ def test_pots_in_unusual_scenes(changes, positions, least):
         assert play(scene, table, found)[-1].all()
     nothing = search(scene, table, np.array([[False, True]]))
     assert nothing.count[0] == 0
-    assert not len(pot_shots(scene, np.array([False, False]), table[0], np.zeros(2, np.bool_), 4.0).speed)
+    assert not len(pot_shots(Tables(scene, np.zeros(2, np.bool_), table[0], np.zeros(2, np.bool_), 4.0)).speed)
