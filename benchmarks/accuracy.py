@@ -75,16 +75,13 @@ PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
 
 
 def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
-    """Returns the positions (n, 2), m, and velocities (n, 2), m/s, of a shot of a problem."""
+    """Returns the positions and velocities of a shot of a problem, see `error_limit.Draw`."""
     scene, draw, _ = PROBLEMS[name]
-    positions, velocities = draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
-    moving = np.zeros_like(positions)
-    moving[0 if velocities.ndim == 1 else slice(None)] = velocities
-    return positions, moving
+    return draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
 
 
 def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
-    """Returns the first `count` shots of a problem, (m, n, 2) each."""
+    """Returns the positions and velocities of the first `count` shots of a problem."""
     positions, velocities = zip(*(shot_of(name, seed) for seed in range(count)), strict=True)
     return np.array(positions), np.array(velocities)
 

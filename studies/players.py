@@ -21,22 +21,14 @@ from billiards_env.players.strategies import find_strategy
 def measure(
     name: str, arguments: Mapping[str, Any], noise: tuple[float, float], episodes: int, seed: int
 ) -> dict[str, Any]:
-    """Plays episodes on the layouts of `agents.evaluate` with a player without training.
+    """Plays episodes of `gym.make("Billiards-v0", **arguments)` on the layouts of `agents.evaluate`.
 
-    Args:
-        name: The player, see `billiards_env.players.strategies.find_strategy`.
-        arguments: Arguments of `gym.make("Billiards-v0", ...)`.
-        noise: Standard deviations of the execution noise: of the direction, degrees, and of the speed, m/s.
-        episodes: The number of episodes.
-        seed: The seed of the layouts, the noise and the player.
+    `name` is a player without training, see `find_strategy`. `noise` has the standard deviations of the execution
+    noise: of the direction, degrees, and of the speed, m/s. `seed` is that of the layouts, the noise and the player.
 
     Returns:
         The results of `agents.evaluate.play`, `mean_shots`, the mean number of shots of an episode, and
         `ms_per_decision`, the median time for the choice of a shot.
-
-    Raises:
-        ValueError: If a name or an argument is unknown or impossible.
-        TypeError: If an argument has the wrong type.
     """
     env = gym.make(ENV_ID, **arguments)
     if any(noise):

@@ -79,14 +79,7 @@ class Recipes(Checked):
 
 
 class Places(NamedTuple):
-    """The files and folders that the command reads and writes.
-
-    Attributes:
-        runs: The folder of the runs.
-        summary: The JSON file of the results.
-        policies: The folder of the policies.
-        figure: The PNG file of the learning curves.
-    """
+    """The folders of the runs and the policies, the JSON file of the results, and the PNG file of the curves."""
 
     runs: Path
     summary: Path

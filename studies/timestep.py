@@ -173,13 +173,9 @@ def measure(
 def compare(
     recipe: Config, worlds: Mapping[str, Mapping[str, Any]], runs: Sequence[Run], layouts: int
 ) -> dict[str, Any]:
-    """Plays the policies in all worlds.
+    """Plays the policies of finished runs in all worlds, on a number of layouts.
 
-    Args:
-        recipe: The configuration of the training, apart from the world and the seed.
-        worlds: The arguments of `gym.make` of each world, by name; "exact" is among them.
-        runs: The finished runs.
-        layouts: The number of layouts.
+    `worlds` has the arguments of `gym.make` of each world, by name; "exact" is among them.
 
     Returns:
         Plain data: `versions`; `worlds_measured`, the arguments and speed of each world; and `policies`. A policy has

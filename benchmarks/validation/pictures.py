@@ -36,7 +36,7 @@ def picture() -> Figure:
     _dress(paths, "30-degree rule", "cut angle (°)", "deflection of the cue ball (°)", 40, "lower center")
 
     before = np.linspace(0.05, 3.6, 100)
-    for (name, physics), colour in zip(cushions.models().items(), COLOURS, strict=True):
+    for (name, physics), colour in zip(cushions.MODELS.items(), COLOURS, strict=True):
         speeds.plot(before, cushions.bounce(physics, 90.0, before)[0], color=colour, label=name)
     speeds.plot(*np.array(cushions.FIGURE_7A).T, **{**MEASURED, "markersize": 4})
     _dress(speeds, "Rolling into a cushion at 90°", "speed before (m/s)", "speed after (m/s)", 4, "upper left")

@@ -346,7 +346,12 @@ def _reduced(large: Surface) -> Surface:
 
 def pixels(surface: Surface) -> Frame:
     """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
-    return np.ascontiguousarray(pygame.surfarray.array3d(surface).swapaxes(0, 1))
+    width, height = surface.get_size()
+    array = np.empty((height, width, 3), np.uint8)
+    planes = pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue
+    for k, view in enumerate(planes):
+        array[..., k] = view(surface).T
+    return array
 
 
 def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[Surface]:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from benchmarks import comparison
-from billiards_env.shots.simulation import simulate
 
 ECHO = """
 import json, sys
@@ -74,13 +73,11 @@ def test_the_table_of_made_up_results():
     assert blocks["machine"].endswith("pooltool 1.2")
 
 
-def test_shots_are_repeatable_and_legal():
-    for laws in comparison.LAWS:
-        for kind in comparison.KINDS:
-            scene = comparison.scene_of(laws, kind)
-            for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
-                assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
-                assert simulate(scene, *shot).status in ("rest", "max_time")
+@pytest.mark.parametrize("laws", comparison.LAWS)
+@pytest.mark.parametrize("kind", comparison.KINDS)
+def test_shots_are_repeatable(laws, kind):
+    for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
 
 
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):

@@ -55,14 +55,6 @@ def test_a_ball_in_the_way_blocks_a_pot():
         assert ((found.ball == 1) & (found.pocket == 3)).any()
 
 
-def test_potted_balls_are_no_targets_and_no_obstacles():
-    positions = np.array([[0.4, -0.235], [0.97, 0.335], [0.7, 0.065]])
-    targets, potted = np.array([False, True, True]), np.array([False, False, True])
-    found = pot_shots(Tables(Scene.named("pool", 2), targets, positions, potted, 4.0))
-    assert set(found.ball.tolist()) == {1}
-    assert 3 in found.pocket
-
-
 def test_a_pocket_in_the_cue_balls_way_blocks_a_pot():
     # The cue ball's path to ball 1 runs along the cushion, over the mouth of a side pocket.
     positions = [[-0.5, 0.6], [0.5, 0.58]]

@@ -1,7 +1,4 @@
-import contextlib
 import dataclasses
-import functools
-import io
 import json
 import shutil
 import subprocess
@@ -16,51 +13,21 @@ from agents.config import Config, read
 from agents.evaluate import deterministic, play_together
 from agents.intervals import as_percent, over_seeds
 from agents.ppo import evaluation_seeds, load_policy, make_vector
-from agents.train import open_run
 from studies import recipes
 from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
+from tests.helpers.training import settings
 
 LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
 TWO = {"policy": {"head": "hits", "components": 3, "hidden": [8]}}
 
 
-def write_recipes(folder, tiny):
-    """Writes two tiny recipes with two seeds each."""
-    for name, changes in (("one", {}), ("two", TWO)):
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(tiny(timesteps=256, **changes)))
-    (folder / "recipes.yaml").write_text(
-        yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]})
-    )
-
-
 def run_command(folder, *arguments: str) -> None:
-    """Runs the command on the recipes in a folder, which also contains all its output."""
+    """Runs the command on two tiny recipes with two seeds each; a folder contains all files."""
+    for name, changes in (("one", {}), ("two", TWO)):
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(settings(timesteps=256, **changes)))
+    asked = {"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]}
+    (folder / "recipes.yaml").write_text(yaml.safe_dump(asked))
     main([str(folder / "recipes.yaml"), "--folder", str(folder / "runs"), *arguments])
-
-
-@pytest.fixture
-def command(tiny, tmp_path):
-    """Returns a function that runs the command in `tmp_path`."""
-    write_recipes(tmp_path, tiny)
-    return functools.partial(run_command, tmp_path)
-
-
-@pytest.fixture(scope="module")
-def trained_recipes(tiny, tmp_path_factory):
-    """Returns the folder of a finished command, and its output."""
-    folder, output = tmp_path_factory.mktemp("trained"), io.StringIO()
-    write_recipes(folder, tiny)
-    with contextlib.redirect_stdout(output):
-        run_command(folder)
-    return folder, output.getvalue()
-
-
-@pytest.fixture
-def printed(trained_recipes, tmp_path):
-    """Returns the output of a finished command, whose files are in `tmp_path`."""
-    folder, output = trained_recipes
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    return output.replace(str(folder), str(tmp_path))
 
 
 def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path):
@@ -127,7 +94,7 @@ def test_runs_that_are_not_finished_are_trained_in_their_own_processes(trained, 
 def test_a_list_without_a_figure_has_no_picture(tmp_path):
     (tmp_path / "runs" / "recipes.png").unlink()
     (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml"]}))
-    run_command(tmp_path)
+    main([str(tmp_path / "recipes.yaml"), "--folder", str(tmp_path / "runs")])
     assert not (tmp_path / "runs" / "recipes.png").exists()
 
 
@@ -143,13 +110,6 @@ def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     assert not (tmp_path / "runs" / "recipes.json").exists()
     with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
         command("--jobs", "0")
-
-
-def test_a_run_of_another_configuration_is_refused(tiny, tmp_path):
-    asked = {tmp_path: dataclasses.replace(Config.from_dict(tiny()), seed=3)}
-    open_run(Config.from_dict(tiny()), tmp_path)
-    with pytest.raises(ValueError, match="holds a run of another configuration"):
-        runs.train_all(asked, 1)
 
 
 @pytest.mark.parametrize(
