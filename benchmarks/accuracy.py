@@ -33,10 +33,10 @@ from benchmarks import (
     report,
     run_kinds,
 )
-from benchmarks.methods import PIC, Method, run_all, timer
+from benchmarks.methods import PIC, Method, timer
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
-from billiards_env.shots.simulation import simulate
+from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
@@ -108,14 +108,12 @@ def follow(name: str, seed: int) -> dict[str, Any]:
     except OracleError as stopped:
         exact = stopped.shot
         known_until = min(known_until, float(exact.time))
-    complete = known_until == np.inf
-    places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in (*TIMES, np.inf)]
+    complete, moments = known_until == np.inf, np.array([*TIMES, np.inf])
+    places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in moments]
 
     def errors(found: Sequence[Floats]) -> list[float]:
-        apart = [np.sqrt(((a - b) ** 2).sum(axis=1).mean()) for a, b in zip(found, places, strict=True)]
-        return [
-            float(e) if complete or t < known_until else np.nan for e, t in zip(apart, (*TIMES, np.inf), strict=True)
-        ]
+        apart = np.sqrt(((np.array(found) - places) ** 2).sum(axis=2).mean(axis=1))
+        return np.where(complete | (moments < known_until), apart, np.nan).tolist()
 
     hits = [e.other for e in exact.events if e.kind == "ball_ball" and e.ball == 0 and float(e.time) < known_until]
     found = (simulate(scene, positions, velocities, record=True, **method.engine) for method in (PIC, *PIT))
@@ -144,7 +142,7 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
 
     def outcome(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
-        batch = run_all(scene, positions, velocities, method, workers)
+        batch = simulate_batch(scene, positions, velocities, threads=workers, **method.engine)
         touched = batch.cushions_before_hit[:, 1:] >= 0
         if scene.table.pockets:
             return (

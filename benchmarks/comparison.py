@@ -68,12 +68,9 @@ POOLTOOL_GAPS = (1e-6, 1e-9)
 
 
 class Outcome(NamedTuple):
-    """The outcome of a shot.
+    """The outcome of a shot: positions (n, 2), m, the run time, and whether the simulator ran the whole shot.
 
-    Attributes:
-        positions: (n, 2) m; None if the simulator stopped before the time of comparison.
-        seconds: The run time.
-        finished: Whether the shot was run to its end, or to the time of comparison.
+    The positions are None if it stopped before the time of comparison.
     """
 
     positions: Floats | None
@@ -308,7 +305,8 @@ def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes:
         }
         for times, not_done, off in zip(per_shot, unfinished, errors, strict=True)
     ]
-    call = timer(scene, *(np.array(part) for part in zip(*shots, strict=True)), PIC)
+    positions, velocities = (np.array(part) for part in zip(*shots, strict=True))
+    call = timer(scene, positions, velocities, PIC)
     found[0]["us_in_a_batch"] = 1e6 * float(np.median([call() for _ in range(passes)]))
     return found
 

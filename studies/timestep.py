@@ -85,11 +85,7 @@ class Study(Checked):
 
 
 def world_arguments(world: str, fix: str | None) -> dict[str, Any]:
-    """Returns the arguments of `gym.make` for a world: `mode`, `dt` and `fix`.
-
-    Args:
-        world: "exact", or a timestep as a fraction.
-        fix: How a world with a timestep resolves overlaps.
+    """Returns the arguments of `gym.make` for the world "exact", or for a timestep as a fraction: `mode`, `dt`, `fix`.
 
     Raises:
         ValueError: If the world is neither.

@@ -19,10 +19,7 @@ from studies.causes import CAUSES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Returns the means over the seeds of the policies trained in each world.
-
-    Args:
-        result: The result of a study, see `studies.timestep`.
+    """Returns the means over the seeds of the policies trained in each world, from the result of `studies.timestep`.
 
     Returns:
         By world: `own` and `exact`, the success in the world itself and in the exact one; `behind`, the success in the

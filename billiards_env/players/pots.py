@@ -112,11 +112,7 @@ class PotShots(NamedTuple):
 
 
 def find_pots(
-    tables: Tables,
-    *,
-    most: int | None = None,
-    offset: tuple[float, float] = (0.0, 0.0),
-    banks: bool = False,
+    tables: Tables, *, most: int | None = None, offset: tuple[float, float] = (0.0, 0.0), banks: bool = False
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
