@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, speed, start_up, stress, table, vector
+from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, speed, start_up, stress, vector
 from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
 
@@ -166,12 +166,6 @@ def test_the_stress_run_is_not_larger_than_the_whole(scale, capsys):
     with pytest.raises(SystemExit):
         stress.main(["--scale", scale])
     assert f"--scale = {float(scale)}: expected a number in (0, 1]" in capsys.readouterr().err
-
-
-def test_tables_are_markdown():
-    rows = [("a", "1.00"), ("bcdef", "12.00")]
-    assert table(("what", "s"), rows) == "| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |"
-    assert table(("what", "s"), rows, left=2).splitlines()[1:3] == ["| ----- | ----- |", "| a     | 1.00  |"]
 
 
 def test_the_stress_table_has_sums_and_maxima():

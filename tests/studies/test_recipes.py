@@ -11,7 +11,6 @@ import yaml
 from agents import runs
 from agents.config import Config, read
 from agents.evaluate import deterministic, play_together
-from agents.intervals import as_percent, over_seeds
 from agents.ppo import evaluation_seeds, load_policy, make_vector
 from studies import recipes
 from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
@@ -160,27 +159,6 @@ def test_a_list_may_set_the_number_of_steps(tiny, tmp_path):
     asked = Recipes(seeds=(3,), recipes=("one.yaml",))
     assert asked.load(tmp_path)["one"] == Config.from_dict(tiny(timesteps=256))
     assert dataclasses.replace(asked, timesteps=100).load(tmp_path)["one"].timesteps == 100
-
-
-def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
-    def run(success, score, random, begun, seconds):
-        return {
-            "policy": {"success_rate": success, "mean_score": score},
-            "random": {"success_rate": random},
-            "curve": [[0, 0.0, 0.0, begun, 0.0], [9, seconds, 0.0, success, score]],
-        }
-
-    result = {
-        "recipe": "pot",
-        "config": {"timesteps": 2_500_000},
-        "runs": [run(0.9, 1.0, 0.02, 0.5, 60.0), run(0.8, 2.0, 0.04, 0.6, 120.0)],
-        "players": {name: {"success_rate": 0.1 * (k + 1)} for k, name in enumerate(PLAYERS)},
-    }
-    mean = as_percent(over_seeds([0.9, 0.8]))
-    players = [f"{10.0 * (k + 1):.1f}%" for k in range(len(PLAYERS))]
-    assert row(result) == ("pot", "2.5", "1.5", "90.0%, 80.0%", mean, "1.50", "3.0%", *players)
-    assert step(result) == ("pot", as_percent(over_seeds([0.5, 0.6])), "90.0%, 80.0%", mean, "1.5")
-    assert blocks({"results": [result, result]})["time"].startswith("PPO takes 6 minutes of one core")
 
 
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
