@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -168,21 +168,16 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
     return found
 
 
-def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[float]]]:
+def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Method], list[float]]:
     """Returns the mean time of a shot by problem and method, one entry per pass; methods take turns on one core."""
-    calls: dict[str, dict[Method, Callable[[], float]]] = {}
+    calls = {}
     for name, problem in PROBLEMS.items():
-        positions, velocities = shots_of(name, min(shots, TIMED))
-        calls[name] = {method: timer(problem.scene, positions, velocities, method) for method in (PIC, *PIT)}
-    found: dict[str, dict[Method, list[float]]] = {
-        name: {method: [] for method in some} for name, some in calls.items()
-    }
-    with tqdm(desc="times", total=passes * sum(map(len, calls.values())), unit="run") as bar:
-        for _ in range(passes):
-            for name, some in calls.items():
-                for method, call in some.items():
-                    found[name][method].append(call())
-                    bar.update()
+        few = shots_of(name, min(shots, TIMED))
+        calls |= {(name, method): timer(problem.scene, *few, method) for method in (PIC, *PIT)}
+    found: dict[tuple[str, Method], list[float]] = {key: [] for key in calls}
+    for _ in tqdm(range(passes), "times", unit="pass"):
+        for key, call in calls.items():
+            found[key].append(call())
     return found
 
 
@@ -225,7 +220,7 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
         wrong = {name: outcomes(name, counts[name], workers, bar) for name in playable}
     scenes = {}
     for name, problem in PROBLEMS.items():
-        results = followed[name]
+        results, times = followed[name], {method: seconds[name, method] for method in (PIC, *PIT)}
         ends = [result["outcome_as_oracle"] for result in results if result["complete"]]
         scenes[name] = {
             "n_balls": problem.scene.n_balls,
@@ -234,7 +229,7 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
             "compared": sum(not np.isnan(result["errors"][0][problem.column]) for result in results),
             "followed_to_the_end": len(ends),
             "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_of(results, seconds[name], wrong.get(name, {})),
+            "methods": rows_of(results, times, wrong.get(name, {})),
         }
     return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
 

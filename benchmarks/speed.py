@@ -112,10 +112,10 @@ def growing_gas(n: int, count: int) -> Case:
     return Case(f"{n:,}", scene, positions, rng.normal(0.0, GAS_SPEED, taken.shape))
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Returns the run time of `run()`, s."""
+def seconds(run: Callable[..., object], *arguments: Any) -> float:
+    """Returns the run time of `run(*arguments)`, s."""
     begin = perf_counter()
-    run()
+    run(*arguments)
     return perf_counter() - begin
 
 
@@ -152,10 +152,10 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     growth: list[list[float]] = [[] for _ in gases]
     for _ in range(repeats):
         for k, case in enumerate(every):
-            batch[k].append((seconds(lambda case=case: run(case)), seconds(lambda case=case: run(case, 2))))
+            batch[k].append((seconds(run, case), seconds(run, case, 2)))
         calls.append(time_calls(every[0]))
         for gas, found in zip(gases, growth, strict=True):
-            found.append(seconds(lambda gas=gas: run(gas)) / len(gas.positions))
+            found.append(seconds(run, gas) / len(gas.positions))
 
     rows = []
     for case, passes, outcome in zip(every, batch, outcomes, strict=True):
@@ -204,7 +204,7 @@ def time_calls(case: Case) -> dict[str, float]:
         env.step(action)
         stepping += perf_counter() - begin
     return {
-        "simulate_batch": seconds(lambda: run(few)) / n,
+        "simulate_batch": seconds(run, few) / n,
         "simulate": seconds(
             lambda: [simulate(few.scene, p, v) for p, v in zip(few.positions, few.velocities, strict=True)]
         )

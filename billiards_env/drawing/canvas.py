@@ -362,18 +362,13 @@ def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[S
     columns = math.ceil(math.sqrt(len(films)))
     rows = math.ceil(len(films) / columns)
     sheet: Surface | None = None
-    going = dict(enumerate(films))
-    while going:
-        for k, film in list(going.items()):
-            frame = next(film, None)
-            if frame is None:
-                del going[k]
-                continue
-            width, height = frame.get_width() + gap, frame.get_height() + gap
-            if sheet is None:
-                even = [(side - gap + 1) // 2 * 2 for side in (columns * width, rows * height)]
-                sheet = Surface(even, 0, 32)
-                sheet.fill(PAPER)
-            sheet.blit(frame, (k % columns * width, k // columns * height))
-        if going and sheet is not None:
-            yield sheet
+    for frames in itertools.zip_longest(*films):
+        width, height = max(frame.get_size() for frame in frames if frame is not None)
+        if sheet is None:
+            even = [(side + 1) // 2 * 2 for side in (columns * (width + gap) - gap, rows * (height + gap) - gap)]
+            sheet = Surface(even, 0, 32)
+            sheet.fill(PAPER)
+        for k, frame in enumerate(frames):
+            if frame is not None:
+                sheet.blit(frame, (k % columns * (width + gap), k // columns * (height + gap)))
+        yield sheet

@@ -1,4 +1,3 @@
-import dataclasses
 import json
 import shutil
 import subprocess
@@ -152,13 +151,6 @@ def test_the_players_play_the_game_and_the_layouts_of_a_recipe(tiny, monkeypatch
     same = Config.from_dict(tiny(env={"n_object_balls": 2}, timesteps=7, **TWO))
     assert recipes._players(same, 3, [{"config": quiet.to_dict()}, found]) is found["players"]
     assert not played
-
-
-def test_a_list_may_set_the_number_of_steps(tiny, tmp_path):
-    (tmp_path / "one.yaml").write_text(yaml.safe_dump(tiny(timesteps=256)))
-    asked = Recipes(seeds=(3,), recipes=("one.yaml",))
-    assert asked.load(tmp_path)["one"] == Config.from_dict(tiny(timesteps=256))
-    assert dataclasses.replace(asked, timesteps=100).load(tmp_path)["one"].timesteps == 100
 
 
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
