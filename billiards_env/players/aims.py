@@ -118,16 +118,10 @@ def _between_tips(scene, outline, i, p, x, y):
     right, left = outline.mouths[p]
     if min(right, left) < 0:
         return _rim_mouth(scene, i, p, x, y)
-    right_x, right_y = _past_tip(outline.tips[right], scene.radius[i], x, y, 1.0)
-    left_x, left_y = _past_tip(outline.tips[left], scene.radius[i], x, y, -1.0)
+    right_tip, left_tip, radius = outline.tips[right], outline.tips[left], scene.radius[i]
+    right_x, right_y = _tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
+    left_x, left_y = _tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
     return _middle(right_x, right_y, left_x, left_y)
-
-
-@inlined
-def _past_tip(tip, radius, x, y, side):
-    """Returns the direction, (x, y), in which a ball passes a tip on its left (side = 1) or right (side = -1)."""
-    to_x, to_y = tip[TIP_X] - x, tip[TIP_Y] - y
-    return _tangent(to_x, to_y, tip[TIP_RADIUS] + radius, side)
 
 
 @inlined
