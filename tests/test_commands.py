@@ -144,7 +144,7 @@ def test_the_targets_of_make_run_commands_that_exist(address, monkeypatch):
 
 def test_the_pages_show_commands_that_exist(monkeypatch):
     pages = [path.read_text(encoding="utf-8") for path in (*readme.PAGES, ROOT / "CONTRIBUTING.md")]
-    lines = [line for text in pages for line in re.findall(r"(?:^|`)python -m ([\w.]+[^`\n]*)", text, re.MULTILINE)]
+    lines = [line for text in pages for line in re.findall(r"(?:^|`)python -m ([\w.]+ [^`\n]+)", text, re.MULTILINE)]
     assert len(lines) > 10
     for line in lines:
         check_options(line, monkeypatch)

@@ -185,7 +185,9 @@ def test_physics_defaults_are_those_of_the_code():
 
 def test_commands_exist():
     pages = "\n".join(PAGES.values())
-    assert [module for module in overview.COMMANDS if not importlib.util.find_spec(module)] == []
+    modules = {*re.findall(r"python -m ([\w.]+)", pages), *overview.COMMANDS}
+    assert modules >= {"agents.train", "agents.evaluate", "benchmarks.speed"}
+    assert [module for module in sorted(modules) if not importlib.util.find_spec(module)] == []
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert set(re.findall(r"(?:^|`)make (?:\w+=\S+ )?(\w+)", pages, re.MULTILINE)) <= set(targets)
     assert [path for path in re.findall(r"configs/[\w/]+\.yaml", pages) if not (ROOT / path).is_file()] == []
