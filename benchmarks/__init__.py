@@ -9,14 +9,18 @@ from __future__ import annotations
 import argparse
 import importlib.metadata
 import io
+import itertools
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from tqdm import tqdm
 
 from billiards_env.checks import Range, whole
-from billiards_env.files import write_whole
+from billiards_env.files import write_json, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,11 +48,6 @@ def machine_line(m: Mapping[str, object]) -> str:
     return f"Machine: {m['cpu']}, {m['cores']} cores, load {m['load_average']}, {m['system']}; {versions}"
 
 
-def print_blocks(blocks: Mapping[str, str]) -> None:
-    """Prints blocks of Markdown."""
-    print("\n\n".join(blocks.values()))
-
-
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
     """Returns a Markdown table; the first `left` columns are left-aligned and the others right-aligned."""
     widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
@@ -60,6 +59,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> 
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def use_own_font() -> None:
+    """Selects the font that is part of matplotlib, so that pictures are the same on every machine."""
+    import matplotlib
+
+    matplotlib.rcParams["font.family"] = "DejaVu Sans"
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -75,13 +81,62 @@ def save(figure: Figure, path: Path) -> None:
     write_whole(path, small.getvalue())
 
 
-def check_counts(parser: argparse.ArgumentParser, args: argparse.Namespace, **least: int) -> None:
-    """Exits with an error if an argument is not a whole number of at least the given size."""
-    for name, low in least.items():
-        try:
-            whole(f"--{name}", getattr(args, name), Range(low, None))
-        except ValueError as error:
-            parser.error(str(error))
+def metres(error: float | None) -> str:
+    """Returns the text of an error, m; empty for None."""
+    return "" if error is None else f"{error:.1e} m"
+
+
+def ratio(value: float) -> str:
+    """Returns the text of a ratio with two or more digits."""
+    return f"{value:.2f}" if value < 1 else f"{value:.1f}" if value < 10 else f"{value:,.0f}"
+
+
+class Count(NamedTuple):
+    """An option that is a whole number: its default, its help, and its least value."""
+
+    default: int
+    text: str
+    least: int = 1
+
+
+def parser_of(name: str, description: str, output: bool = True, **counts: Count) -> argparse.ArgumentParser:
+    """Returns the parser of a benchmark, with its counts and, if it has an `output`, with its JSON file."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.{name}", description=description)
+    for option, (default, text, least) in counts.items():
+
+        def count(given: str, option: str = option, least: int = least) -> int:
+            try:
+                return whole(f"--{option}", int(given), Range(least, None))
+            except ValueError as error:
+                raise argparse.ArgumentTypeError(str(error)) from error
+
+        parser.add_argument(f"--{option}", type=count, default=default, help=f"{text} (default: {default})")
+    if output:
+        parser.add_argument("--output", type=Path, default=RESULTS / f"{name}.json", help="JSON file")
+    return parser
+
+
+WORKERS = Count(os.cpu_count() or 1, "processes")
+
+
+def run_kinds(
+    work: Callable[[str, int], dict[str, Any]], kinds: Iterable[str], shots: int, workers: int
+) -> dict[str, list[dict[str, Any]]]:
+    """Returns `work(kind, seed)` of the first shots of each kind, computed by some processes."""
+    tasks = list(itertools.product(kinds, range(shots)))
+    found: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
+    with ProcessPoolExecutor(workers) as pool:
+        results = tqdm(pool.map(work, *zip(*tasks, strict=True), chunksize=2), total=len(tasks), unit="shot")
+        for (kind, _), result in zip(tasks, results, strict=True):
+            found[kind].append(result)
+    return found
+
+
+def report(result: Any, blocks: Callable[[Any], Mapping[str, str]], path: Path) -> None:
+    """Writes a result as JSON and prints its blocks."""
+    write_json(path, result)
+    print("\n\n".join(blocks(result).values()))
+    print(f"\nWritten to {path}.")
 
 
 def _cpu_model() -> str:

@@ -11,12 +11,9 @@ those of PIC, which are compared with the oracle first. Run times are measured o
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
-import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,12 +21,22 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, RESULTS, accuracy_report, check_counts, error_limit, machine, print_blocks
-from benchmarks.methods import PIC, Method, run_all, timer
-from billiards_env.files import write_json
+from benchmarks import (
+    IMAGES,
+    RESULTS,
+    WORKERS,
+    Count,
+    accuracy_report,
+    error_limit,
+    machine,
+    parser_of,
+    report,
+    run_kinds,
+)
+from benchmarks.methods import PIC, Method, timer
 from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
-from billiards_env.shots.simulation import simulate
+from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
@@ -43,16 +50,10 @@ BREAKS = 8  # number of other shots per break in the comparison of outcomes, bec
 
 
 class Problem(NamedTuple):
-    """Random shots in a scene.
-
-    Attributes:
-        scene: The scene.
-        draw: Draws positions, m, and velocities, m/s.
-        column: Index in `TIMES` of the time of the main error, or -1 for the end.
-    """
+    """Random shots in a scene; `column` is the index in `TIMES` of the time of the main error, or -1 for the end."""
 
     scene: Scene
-    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    draw: error_limit.Draw
     column: int
 
 
@@ -74,21 +75,18 @@ PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
 
 
 def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:
-    """Returns the positions (n, 2), m, and velocities (n, 2), m/s, of a shot of a problem."""
+    """Returns the positions and velocities of a shot of a problem, see `error_limit.Draw`."""
     scene, draw, _ = PROBLEMS[name]
-    positions, velocities = draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
-    moving = np.zeros_like(positions)
-    moving[0 if velocities.ndim == 1 else slice(None)] = velocities
-    return positions, moving
+    return draw(scene, np.random.default_rng([seed, list(PROBLEMS).index(name), 7]))
 
 
 def shots_of(name: str, count: int) -> tuple[Floats, Floats]:
-    """Returns the first `count` shots of a problem, (m, n, 2) each."""
+    """Returns the positions and velocities of the first `count` shots of a problem."""
     positions, velocities = zip(*(shot_of(name, seed) for seed in range(count)), strict=True)
     return np.array(positions), np.array(velocities)
 
 
-def follow(task: tuple[str, int]) -> dict[str, Any]:
+def follow(name: str, seed: int) -> dict[str, Any]:
     """Runs one shot by the oracle and by every method.
 
     The shot is followed to its end, or until balls at rest press against each other, because the laws of impact do not
@@ -99,7 +97,6 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
         to which the shot is not followed. `complete`: whether the shot is followed to its end. `outcome_as_oracle`:
         whether PIC has the outcome of the oracle.
     """
-    name, seed = task
     scene = PROBLEMS[name].scene
     positions, velocities = shot_of(name, seed)
     pic = simulate(scene, positions, velocities, record=True)
@@ -111,14 +108,12 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
     except OracleError as stopped:
         exact = stopped.shot
         known_until = min(known_until, float(exact.time))
-    complete = known_until == np.inf
-    places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in (*TIMES, np.inf)]
+    complete, moments = known_until == np.inf, np.array([*TIMES, np.inf])
+    places = [np.array(exact.positions_at(min(t, exact.time)), dtype=float) for t in moments]
 
     def errors(found: Sequence[Floats]) -> list[float]:
-        apart = [np.sqrt(((a - b) ** 2).sum(axis=1).mean()) for a, b in zip(found, places, strict=True)]
-        return [
-            float(e) if complete or t < known_until else np.nan for e, t in zip(apart, (*TIMES, np.inf), strict=True)
-        ]
+        apart = np.sqrt(((np.array(found) - places) ** 2).sum(axis=2).mean(axis=1))
+        return np.where(complete | (moments < known_until), apart, np.nan).tolist()
 
     hits = [e.other for e in exact.events if e.kind == "ball_ball" and e.ball == 0 and float(e.time) < known_until]
     found = (simulate(scene, positions, velocities, record=True, **method.engine) for method in (PIC, *PIT))
@@ -129,16 +124,6 @@ def follow(task: tuple[str, int]) -> dict[str, Any]:
         and set(np.flatnonzero(pic.cushions_before_hit >= 0)) == set(hits),
         "errors": [errors([*(shot.at(t) for t in TIMES), shot.positions]) for shot in found],
     }
-
-
-def follow_all(shots: int, workers: int) -> dict[str, list[dict[str, Any]]]:
-    """Runs `follow` for the first `shots` shots of every problem."""
-    tasks = [(name, seed) for name in PROBLEMS for seed in range(shots)]
-    found: dict[str, list[dict[str, Any]]] = {name: [] for name in PROBLEMS}
-    with ProcessPoolExecutor(workers) as pool:
-        for task, result in zip(tasks, tqdm(pool.map(follow, tasks), "errors", len(tasks), unit="shot"), strict=True):
-            found[task[0]].append(result)
-    return found
 
 
 def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method, dict[str, float | int]]:
@@ -157,7 +142,7 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
 
     def outcome(method: Method) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Returns the scores (m, k), whether the shot scores (m,), and the whole outcome (m, l)."""
-        batch = run_all(scene, positions, velocities, method, workers)
+        batch = simulate_batch(scene, positions, velocities, threads=workers, **method.engine)
         touched = batch.cushions_before_hit[:, 1:] >= 0
         if scene.table.pockets:
             return (
@@ -183,28 +168,21 @@ def outcomes(name: str, count: int, workers: int, bar: tqdm[Any]) -> dict[Method
     return found
 
 
-def seconds_per_shot(shots: int, passes: int) -> dict[str, dict[Method, list[float]]]:
+def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Method], list[float]]:
     """Returns the mean time of a shot by problem and method, one entry per pass; methods take turns on one core."""
-    calls: dict[str, dict[Method, Callable[[], float]]] = {}
+    calls = {}
     for name, problem in PROBLEMS.items():
-        positions, velocities = shots_of(name, min(shots, TIMED))
-        calls[name] = {method: timer(problem.scene, positions, velocities, method) for method in (PIC, *PIT)}
-    found: dict[str, dict[Method, list[float]]] = {
-        name: {method: [] for method in some} for name, some in calls.items()
-    }
-    with tqdm(desc="times", total=passes * sum(map(len, calls.values())), unit="run") as bar:
-        for _ in range(passes):
-            for name, some in calls.items():
-                for method, call in some.items():
-                    found[name][method].append(call())
-                    bar.update()
+        few = shots_of(name, min(shots, TIMED))
+        calls |= {(name, method): timer(problem.scene, *few, method) for method in (PIC, *PIT)}
+    found: dict[tuple[str, Method], list[float]] = {key: [] for key in calls}
+    for _ in tqdm(range(passes), "times", unit="pass"):
+        for key, call in calls.items():
+            found[key].append(call())
     return found
 
 
 def rows_of(
-    followed: Sequence[dict[str, Any]],
-    seconds: dict[Method, list[float]],
-    wrong: dict[Method, dict[str, float | int]],
+    followed: Sequence[dict[str, Any]], seconds: dict[Method, list[float]], wrong: dict[Method, dict[str, float | int]]
 ) -> list[dict[str, Any]]:
     """Returns the results of a problem, one row per method."""
     rows = []
@@ -228,27 +206,21 @@ def rows_of(
 
 
 def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[str, Any]:
-    """Runs all measurements.
+    """Returns the results of all measurements.
 
-    Args:
-        shots: Shots of each problem that are compared with the oracle.
-        outcome_shots: Shots of each problem whose outcomes are compared with those of PIC.
-        passes: Repetitions of the run time measurement.
-        workers: Processes and threads, except for run times.
-
-    Returns:
-        The content of `accuracy.json`.
+    `shots` of each problem are compared with the oracle, and the outcomes of `outcome_shots` with those of PIC. The run
+    times are measured in `passes` on one core, and all others by `workers`.
     """
     on = machine()
     seconds = seconds_per_shot(shots, passes)
-    followed = follow_all(shots, workers)
+    followed = run_kinds(follow, PROBLEMS, shots, workers)
     playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
     with tqdm(desc="outcomes", total=len(playable) * len(PIT), unit="run") as bar:
         counts = {name: outcome_shots // (BREAKS if "break" in name else 1) or 1 for name in playable}
         wrong = {name: outcomes(name, counts[name], workers, bar) for name in playable}
     scenes = {}
     for name, problem in PROBLEMS.items():
-        results = followed[name]
+        results, times = followed[name], {method: seconds[name, method] for method in (PIC, *PIT)}
         ends = [result["outcome_as_oracle"] for result in results if result["complete"]]
         scenes[name] = {
             "n_balls": problem.scene.n_balls,
@@ -257,14 +229,9 @@ def measure(shots: int, outcome_shots: int, passes: int, workers: int) -> dict[s
             "compared": sum(not np.isnan(result["errors"][0][problem.column]) for result in results),
             "followed_to_the_end": len(ends),
             "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_of(results, seconds[name], wrong.get(name, {})),
+            "methods": rows_of(results, times, wrong.get(name, {})),
         }
-    return {
-        "machine": on,
-        "shots": shots,
-        "passes": passes,
-        "scenes": scenes,
-    }
+    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
 
 
 def packed(result: dict[str, Any]) -> dict[str, Any]:
@@ -279,27 +246,26 @@ def packed(result: dict[str, Any]) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.accuracy --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.accuracy", description="Run time against error, for every engine and timestep."
+    parser = parser_of(
+        "accuracy",
+        "Run time against error, for every engine and timestep.",
+        output=False,
+        shots=Count(64, "shots of each scene against the oracle", 4),  # the fourth break is followed to its end
+        outcomes=Count(2000, "shots of each scene for outcomes"),
+        passes=Count(3, "repetitions of the run time measurement"),
+        workers=WORKERS,
     )
-    parser.add_argument("--shots", type=int, default=64, help="shots of each scene against the oracle (64)")
-    parser.add_argument("--outcomes", type=int, default=2000, help="shots of each scene for outcomes (2000)")
-    parser.add_argument("--passes", type=int, default=3, help="repetitions of the run time measurement (3)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of accuracy.json")
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of pareto.png")
     parser.add_argument("--again", action="store_true", help="print and draw accuracy.json without measuring")
     args = parser.parse_args(arguments)
-    # The fourth break is the first one that can be followed to its end.
-    check_counts(parser, args, shots=4, outcomes=1, passes=1, workers=1)
+    path = args.results / "accuracy.json"
     if args.again:
-        result = json.loads((args.results / "accuracy.json").read_text())
+        result = json.loads(path.read_text())
     else:
         result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
-        write_json(args.results / "accuracy.json", result)
     accuracy_report.draw_pareto(accuracy_report.unpacked(result), args.images / "pareto.png")
-    print_blocks(accuracy_report.blocks(result))
-    print(f"Written to {args.results / 'accuracy.json'}; drawn in {args.images}.")
+    report(result, accuracy_report.blocks, path)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from benchmarks import machine_line, save, table
+from benchmarks import machine_line, metres, ratio, save, table
 
 LEVELS = {"10 cm": 0.1, "1 cm": 1e-2, "1 mm": 1e-3, "0.1 mm": 1e-4}
 ENOUGH = 0.99
@@ -45,14 +45,6 @@ def _when(scene: dict[str, Any]) -> str:
     return "at the end" if scene["error_at"] == "end" else f"after {scene['error_at']:g} s"
 
 
-def _metres(error: float | None) -> str:
-    return "" if error is None else f"{error:.1e} m"
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.2f}" if value < 1 else f"{value:.1f}" if value < 10 else f"{value:,.0f}"
-
-
 def coarsest_from(rows: list[dict[str, Any]], good: list[bool]) -> dict[str, Any] | None:
     """Returns the coarsest row that is good together with all finer rows; None if there is none."""
     last_bad = max((k for k, fine in enumerate(good) if not fine), default=-1)
@@ -71,9 +63,9 @@ def levels(scenes: dict[str, Any]) -> str:
                 row = coarsest_from(rows, [_error(scene, r) <= level for r in rows])
                 reach += [] if row is None else [row]
             best = min(reach, key=lambda row: row["time_over_pic"], default=None)
-            line.append("-" if best is None else f"{_ratio(best['time_over_pic'])} (1/{best['steps_per_second']} s)")
+            line.append("-" if best is None else f"{ratio(best['time_over_pic'])} (1/{best['steps_per_second']} s)")
         least = min(_error(scene, row) for row in scene["methods"] if row["method"] == "PIT")
-        lines.append([*line, _metres(least), _metres(_error(scene, pic))])
+        lines.append([*line, metres(least), metres(_error(scene, pic))])
     return table(["median error of PIT below", *LEVELS, "PIT's least error", "PIC's error"], lines)
 
 
@@ -92,7 +84,7 @@ def enough(scenes: dict[str, Any]) -> str:
                 line += (
                     [f"none ({100 * (1 - finest[key]):.1f} % at 1/{finest['steps_per_second']} s)", ""]
                     if row is None
-                    else [f"1/{row['steps_per_second']} s", _ratio(row["time_over_pic"])]
+                    else [f"1/{row['steps_per_second']} s", ratio(row["time_over_pic"])]
                 )
             lines.append([*line, f"{rows[-1]['scoring_shots']}"])
     head = ["scene", "fix", "all shots", "time / PIC", "shots that score", "time / PIC ", "scoring shots"]

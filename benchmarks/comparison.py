@@ -22,7 +22,6 @@ A simulator that is not installed is left out.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import importlib.metadata
@@ -39,9 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import RESULTS, check_counts, error_limit, machine, machine_line, print_blocks, table
+from benchmarks import Count, error_limit, machine, machine_line, metres, parser_of, ratio, report, table
 from benchmarks.methods import PIC, timer
-from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
@@ -70,12 +68,9 @@ POOLTOOL_GAPS = (1e-6, 1e-9)
 
 
 class Outcome(NamedTuple):
-    """The outcome of a shot.
+    """The outcome of a shot: positions (n, 2), m, the run time, and whether the simulator ran the whole shot.
 
-    Attributes:
-        positions: (n, 2) m; None if the simulator stopped before the time of comparison.
-        seconds: The run time.
-        finished: Whether the shot was run to its end, or to the time of comparison.
+    The positions are None if it stopped before the time of comparison.
     """
 
     positions: Floats | None
@@ -89,16 +84,10 @@ positions, s, or None for the end of the shot."""
 
 
 class Kind(NamedTuple):
-    """A kind of shots.
-
-    Attributes:
-        n_object_balls: The number of object balls.
-        draw: Draws positions, m, and the velocity of the cue ball, m/s.
-        time: The time at which positions are compared, s; None for the end of the shot.
-    """
+    """A kind of shots; the positions are compared at `time`, s, or at the end of the shot for None."""
 
     n_object_balls: int
-    draw: Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+    draw: error_limit.Draw
     time: float | None
 
 
@@ -253,23 +242,15 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
 
 
 def measure(count: int, passes: int, python: Path | None) -> dict[str, Any]:
-    """Runs all measurements.
+    """Returns the results of all measurements: `count` shots of each kind, and their run times in `passes`.
 
-    Args:
-        count: Shots of each kind.
-        passes: Repetitions of the run time measurement.
-        python: The interpreter of the environment of pooltool; None to leave pooltool out.
-
-    Returns:
-        The content of `comparison.json`.
+    `python` is the interpreter of the environment of pooltool; None leaves pooltool out.
     """
     found: dict[str, Any] = {"machine": machine(), "shots": count, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
     # are compared with pooltool, because pooltool always records them.
     simulators: dict[str, list[tuple[str, str, Runner]]] = {
-        "friction and spin": [("billiards-env", "event-driven", billiards_env(record=True))],
-        "throw and jaws": [("billiards-env", "event-driven", billiards_env(record=True))],
-        "elastic disks": [("billiards-env", "event-driven", billiards_env(record=False))],
+        laws: [("billiards-env", "event-driven", billiards_env(record=laws != "elastic disks"))] for laws in LAWS
     }
     with contextlib.ExitStack() as stack:
         if python:
@@ -325,9 +306,7 @@ def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes:
         for times, not_done, off in zip(per_shot, unfinished, errors, strict=True)
     ]
     positions, velocities = (np.array(part) for part in zip(*shots, strict=True))
-    moving = np.zeros_like(positions)
-    moving[:, 0] = velocities
-    call = timer(scene, positions, moving, PIC)
+    call = timer(scene, positions, velocities, PIC)
     found[0]["us_in_a_batch"] = 1e6 * float(np.median([call() for _ in range(passes)]))
     return found
 
@@ -337,28 +316,33 @@ def _time(microseconds: float) -> str:
     return f"{microseconds:.0f} us" if ms < 1 else f"{ms:.1f} ms" if ms < 10 else f"{ms:,.0f} ms"
 
 
-def _ratio(ratio: float) -> str:
-    return f"{ratio:.1f}" if ratio < 10 else f"{ratio:,.0f}"
-
-
-def _metres(error: float | None) -> str:
-    return "" if error is None else f"{error:.1e} m"
-
-
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
+    head = (
+        "laws",
+        "simulator",
+        "method",
+        "shot",
+        "time",
+        "ratio",
+        "unfinished",
+        "compared at",
+        "error",
+        "90 %",
+        "shots",
+    )
     short, long = [], []
     for row in result["rows"]:
         ours = row["simulator"] == "billiards-env"
         name = "**billiards-env**" if ours else row["simulator"]
-        times = [_time(row[kind]["us"]) + ("" if ours else f" ({_ratio(row[kind]['ratio'])}x)") for kind in KINDS]
+        times = [_time(row[kind]["us"]) + ("" if ours else f" ({ratio(row[kind]['ratio'])}x)") for kind in KINDS]
         if "gap" not in row["method"]:
-            short.append((row["laws"], name, row["method"], *times, _metres(row["1 object ball"]["median_error_m"])))
+            short.append((row["laws"], name, row["method"], *times, metres(row["1 object ball"]["median_error_m"])))
         for kind, (_, _, time) in KINDS.items():
             measured = row[kind]
             when = "end" if time is None else f"{time:g} s"
-            errors = [_metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
-            cells = (_time(measured["us"]), _ratio(measured["ratio"]), f"{measured['unfinished']}", when)
+            errors = [metres(measured[key]) for key in ("median_error_m", "p90_error_m")]
+            cells = (_time(measured["us"]), ratio(measured["ratio"]), f"{measured['unfinished']}", when)
             cells += (*errors, f"{measured['compared']}")
             long.append((row["laws"], row["simulator"], row["method"], kind, *cells))
     batch = {
@@ -371,19 +355,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "comparison": table(("laws", "simulator", "method", "1 object ball", "break", "error"), short, left=3),
         "how": f"{result['shots']} shots of each kind; medians of {result['passes']} interleaved passes.",
         "shots": table(
-            (
-                "laws",
-                "simulator",
-                "method",
-                "shot",
-                "time",
-                "ratio",
-                "unfinished",
-                "compared at",
-                "error",
-                "90 %",
-                "shots",
-            ),
+            head,
             sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
             left=4,
         ),
@@ -396,25 +368,17 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.comparison", description="Compare billiards-env with pooltool and pymunk."
-    )
-    parser.add_argument("--shots", type=int, default=100, help="shots of each kind (100)")
-    parser.add_argument("--passes", type=int, default=5, help="repetitions of the run time measurement (5)")
+    shots, passes = Count(100, "shots of each kind"), Count(5, "repetitions of the run time measurement")
+    parser = parser_of("comparison", "Compare billiards-env with pooltool and pymunk.", shots=shots, passes=passes)
     parser.add_argument("--pooltool-python", type=Path, help="Python with pooltool (that of .venv-pooltool, if any)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "comparison.json", help="JSON file")
     args = parser.parse_args(arguments)
-    check_counts(parser, args, shots=1, passes=1)
     python = args.pooltool_python or POOLTOOL_PYTHON
     if not python.exists():
         if args.pooltool_python:
             parser.error(f"--pooltool-python = {python}: expected a Python interpreter")
         print("pooltool is left out: there is no .venv-pooltool; `make bench` creates it")
         python = None
-    result = measure(args.shots, args.passes, python)
-    write_json(args.output, result)
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    report(measure(args.shots, args.passes, python), blocks, args.output)
 
 
 if __name__ == "__main__":

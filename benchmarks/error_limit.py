@@ -11,26 +11,24 @@ of the positions is divided by the unavoidable error.
 
 from __future__ import annotations
 
-import argparse
-import os
+import functools
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
-from benchmarks import IMAGES, RESULTS, check_counts, machine, machine_line, print_blocks, save, table
-from billiards_env.files import write_json
+from benchmarks import IMAGES, WORKERS, Count, machine, machine_line, parser_of, report, run_kinds, save, table
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.sensitivity import UNIT_ROUNDOFF
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run
 
 Floats = NDArray[np.float64]
+Draw: TypeAlias = Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
+"""Draws the positions (n, 2), m, and the velocities (n, 2) or (2,), m/s, of a shot."""
 
 OF_A_RADIUS = 1e-3
 GAS_COLLISIONS = 100
@@ -63,32 +61,26 @@ def _gas(scene: Scene, rng: np.random.Generator) -> tuple[Floats, Floats]:
     return layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (scene.n_balls, 2))
 
 
-KINDS: dict[str, tuple[Scene, Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]]] = {
+_LOOSE, _TIGHT = functools.partial(_break, loose=True), functools.partial(_break, loose=False)
+KINDS: dict[str, tuple[Scene, Draw]] = {
     "1 object ball": (Scene.named("pool", 1), _shot),
     "2 object balls": (Scene.named("pool", 2), _shot),
     "5 object balls": (Scene.named("pool", 5), _shot),
     "carom": (Scene.named("carom", 2), _shot),
-    "9-ball break, loose": (Scene.named("pool", 9), lambda scene, rng: _break(scene, rng, True)),
-    "9-ball break, tight": (Scene.named("pool", 9), lambda scene, rng: _break(scene, rng, False)),
-    "15-ball break, loose": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, True)),
-    "15-ball break, tight": (Scene.named("pool", 15), lambda scene, rng: _break(scene, rng, False)),
+    "9-ball break, loose": (Scene.named("pool", 9), _LOOSE),
+    "9-ball break, tight": (Scene.named("pool", 9), _TIGHT),
+    "15-ball break, loose": (Scene.named("pool", 15), _LOOSE),
+    "15-ball break, tight": (Scene.named("pool", 15), _TIGHT),
     "gas of 16 disks": (Scene.named("ideal", 15), _gas),
     "real pool, 1 object ball": (Scene.named("real_pool", 1), _shot),
     "real pool, 5 object balls": (Scene.named("real_pool", 5), _shot),
-    "real pool, 9-ball break, loose": (
-        Scene.named("real_pool", 9),
-        lambda scene, rng: _break(scene, rng, True),
-    ),
+    "real pool, 9-ball break, loose": (Scene.named("real_pool", 9), _LOOSE),
     "UK pool, 2 object balls": (Scene.named("uk_pool", 2), _shot),
 }
 
 
 def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
-    """Runs one shot by the engine and by the oracle.
-
-    Args:
-        kind: One of `KINDS`.
-        seed: The number of the shot.
+    """Runs a shot of one of `KINDS` by the engine and by the oracle.
 
     Returns:
         error (m), condition (m), ratio (error over condition times the unit roundoff), same_events, to_end (whether the
@@ -137,10 +129,6 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     }
 
 
-def _work(task: tuple[str, int]) -> tuple[str, dict[str, float | bool | int]]:
-    return task[0], compare(*task)
-
-
 def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, float | int]:
     """Returns the numbers of the table for one kind of shots."""
     ratio = np.array([r["ratio"] for r in results])
@@ -157,23 +145,22 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
     }
 
 
-def draw(found: Mapping[str, Sequence[Mapping[str, float | bool | int]]], path: Path) -> None:
-    """Draws the errors of all shots against their condition numbers, with the limit."""
-    from matplotlib import colormaps
+def draw(kinds: Mapping[str, Mapping[str, float | int]], path: Path) -> None:
+    """Draws the errors of each kind of shots over the unavoidable error: the median, 99 % and the largest."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.2, 4.4), dpi=110, layout="constrained")
-    axes, colours = figure.add_subplot(), colormaps["tab20"]
-    axes.set_prop_cycle(color=[colours(i) for i in (*range(0, 20, 2), *range(1, 20, 2))])
-    for kind, results in found.items():
-        pairs = [(r["condition"], r["error"]) for r in results if r["error"]]
-        axes.plot(*zip(*pairs, strict=True), ".", markersize=2.5, alpha=0.6, label=kind)
-    ends = np.array(axes.get_xlim())
-    axes.plot(ends, ends * UNIT_ROUNDOFF, color="black", linewidth=1.2, label="unavoidable")
-    axes.set(xscale="log", yscale="log", xlabel="condition number of the shot (m)", ylabel="error of the engine (m)")
-    axes.set_title("The error equals that of rounding the input")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, markerscale=4, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    figure = Figure(figsize=(7.2, 0.9 + 0.3 * len(kinds)), dpi=110, layout="constrained")
+    axes, rows = figure.add_subplot(), range(len(kinds))
+    columns = (("median_ratio", "o", "median"), ("p99_ratio", "|", "99 % of the shots"), ("max_ratio", "x", "largest"))
+    values = {key: [kind[key] for kind in kinds.values()] for key, *_ in columns}
+    axes.hlines(rows, values["median_ratio"], values["max_ratio"], color="#0072b2", linewidth=1.0, alpha=0.5)
+    for key, marker, label in columns:
+        axes.plot(values[key], rows, marker, color="#0072b2", markersize=6, label=label)
+    axes.axvline(1.0, color="black", linewidth=1.2, label="unavoidable error")
+    axes.set(xscale="log", xlabel="error over the unavoidable error", ylim=(len(kinds) - 0.5, -0.5))
+    axes.set_yticks(rows, kinds)
+    axes.grid(axis="x", alpha=0.3)
+    figure.legend(fontsize=8, loc="outside upper center", ncols=4, frameon=False)
     save(figure, path)
 
 
@@ -195,28 +182,15 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.error_limit --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.error_limit", description="Compare the engine's error with the unavoidable error."
-    )
-    parser.add_argument("--shots", type=int, default=1000, help="shots of each kind (default: 1000)")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: one per core)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "error_limit.json", help="JSON file")
+    description, shots = "Compare the engine's error with the unavoidable error.", Count(1000, "shots of each kind")
+    parser = parser_of("error_limit", description, shots=shots, workers=WORKERS)
     parser.add_argument("--picture", type=Path, default=IMAGES / "error_limit.png", help="picture file")
     args = parser.parse_args(arguments)
-    check_counts(parser, args, shots=1, workers=1)
-    on = machine()
-    tasks = [(kind, seed) for kind in KINDS for seed in range(args.shots)]
-    found: dict[str, list[dict[str, float | bool | int]]] = {kind: [] for kind in KINDS}
-    with ProcessPoolExecutor(args.workers) as pool:
-        for kind, result in tqdm(pool.map(_work, tasks, chunksize=5), total=len(tasks), unit="shot"):
-            found[kind].append(result)
+    on, found = machine(), run_kinds(compare, KINDS, args.shots, args.workers)
     kinds = {kind: summary(results) for kind, results in found.items()}
-    result = {"machine": on, "kinds": kinds}
-    write_json(args.output, result)
-    draw(found, args.picture)
-
-    print_blocks(blocks(result))
-    print(f"\nCondition, error and ratio are medians. Written to {args.output} and {args.picture}.")
+    draw(kinds, args.picture)
+    report({"machine": on, "kinds": kinds}, blocks, args.output)
+    print(f"Condition, error and ratio are medians. The picture is {args.picture}.")
 
 
 if __name__ == "__main__":

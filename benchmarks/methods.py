@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.scene import Scene
-from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.shots.simulation import simulate_batch
 
 Floats = NDArray[np.float64]
 
@@ -19,13 +19,7 @@ LEAST_SECONDS = 0.02
 
 
 class Method(NamedTuple):
-    """A method to run a shot.
-
-    Attributes:
-        name: "PIC" or "PIT".
-        steps: Timesteps of PIT per second.
-        fix: The fix of PIT for overlaps.
-    """
+    """A method to run a shot: "PIC", or "PIT" with a number of timesteps per second and a fix for overlaps."""
 
     name: str
     steps: int | None = None
@@ -40,20 +34,15 @@ class Method(NamedTuple):
 PIC = Method("PIC")
 
 
-def run_all(scene: Scene, positions: Floats, velocities: Floats, method: Method, threads: int = 1) -> BatchResult:
-    """Runs shots, (m, n, 2) m and m/s."""
-    return simulate_batch(scene, positions, velocities, threads=threads, **method.engine)
-
-
 def timer(scene: Scene, positions: Floats, velocities: Floats, method: Method) -> Callable[[], float]:
-    """Returns a function that runs shots, (m, n, 2) m and m/s, and returns the seconds per shot."""
+    """Returns a function that runs shots, see `simulate_batch`, and returns the seconds per shot."""
 
     def call(copies: int = 1) -> float:
-        many = np.tile(positions, (copies, 1, 1)), np.tile(velocities, (copies, 1, 1))
+        many = np.concatenate([positions] * copies), np.concatenate([velocities] * copies)
         begin = perf_counter()
-        run_all(scene, *many, method)
+        simulate_batch(scene, *many, threads=1, **method.engine)
         return (perf_counter() - begin) / len(many[0])
 
-    run_all(scene, positions[:1], velocities[:1], method)  # compiles
+    simulate_batch(scene, positions[:1], velocities[:1], threads=1, **method.engine)  # compiles
     copies = max(1, round(LEAST_SECONDS / (call() * len(positions))))
     return lambda: call(copies)

@@ -7,10 +7,8 @@ reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots p
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -19,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import billiards_env  # noqa: F401  (registers the environment)
-from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
+from benchmarks import Count, machine, machine_line, parser_of, report, table
 from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
-from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import POOL_RADIUS, Table
-from billiards_env.shots.simulation import simulate, simulate_batch
+from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 
 MAX_SPEED = 4.0  # m/s, largest speed of a random shot: the environment's default
 BREAK_SPEED = 8.0  # m/s, speed of the cue ball in a break
@@ -43,14 +40,7 @@ Floats = NDArray[np.float64]
 
 
 class Case(NamedTuple):
-    """A set of m shots with n balls.
-
-    Attributes:
-        name: Name in the table.
-        scene: The scene.
-        positions: (m, n, 2) m.
-        velocities: (m, n, 2) or (m, 2) m/s.
-    """
+    """A set of m shots with n balls: positions (m, n, 2), m, and velocities (m, n, 2) or (m, 2), m/s."""
 
     name: str
     scene: Scene
@@ -76,10 +66,15 @@ def cases(scale: float = 1.0) -> list[Case]:
     ]
 
 
+def drawn(layout: str, scene: Scene, rng: np.random.Generator, count: int) -> Floats:
+    """Returns the positions (count, n, 2), m, of a layout."""
+    return np.array([layouts.draw(layout, scene, rng) for _ in range(count)])
+
+
 def random_shots(name: str, scene: Scene, count: int) -> Case:
     """Returns random layouts with the velocities of random actions of the environment."""
     rng = np.random.default_rng(0)
-    positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
+    positions = drawn("random", scene, rng, count)
     velocities = np.array([cue_strike(action, scene, MAX_SPEED).velocity for action in rng.uniform(-1, 1, (count, 2))])
     return Case(name, scene, positions, velocities)
 
@@ -88,7 +83,7 @@ def breaks(name: str, scene_name: str, layout: str, count: int) -> Case:
     """Returns break shots at the first of 15 balls, from anywhere behind the head string."""
     rng = np.random.default_rng(0)
     scene = Scene.named(scene_name, 15)
-    positions = np.array([layouts.draw(layout, scene, rng) for _ in range(count)])
+    positions = drawn(layout, scene, rng, count)
     aim = positions[:, 1] - positions[:, 0]
     angle = np.arctan2(aim[:, 1], aim[:, 0]) + rng.uniform(-BREAK_SPREAD, BREAK_SPREAD, count)
     return Case(name, scene, positions, BREAK_SPEED * np.column_stack((np.cos(angle), np.sin(angle))))
@@ -98,8 +93,7 @@ def gas(name: str, n_balls: int, count: int) -> Case:
     """Returns shots in which all frictionless, elastic disks move, for the 10 s of the scene's time limit."""
     rng = np.random.default_rng(0)
     scene = Scene.named("ideal", n_balls - 1)
-    positions = np.array([layouts.draw("random", scene, rng) for _ in range(count)])
-    return Case(name, scene, positions, rng.normal(0, GAS_SPEED, (count, n_balls, 2)))
+    return Case(name, scene, drawn("random", scene, rng, count), rng.normal(0, GAS_SPEED, (count, n_balls, 2)))
 
 
 def growing_gas(n: int, count: int) -> Case:
@@ -118,10 +112,10 @@ def growing_gas(n: int, count: int) -> Case:
     return Case(f"{n:,}", scene, positions, rng.normal(0.0, GAS_SPEED, taken.shape))
 
 
-def seconds(run: Callable[[], object]) -> float:
-    """Returns the run time of `run()`, s."""
+def seconds(run: Callable[..., object], *arguments: Any) -> float:
+    """Returns the run time of `run(*arguments)`, s."""
     begin = perf_counter()
-    run()
+    run(*arguments)
     return perf_counter() - begin
 
 
@@ -131,17 +125,13 @@ def summary(values: list[float]) -> dict[str, float]:
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}
 
 
-def run(case: Case, threads: int) -> None:
+def run(case: Case, threads: int = 1) -> BatchResult:
     """Runs the shots of a case."""
-    simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
+    return simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs all measurements `repeats` times.
-
-    Args:
-        repeats: Number of passes over the cases.
-        scale: Factor on the number of shots in a pass.
+    """Runs all measurements `repeats` times; `scale` is a factor on the number of shots in a pass.
 
     Returns:
         `batch`: a list with one entry per case; `microseconds_per_call`: times of the first case's shots one at a time;
@@ -149,7 +139,7 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     """
     on = machine()
     every = cases(scale)
-    outcomes = [simulate_batch(c.scene, c.positions, c.velocities, threads=1) for c in every]  # compiles the kernels
+    outcomes = [run(case) for case in every]  # compiles the kernels
     for case, outcome in zip(every, outcomes, strict=True):
         if (outcome.status == "event_limit").any():
             raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
@@ -158,14 +148,14 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     batch: list[list[tuple[float, float]]] = [[] for _ in every]
     calls: list[dict[str, float]] = []
     gases = [growing_gas(n, max(1, 4096 // n)) for n in DISKS]
-    events_of = [float(simulate_batch(c.scene, c.positions, c.velocities, threads=1).n_events.mean()) for c in gases]
+    events_of = [float(run(gas).n_events.mean()) for gas in gases]
     growth: list[list[float]] = [[] for _ in gases]
     for _ in range(repeats):
         for k, case in enumerate(every):
-            batch[k].append((seconds(lambda case=case: run(case, 1)), seconds(lambda case=case: run(case, 2))))
+            batch[k].append((seconds(run, case), seconds(run, case, 2)))
         calls.append(time_calls(every[0]))
         for gas, found in zip(gases, growth, strict=True):
-            found.append(seconds(lambda gas=gas: run(gas, 1)) / len(gas.positions))
+            found.append(seconds(run, gas) / len(gas.positions))
 
     rows = []
     for case, passes, outcome in zip(every, batch, outcomes, strict=True):
@@ -214,7 +204,7 @@ def time_calls(case: Case) -> dict[str, float]:
         env.step(action)
         stepping += perf_counter() - begin
     return {
-        "simulate_batch": seconds(lambda: run(few, 1)) / n,
+        "simulate_batch": seconds(run, few) / n,
         "simulate": seconds(
             lambda: [simulate(few.scene, p, v) for p, v in zip(few.positions, few.velocities, strict=True)]
         )
@@ -278,16 +268,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.speed --help`."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.speed", description="Measure the speed of shots.")
-    parser.add_argument("--repeats", type=int, default=11, help="number of passes (default: 11)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "speed.json", help="JSON file")
-    args = parser.parse_args(arguments)
-    check_counts(parser, args, repeats=1)
-    result = measure(args.repeats)
-    write_json(args.output, result)
-
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    args = parser_of("speed", "Measure the speed of shots.", repeats=Count(11, "number of passes")).parse_args(
+        arguments
+    )
+    report(measure(args.repeats), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ cache of an earlier process. Medians are reported; the JSON also has the single 
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import statistics
@@ -17,8 +16,7 @@ from pathlib import Path
 from time import time
 from typing import Any
 
-from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
-from billiards_env.files import write_json
+from benchmarks import Count, machine, machine_line, parser_of, report, table
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -58,25 +56,24 @@ def run(code: str, cache: Path) -> list[float]:
     return [begin, *json.loads(done.stdout)]
 
 
-def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
-    """Starts the processes; the kinds take turns.
-
-    Args:
-        repeats: Starts of each kind.
-        compilations: Starts with an empty cache, which take much longer.
+def measure(repeats: int, compilations: int) -> dict[str, Any]:
+    """Starts the processes, `compilations` of them with an empty cache; the kinds take turns.
 
     Returns:
-        A list of seconds for each measured quantity.
+        `seconds`, a list for each measured quantity, and `median_seconds`.
     """
-    seconds: dict[str, list[float]] = {
-        "import gymnasium, numba": [],
-        "import billiards_env, on top": [],
-        "load the engine, on top": [],
-        "first env.step, compiling": [],
-        "first env.step, compiled before": [],
-        "process start to first env.step done, compiling": [],
-        "process start to first env.step done, compiled before": [],
-    }
+    on, seconds = (
+        machine(),
+        {
+            "import gymnasium, numba": [],
+            "import billiards_env, on top": [],
+            "load the engine, on top": [],
+            "first env.step, compiling": [],
+            "first env.step, compiled before": [],
+            "process start to first env.step done, compiling": [],
+            "process start to first env.step done, compiled before": [],
+        },
+    )
 
     def first_step(cache: Path, how: str) -> None:
         begin, _, made, stepped = run(FIRST_STEP, cache)
@@ -93,7 +90,8 @@ def measure(repeats: int, compilations: int) -> dict[str, list[float]]:
             seconds["import billiards_env, on top"].append(package - others)
             seconds["load the engine, on top"].append(engine - package)
             first_step(full, "compiled before")
-    return seconds
+    medians = {name: statistics.median(values) for name, values in seconds.items()}
+    return {"machine": on, "median_seconds": medians, "seconds": seconds}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -109,22 +107,10 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.start_up --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.start_up", description="Measure the time to the first shot."
-    )
-    parser.add_argument("--repeats", type=int, default=9, help="starts of each kind (default: 9)")
-    parser.add_argument("--compilations", type=int, default=3, help="starts with an empty cache (default: 3)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "start_up.json", help="JSON file")
+    repeats, compilations = Count(9, "starts of each kind"), Count(3, "starts with an empty cache")
+    parser = parser_of("start_up", "Measure the time to the first shot.", repeats=repeats, compilations=compilations)
     args = parser.parse_args(arguments)
-    check_counts(parser, args, repeats=1, compilations=1)
-    on = machine()
-    seconds = measure(args.repeats, args.compilations)
-    medians = {name: statistics.median(values) for name, values in seconds.items()}
-    result = {"machine": on, "median_seconds": medians, "seconds": seconds}
-    write_json(args.output, result)
-
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    report(measure(args.repeats, args.compilations), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@
 
 from __future__ import annotations
 
-import argparse
-import os
 import sys
 import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -15,8 +13,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
-from billiards_env.files import write_json
+from benchmarks import RESULTS, WORKERS, machine, machine_line, parser_of, report, table
 from reference.stress import families, measure
 
 # Thousands of shots of each kind, and the number of shots in one task.
@@ -116,13 +113,11 @@ def _row(s: dict[str, Any], bad: int) -> tuple[str, ...]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs all measurements, prints and writes the results."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.stress", description="Run and check millions of shots.")
+    parser = parser_of("stress", "Run and check millions of shots.", output=False, workers=WORKERS)
     parser.add_argument(
         "--scale", type=float, default=1.0, help="share of the shots (1); nothing is written if it is less than 1"
     )
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (one per core)")
     args = parser.parse_args(arguments)
-    check_counts(parser, args, workers=1)
     if not 0 < args.scale <= 1:
         parser.error(f"--scale = {args.scale}: expected a number in (0, 1]")
     for family in ("pool, 1 object ball", "pool, 5 object balls"):
@@ -139,9 +134,10 @@ def main(arguments: list[str] | None = None) -> None:
         "shots": shots,
         "drift": drift,
     }
-    print_blocks(blocks(data))
     if args.scale == 1:
-        write_json(RESULTS / "stress.json", data)
+        report(data, blocks, RESULTS / "stress.json")
+    else:
+        print("\n\n".join(blocks(data).values()))
     bad = sum(len(s["bad"]) for s in shots.values())
     if bad:
         sys.exit(f"{bad} shots broke a rule; their (seed, index, status) are in the results")

@@ -7,9 +7,7 @@ has the quartiles.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 from unittest.mock import patch
@@ -18,11 +16,10 @@ import gymnasium as gym
 import numpy as np
 
 import billiards_env  # noqa: F401  (registers the environment)
-from benchmarks import RESULTS, check_counts, machine, machine_line, print_blocks, table
+from benchmarks import Count, machine, machine_line, parser_of, report, table
 from benchmarks.speed import seconds, summary
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
-from billiards_env.files import write_json
 
 SAME_STEP = "SameStep"
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
@@ -111,11 +108,7 @@ def kinds(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
 
 
 def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
-    """Runs all measurements `repeats` times.
-
-    Args:
-        repeats: Number of passes over the kinds of environments.
-        scale: Factor on the number of steps in a pass.
+    """Runs all measurements `repeats` times; `scale` is a factor on the number of steps in a pass.
 
     Returns:
         `steps`: a list with one entry per kind, with rates per second. `outside_engine`: the share of a step of 1,024
@@ -154,18 +147,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.vector --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.vector", description="Measure the speed of environments."
-    )
-    parser.add_argument("--repeats", type=int, default=11, help="number of passes (default: 11)")
-    parser.add_argument("--output", type=Path, default=RESULTS / "vector.json", help="JSON file")
+    parser = parser_of("vector", "Measure the speed of environments.", repeats=Count(11, "number of passes"))
     args = parser.parse_args(arguments)
-    check_counts(parser, args, repeats=1)
-    result = measure(args.repeats)
-    write_json(args.output, result)
-
-    print_blocks(blocks(result))
-    print(f"\nWritten to {args.output}.")
+    report(measure(args.repeats), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,10 @@ Modules:
     run_outs: Measures run-outs of players without training, with and without execution noise.
 """
 
+import argparse
+import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from agents import require
@@ -17,3 +21,24 @@ RESULTS = Path(__file__).resolve().parent / "results"
 
 RUNS = RESULTS.parents[1] / "runs"
 """The folder of training runs; git ignores it."""
+
+
+def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
+    """Returns the parser of a command that trains, with its options for runs and files."""
+    parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
+    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
+    parser.add_argument("--folder", type=Path, help=f"folder of all files (default: see `studies.{name}`)")
+    return parser
+
+
+@contextlib.contextmanager
+def errors_in_one_line() -> Iterator[None]:
+    """Ends the command with one line if its work raises an error or is interrupted."""
+    try:
+        yield
+    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
+        sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command continues", file=sys.stderr)
+        sys.exit(130)

@@ -41,13 +41,9 @@ _NEAR = 4  # steps; contacts of the two runs that are at most this far apart are
 
 
 class Contact(NamedTuple):
-    """A contact of a ball with a ball, a cushion or a pocket.
+    """A "ball_ball", "cushion" or "pocket" contact of a ball, the one with the lower number of two, and its time, s.
 
-    Attributes:
-        kind: "ball_ball", "cushion" or "pocket".
-        ball: The ball; of two balls the one with the lower number.
-        other: The other ball, the cushion or the pocket.
-        time: s.
+    `other` is the other ball, the cushion or the pocket.
     """
 
     kind: str
@@ -91,11 +87,7 @@ def history(all_contacts: Sequence[Contact], ball: int) -> list[Contact]:
 def cause(exact: ShotResult, stepped: ShotResult, dt: float, ball: int) -> str:
     """Returns the first failure of the timestep in the history of a ball, one of `CAUSES`.
 
-    Args:
-        exact: The recorded shot by "pic".
-        stepped: The recorded shot by "pit" from the same start.
-        dt: Its timestep, s.
-        ball: The ball whose fate differs.
+    The recorded shots are `exact` by "pic" and `stepped` by "pit" with the timestep dt, s, from the same start.
 
     Raises:
         ValueError: If a shot was not recorded.

@@ -14,7 +14,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -24,7 +23,7 @@ from PIL import Image
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
-from benchmarks import IMAGES, save
+from benchmarks import IMAGES, save, use_own_font
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
@@ -75,13 +74,13 @@ GAMES = {
 
 def tables() -> Figure:
     """Returns a figure of all named tables at the same scale, the largest first."""
-    figure = Figure(figsize=(9, 7.3), dpi=120, facecolor="white")
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     names = sorted(TABLES, key=lambda name: -Table.named(name).length)
-    middle, top = (0.0, 3.95), 0.0
-    for left, right in (names[:2], names[2:4], names[4:]):
-        height = Table.named(left).width / 2 + rail_width(Table.named(left))
-        for name, x in zip((left, right), middle, strict=True):
+    figure = Figure(figsize=(9, 1.0 + 2.1 * math.ceil(len(names) / 2)), dpi=120, facecolor="white")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    top = 0.0
+    for k in range(0, len(names), 2):
+        height = max(Table.named(name).width / 2 + rail_width(Table.named(name)) for name in names[k : k + 2])
+        for name, x in zip(names[k : k + 2], (0.0, 3.95), strict=False):
             _draw_named_table(ax, name, np.array([x, top - height]))
             ax.text(x, top + 0.06, name, fontsize=10, color=INK, ha="center", va="bottom")
         top -= 2 * height + 0.36
@@ -269,7 +268,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.figures", description="Draw the pictures in docs/images.")
     parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
     args = parser.parse_args(arguments)
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    use_own_font()
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"

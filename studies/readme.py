@@ -15,16 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import (
-    accuracy_report,
-    comparison,
-    error_limit,
-    speed,
-    start_up,
-    stress,
-    validation,
-    vector,
-)
+from benchmarks import accuracy_report, comparison, error_limit, speed, start_up, stress, validation, vector
 from billiards_env.files import write_whole
 from studies import plain, recipes, run_outs, timestep_report
 

@@ -7,7 +7,7 @@ recipes with and without english. The results of these lists are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
-* `docs/images/LIST.png`: the learning curves,
+* `docs/images/LIST.png`: the learning curves of the recipes in `figure`,
 * for `configs/recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
 
 The results of any other list are in `runs/LIST`.
@@ -18,15 +18,12 @@ command continues after an interruption.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from pydantic import AfterValidator
@@ -36,11 +33,11 @@ from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, 
 from agents.evaluate import evaluate
 from agents.runs import train_all
 from agents.train import Point, learning_curve
-from benchmarks import IMAGES, save, table
+from benchmarks import IMAGES, save, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json, write_whole
 from billiards_env.intervals import as_percent, over_seeds
-from studies import RESULTS, RUNS
+from studies import RESULTS, RUNS, errors_in_one_line, parser_of_runs
 
 CONFIG = Path(__file__).resolve().parent.parent / "configs" / "recipes.yaml"
 
@@ -59,7 +56,7 @@ class Recipes(Checked):
         seeds: The seeds. Each recipe is trained once with each seed.
         recipes: Paths of the recipes, which are configurations of `agents.train`, relative to the list.
         timesteps: The number of steps of each recipe; None for that of the recipe.
-        figure: The names of the recipes whose learning curves are drawn. If it is empty, all are drawn.
+        figure: The names of the recipes whose learning curves are drawn.
     """
 
     seeds: Annotated[tuple[Seed, ...], AfterValidator(distinct)]
@@ -76,26 +73,13 @@ class Recipes(Checked):
                 raise ValueError(f"figure = {list(self.figure)!r}: expected names of recipes, not {name!r}")
 
     def load(self, folder: Path) -> dict[str, Config]:
-        """Returns the configurations by name. The paths are relative to `folder`.
-
-        Raises:
-            OSError: If a file cannot be read.
-            TypeError: If a value has the wrong type.
-            ValueError: If a configuration is impossible.
-        """
+        """Returns the configurations by name; see `agents.config.load`. The paths are relative to `folder`."""
         changes = {} if self.timesteps is None else {"timesteps": self.timesteps}
         return {Path(recipe).stem: dataclasses.replace(load(folder / recipe), **changes) for recipe in self.recipes}
 
 
 class Places(NamedTuple):
-    """The files and folders that the command reads and writes.
-
-    Attributes:
-        runs: The folder of the runs.
-        summary: The JSON file of the results.
-        policies: The folder of the policies.
-        figure: The PNG file of the learning curves.
-    """
+    """The folders of the runs and the policies, the JSON file of the results, and the PNG file of the curves."""
 
     runs: Path
     summary: Path
@@ -120,15 +104,8 @@ def measure(
 ) -> list[dict[str, Any]]:
     """Trains and evaluates all recipes without results, and writes the results and the policies.
 
-    Args:
-        asked: The list of recipes.
-        folder: The folder of the list.
-        places: The files and folders to write.
-        jobs: The number of runs at a time.
-        address: The address of a Ray cluster that trains; None for this machine.
-
-    Returns:
-        The result of each recipe, see `summarize`.
+    The paths of the list are relative to `folder`. `jobs` runs are trained at a time, on this machine or on the Ray
+    cluster at `address`. The results are those of `summarize`.
 
     Raises:
         OSError: If a file cannot be read or written.
@@ -201,7 +178,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     results = result["results"]
     head = ("recipe", "million shots", "minutes", "success by seed", "mean over seeds", "score", "random", *PLAYERS)
     first = results[0]
-    policies = [run["policy"]["success_rate"] for run in first["runs"]]
+    policies = _rates(first)
     untrained = [_curve(run)[0].success for run in first["runs"]]
     minutes = sum(_curve(run)[-1].seconds for r in results for run in r["runs"]) / 60
     return {
@@ -219,7 +196,6 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _curve(run: Mapping[str, Any]) -> list[Point]:
-    """Returns the learning curve of a run."""
     return [Point(*values) for values in run["curve"]]
 
 
@@ -228,10 +204,14 @@ def _seconds(result: Mapping[str, Any]) -> float:
     return float(np.mean([_curve(run)[-1].seconds for run in result["runs"]]))
 
 
+def _rates(result: Mapping[str, Any]) -> list[float]:
+    """Returns the success of the policy of each seed."""
+    return [run["policy"]["success_rate"] for run in result["runs"]]
+
+
 def row(result: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns the cells of a recipe in the table."""
-    runs = result["runs"]
-    rates = [run["policy"]["success_rate"] for run in runs]
+    runs, rates = result["runs"], _rates(result)
     return (
         result["recipe"],
         f"{result['config']['timesteps'] / 1e6:.1f}",
@@ -246,7 +226,7 @@ def row(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 def step(result: Mapping[str, Any]) -> tuple[str, ...]:
     """Returns the cells of a recipe in the table of prior knowledge."""
-    rates = [run["policy"]["success_rate"] for run in result["runs"]]
+    rates = _rates(result)
     return (
         result["recipe"],
         as_percent(over_seeds([_curve(run)[0].success for run in result["runs"]])),
@@ -257,15 +237,8 @@ def step(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draws the learning curve of each seed, their mean and its 95 % interval.
-
-    Args:
-        results: See `summarize`.
-        path: The PNG file to write.
-    """
-    matplotlib.rcParams["font.family"] = (
-        "DejaVu Sans"  # part of matplotlib, so the picture is the same on every machine
-    )
+    """Draws the learning curve of each seed, their mean and its 95 % interval."""
+    use_own_font()
     figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
     axes = figure.add_subplot()
     for result in results:
@@ -288,27 +261,17 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.recipes --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.recipes",
-        description="Train every recipe of a list with several seeds and report the results.",
-    )
+    parser = parser_of_runs("recipes", "Train every recipe of a list with several seeds and report the results.")
     parser.add_argument("config", type=Path, nargs="?", default=CONFIG, help="YAML list (default: %(default)s)")
-    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
-    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.recipes`)")
     args = parser.parse_args(arguments)
     places = find_places(args.config, args.folder)
-    try:
+    with errors_in_one_line():
         asked = read(Recipes, args.config)
         results = measure(asked, args.config.parent, places, args.jobs, args.address)
-        draw([r for r in results if not asked.figure or r["recipe"] in asked.figure], places.figure)
-    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues", file=sys.stderr)
-        sys.exit(130)
+        if asked.figure:
+            draw([r for r in results if r["recipe"] in asked.figure], places.figure)
     print(blocks({"results": results})["table"])
-    print(f"\nwritten to {places.summary}, {places.policies} and {places.figure}")
+    print("\nwritten to", *(path for path in (places.summary, places.policies, places.figure) if path.exists()))
 
 
 if __name__ == "__main__":

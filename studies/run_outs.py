@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from tqdm import tqdm
 from benchmarks import machine, machine_line, table
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
-from studies import RESULTS
+from studies import RESULTS, errors_in_one_line
 
 OUTPUT = RESULTS / "run_outs.json"
 
@@ -53,12 +52,8 @@ EPISODES, SEED = 1000, 10
 def measure(output: Path) -> dict[str, Any]:
     """Measures the players without results, and writes the results of each as soon as it is measured.
 
-    Args:
-        output: The JSON file of the results.
-
-    Returns:
-        The content of the file: `machine`, `settings`, and `results[task][noise][player]`, see
-        `billiards_env.evaluation.measure`.
+    The JSON file `output` has `machine`, `settings`, and `results[task][noise][player]`, see
+    `billiards_env.evaluation.measure`.
 
     Raises:
         OSError: If the file cannot be read or written.
@@ -103,13 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
     args = parser.parse_args(arguments)
-    try:
+    with errors_in_one_line():
         found = measure(args.output)
-    except (OSError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues", file=sys.stderr)
-        sys.exit(130)
     print("\n\n".join(blocks(found).values()))
     print(f"\nin {args.output}")
 

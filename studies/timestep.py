@@ -12,11 +12,9 @@ there, nothing is trained: the command prints its tables and draws its figures. 
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import re
-import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,7 +39,7 @@ from billiards_env.envs.actions import cue_strike
 from billiards_env.evaluation import evaluation_seeds
 from billiards_env.files import write_json
 from billiards_env.shots.simulation import simulate
-from studies import RESULTS, RUNS, timestep_report
+from studies import RESULTS, RUNS, errors_in_one_line, parser_of_runs, timestep_report
 from studies.causes import CAUSES, cause
 
 Floats = NDArray[np.float64]
@@ -88,11 +86,7 @@ class Study(Checked):
 
 
 def world_arguments(world: str, fix: str | None) -> dict[str, Any]:
-    """Returns the arguments of `gym.make` for a world: `mode`, `dt` and `fix`.
-
-    Args:
-        world: "exact", or a timestep as a fraction.
-        fix: How a world with a timestep resolves overlaps.
+    """Returns the arguments of `gym.make` for the world "exact", or for a timestep as a fraction: `mode`, `dt`, `fix`.
 
     Raises:
         ValueError: If the world is neither.
@@ -129,13 +123,7 @@ def load_study(path: Path) -> tuple[Study, Config]:
 
 
 class Run(NamedTuple):
-    """A finished training run.
-
-    Attributes:
-        world: The name of the world of the training.
-        seed: The seed.
-        folder: The folder of the run.
-    """
+    """A finished training run: the world and the seed of the training, and the folder."""
 
     world: str
     seed: int
@@ -164,18 +152,9 @@ def find_result(path: Path, study: Study, recipe: Config) -> dict[str, Any] | No
 def measure(
     name: str, study: Study, recipe: Config, folder: Path, jobs: int, address: str | None = None
 ) -> dict[str, Any]:
-    """Trains the policies of a study and compares them.
+    """Trains the policies of a study, and returns the study, its recipe and the output of `compare` as plain data.
 
-    Args:
-        name: The name of the study.
-        study: The study.
-        recipe: Its recipe.
-        folder: The folder of the runs.
-        jobs: The number of runs at a time.
-        address: The address of a Ray cluster that trains; None for this machine.
-
-    Returns:
-        The study, the recipe and the output of `compare`, as plain data.
+    `jobs` runs are trained at a time, in `folder`, on this machine or on the Ray cluster at `address`.
     """
     planned = list(runs(study, recipe, folder))
     train_all({run.folder: config for run, config in planned}, jobs, address)
@@ -191,13 +170,9 @@ def measure(
 def compare(
     recipe: Config, worlds: Mapping[str, Mapping[str, Any]], runs: Sequence[Run], layouts: int
 ) -> dict[str, Any]:
-    """Plays the policies in all worlds.
+    """Plays the policies of finished runs in all worlds, on a number of layouts.
 
-    Args:
-        recipe: The configuration of the training, apart from the world and the seed.
-        worlds: The arguments of `gym.make` of each world, by name; "exact" is among them.
-        runs: The finished runs.
-        layouts: The number of layouts.
+    `worlds` has the arguments of `gym.make` of each world, by name; "exact" is among them.
 
     Returns:
         Plain data: `versions`; `worlds_measured`, the arguments and speed of each world; and `policies`. A policy has
@@ -267,32 +242,22 @@ def _causes(
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.timestep --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.timestep",
-        description="Train one recipe in the exact world and in worlds with a timestep, and compare the policies.",
-    )
+    description = "Train one recipe in the exact world and in worlds with a timestep, and compare the policies."
+    parser = parser_of_runs("timestep", description)
     parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
-    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
-    parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
-    parser.add_argument("--folder", type=Path, help="folder of all files (default: see `studies.timestep`)")
     args = parser.parse_args(arguments)
     name = args.study.stem
     published = args.folder is None and args.study.resolve().parent == STUDIES
     runs_folder = (args.folder or RUNS / "timestep") / name
     path = (RESULTS if published else runs_folder) / f"timestep_{name}.json"
     figure = (IMAGES if published else runs_folder) / f"study_{name}_success.png"
-    try:
+    with errors_in_one_line():
         study, recipe = load_study(args.study)
         result = find_result(path, study, recipe)
         if result is None:
             result = measure(name, study, recipe, runs_folder, args.jobs, args.address)
             write_json(path, result)
         timestep_report.draw(result, figure)
-    except (ImportError, OSError, RuntimeError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues from the newest checkpoints", file=sys.stderr)
-        sys.exit(130)
     shown = timestep_report.blocks(result)
     print("\n\n".join(shown[name] for name in timestep_report.tables(result)))
     print(f"\nin {path} and {figure}")

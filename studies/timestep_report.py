@@ -10,20 +10,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks import save, table
+from benchmarks import save, table, use_own_font
 from billiards_env.intervals import as_percent, difference, over_seeds
 from studies.causes import CAUSES
 
 
 def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Returns the means over the seeds of the policies trained in each world.
-
-    Args:
-        result: The result of a study, see `studies.timestep`.
+    """Returns the means over the seeds of the policies trained in each world, from the result of `studies.timestep`.
 
     Returns:
         By world: `own` and `exact`, the success in the world itself and in the exact one; `behind`, the success in the
@@ -109,16 +105,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
 
 
 def draw(result: Mapping[str, Any], path: Path) -> None:
-    """Draws the success in the world of the training and in the exact world, against the timestep.
-
-    Args:
-        result: The result of a study, see `studies.timestep`.
-        path: The PNG file to write.
-
-    Raises:
-        OSError: If the file cannot be written.
-    """
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    """Draws the success in the world of the training and in the exact world, against the timestep."""
+    use_own_font()
     means = summary(result)
     # The exact world, whose timestep would be 0, is on the left.
     worlds = sorted(means, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)

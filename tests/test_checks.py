@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from fractions import Fraction
 from typing import Any, cast
 
@@ -22,12 +21,9 @@ from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
 from billiards_env.shots.strikes import strike
+from tests.helpers.errors import rejected
 
 PLACES = [[-0.6, 0.0], [0.6, 0.3]]
-
-
-def rejected(message: str, kind: type[Exception] = ValueError) -> Any:
-    return pytest.raises(kind, match=re.escape(message))
 
 
 def test_every_range_has_a_reason():
@@ -105,12 +101,6 @@ def test_a_spin_that_would_move_a_ball_off_the_table_is_rejected():
     assert (np.abs(shot.positions) <= [1.27, 0.635]).all()
 
 
-@pytest.mark.parametrize("mass", [1e-301, 1e-310, 5e-324, 1e301])
-def test_a_mass_that_would_make_velocities_nan_is_rejected(mass):
-    with rejected(f"balls.mass[1] = {mass}: expected a number from 1e-08 to 1e+08 kg, or inf"):
-        Balls((0.03, 0.03), (0.2, mass))
-
-
 def test_a_max_speed_too_large_for_the_engine_is_rejected():
     for make in (gym.make, gym.make_vec):
         with rejected("max_speed = 1e+200: expected a number from 1e-06 to 1000 m/s"):
@@ -133,8 +123,7 @@ def test_a_pit_shot_stops_after_the_largest_number_of_timesteps():
     assert shot.time == pytest.approx(MAX_STEPS * 1e-9, rel=1e-6)
     assert shot.positions[0, 0] == pytest.approx(shot.time - 0.5 * 0.0981 * shot.time**2)
     assert 0 < shot.velocities[0, 0] < 1
-    least, *_ = RANGES["dt"]
-    assert least == 1e-9
+    assert RANGES["dt"][0] == 1e-9
 
 
 # The checks themselves

@@ -181,18 +181,13 @@ def test_errors_are_one_line(arguments, message):
     assert exit.value.code.startswith(f"error: {message}")
 
 
-def words(text: str) -> set[str]:
-    """Returns the words of a text, without punctuation."""
-    return set(re.findall(r"[\w.]*\w", text))
-
-
 def test_help_lists_the_values_of_each_option(capsys):
     with pytest.raises(SystemExit):
         main(["simulate", "--help"])
     shown = capsys.readouterr().out
     (layouts,) = re.findall(r"starting positions: (.*?) \(default", " ".join(shown.split()))
     assert re.split(", | or ", layouts) == list(LAYOUTS)
-    assert {*SCENES, *MODES, *FIXES} <= words(shown)
+    assert {*SCENES, *MODES, *FIXES} <= set(re.findall(r"[\w.]*\w", shown))
 
 
 def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):

@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import benchmarks.validation as validation
-from benchmarks import IMAGES, RESULTS, print_blocks, save
-from billiards_env.files import write_json
+from benchmarks import IMAGES, parser_of, report, save
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(arguments: list[str] | None = None) -> None:
     """Measures, prints the tables, writes `benchmarks/results/validation.json` and draws the picture."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.validation", description="Compare the laws of the package with measurements."
-    )
-    parser.add_argument("--output", type=Path, default=RESULTS / "validation.json", help="where the JSON goes")
+    parser = parser_of("validation", "Compare the laws of the package with measurements.")
     parser.add_argument("--folder", type=Path, default=IMAGES, help="where the picture goes (default: docs/images)")
-    arguments = parser.parse_args(argv)
-    result = validation.measure()
-    print_blocks(validation.blocks(result))
-    write_json(arguments.output, result)
+    args = parser.parse_args(arguments)
+    report(validation.measure(), validation.blocks, args.output)
     from benchmarks.validation import pictures
 
-    save(pictures.picture(), arguments.folder / "validation.png")
-    return 0
+    save(pictures.picture(), args.folder / "validation.png")
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    main()

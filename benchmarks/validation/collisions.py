@@ -48,12 +48,9 @@ FROZEN_PAIR = {"slow": 7.0, "fast": 3.0}
 class SnookerShot(NamedTuple):
     """A shot of Mathavan, Jackson and Parkin (2014): a rolling cue ball cuts a resting ball.
 
-    Attributes:
-        speed: Speed of the cue ball at the impact.
-        cut: Cut angle; the paper takes the measured direction of the object ball.
-        measured: Speeds of cue ball and object ball after both roll, and the angles of their paths from the incident
-            direction.
-        paper: The same, computed by the model of the paper.
+    The paper takes the measured direction of the object ball as the cut angle. `measured` has the speeds of cue ball
+    and object ball after both roll, and the angles of their paths from the incident direction. `paper` has the same
+    values, computed by the model of the paper.
     """
 
     speed: float
@@ -171,14 +168,8 @@ def wallace_schroeder(cut: ArrayLike) -> Floats:
 
 def snooker_shots() -> list[list[float]]:
     """Returns speeds of cue ball and object ball, and angles of their paths, for each of `SNOOKER`."""
-    after = impact(
-        SNOOKER_PHYSICS,
-        [shot.speed for shot in SNOOKER],
-        [shot.cut for shot in SNOOKER],
-        roll=1.0,
-        radius=SNOOKER_RADIUS,
-    )
-    velocities = rolling(after)
+    speed, cut, *_ = zip(*SNOOKER, strict=True)
+    velocities = rolling(impact(SNOOKER_PHYSICS, speed, cut, roll=1.0, radius=SNOOKER_RADIUS))
     speeds, angles = np.hypot(*np.moveaxis(velocities, -1, 0)), direction(velocities)
     return np.column_stack([speeds, abs(angles)]).tolist()
 
@@ -217,7 +208,8 @@ def formula_difference() -> float:
 
 def measure() -> dict[str, Any]:
     """Runs all impacts."""
-    angles = np.array([c for c in range(15, 49)], float)
+    angles = np.arange(15.0, 49.0)
+    formula = wallace_schroeder(angles)
     return {
         "formula_difference": formula_difference(),
         "throw_points": [float(throw(FRICTIONAL, SPEEDS[s], [c], roll=r)[0]) for c, _, s, r in THROW_POINTS],
@@ -225,10 +217,8 @@ def measure() -> dict[str, Any]:
         "frozen_pair": {name: frozen_pair(SPEEDS[name]) for name in FROZEN_PAIR},
         "snooker": snooker_shots(),
         "domenech": [domenech(*model)[1] for model in DOMENECH_MODELS],
-        "formula_of_paths": float(
-            abs(half_ball_rule(Physics(e_ball=1.0), 1.0, angles) - wallace_schroeder(angles)).max()
-        ),
-        "stun": float(scatter_of_stun(30.0)),
+        "formula_of_paths": float(abs(half_ball_rule(Physics(e_ball=1.0), 1.0, angles) - formula).max()),
+        "stun": scatter_of_stun(30.0),
     }
 
 
@@ -237,8 +227,9 @@ def scatter_of_stun(cut: float) -> float:
     return float(cut - direction(impact(Physics(), 1.0, [cut]).velocities[0, 0]))
 
 
-def _degrees(value: float) -> str:
-    return f"{value:.1f}"
+def _compared(value: float, found: float) -> list[str]:
+    """Returns the cells of a measured and a computed angle, and of their difference."""
+    return [f"{value:.1f}", f"{found:.1f}", _signed(found - value)]
 
 
 def _signed(value: float, digits: int = 1) -> str:
@@ -248,20 +239,15 @@ def _signed(value: float, digits: int = 1) -> str:
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     points = [
-        [
-            f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}",
-            _degrees(value),
-            _degrees(found),
-            _signed(found - value),
-        ]
+        [f"{cut:g}° cut, {'roll' if roll else 'stun'}, {speed}", *_compared(value, found)]
         for (cut, value, speed, roll), found in zip(THROW_POINTS, result["throw_points"], strict=True)
     ]
     points += [
-        [f"frozen pair, 45°, {name}", _degrees(value), _degrees(found), _signed(found - value)]
+        [f"frozen pair, 45°, {name}", *_compared(value, found)]
         for (name, value), found in zip(FROZEN_PAIR.items(), result["frozen_pair"].values(), strict=True)
     ]
     frozen_rows = [
-        [f"{stroke}°", f"{value}", _degrees(found), _signed(found - value)]
+        [f"{stroke}°", f"{value}", f"{found:.1f}", _signed(found - value)]
         for (stroke, value), found in zip(FROZEN[1:-1], result["frozen"], strict=True)
     ]
     snooker = []

@@ -41,6 +41,19 @@ BANKS = ((2.2, 1.0), (3.3, 1.5), (4.4, 2.0))
 at which it meets the opposite cushion, both counted from the pocket to which it returns."""
 DIAMOND = POOL_LENGTH / 8
 
+MODELS = {
+    "mathavan2010, e = 0.98": PAPER,
+    "mathavan2010, e(v)": Scene.named("snooker").physics,
+    "stronge, e = 0.85": Physics(cushion="stronge"),
+}
+"""The physics of rolling snooker balls in figure 7a, by name."""
+
+BANK_LAWS = {
+    **{law: Physics(cushion=law) for law in ("restitution", "han2005", "stronge")},
+    "mathavan2010, snooker": Scene.named("snooker").physics,
+}
+"""The physics of the banks: the default constants of each law."""
+
 # Impacts
 
 
@@ -61,13 +74,7 @@ def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Fl
     """Returns the diamonds at which banked balls return to the first cushion.
 
     The paths are those of the centres of balls without spin at the far cushion. A ball whose centre comes from the
-    diamond `start` on the line of contacts meets the far cushion at the diamond `aim`.
-
-    Args:
-        physics: The physics.
-        start: (m,) diamonds.
-        aim: (m,) diamonds.
-        speed: Speed at the far cushion, m/s.
+    diamond `start` (m,) on the line of contacts meets the far cushion at the diamond `aim` (m,), at `speed`, m/s.
     """
     start, aim = np.ravel(start), np.ravel(aim)
     scene = Scene(Balls.uniform(1), Table(4 * POOL_LENGTH, POOL_WIDTH), physics)
@@ -97,15 +104,6 @@ def fit_line(physics: Physics) -> float:
     return float(np.polyfit(speeds, after, 1)[0])
 
 
-def models() -> dict[str, Physics]:
-    """Returns the physics of rolling snooker balls in figure 7a, by name."""
-    return {
-        "mathavan2010, e = 0.98": PAPER,
-        "mathavan2010, e(v)": Scene.named("snooker").physics,
-        "stronge, e = 0.85": Physics(cushion="stronge"),
-    }
-
-
 def figure_7a(physics: Physics) -> tuple[float, float]:
     """Returns the root mean square and the largest difference from `FIGURE_7A`, m/s."""
     before, measured = np.array(FIGURE_7A).T
@@ -113,19 +111,13 @@ def figure_7a(physics: Physics) -> tuple[float, float]:
     return float(np.sqrt(np.mean(off**2))), float(abs(off).max())
 
 
-def bank_laws() -> dict[str, Physics]:
-    """Returns the physics of the banks: the default constants of each law."""
-    laws = {law: Physics(cushion=law) for law in ("restitution", "han2005", "stronge")}
-    return {**laws, "mathavan2010, snooker": Scene.named("snooker").physics}
-
-
 def measure() -> dict[str, Any]:
     """Runs all impacts and banks."""
     start, aim = np.array(BANKS).T
     return {
-        "figure_7a": {name: figure_7a(physics) for name, physics in models().items()},
-        "slope": {name: fit_line(physics) for name, physics in models().items()},
-        "banks": {name: bank(physics, start, aim, BANK_SPEED).tolist() for name, physics in bank_laws().items()},
+        "figure_7a": {name: figure_7a(physics) for name, physics in MODELS.items()},
+        "slope": {name: fit_line(physics) for name, physics in MODELS.items()},
+        "banks": {name: bank(physics, start, aim, BANK_SPEED).tolist() for name, physics in BANK_LAWS.items()},
     }
 
 

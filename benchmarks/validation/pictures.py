@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks import use_own_font
 from benchmarks.validation import collisions, cushions
 
 # Okabe and Ito (2008): distinct with every kind of colour vision
@@ -18,7 +18,7 @@ MEASURED: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": "black"
 
 def picture() -> Figure:
     """Draws the throw, the path of a rolling cue ball, and the speed after a cushion, with the measured values."""
-    matplotlib.rcParams["font.family"] = "DejaVu Sans"  # part of matplotlib, the same on every machine
+    use_own_font()
     figure = Figure(figsize=(10, 3.8), dpi=120, facecolor="white", layout="constrained")
     throw, paths, speeds = figure.subplots(1, 3)
     cuts = np.linspace(0.5, 85.0, 170)
@@ -36,7 +36,7 @@ def picture() -> Figure:
     _dress(paths, "30-degree rule", "cut angle (°)", "deflection of the cue ball (°)", 40, "lower center")
 
     before = np.linspace(0.05, 3.6, 100)
-    for (name, physics), colour in zip(cushions.models().items(), COLOURS, strict=True):
+    for (name, physics), colour in zip(cushions.MODELS.items(), COLOURS, strict=True):
         speeds.plot(before, cushions.bounce(physics, 90.0, before)[0], color=colour, label=name)
     speeds.plot(*np.array(cushions.FIGURE_7A).T, **{**MEASURED, "markersize": 4})
     _dress(speeds, "Rolling into a cushion at 90°", "speed before (m/s)", "speed after (m/s)", 4, "upper left")

@@ -71,12 +71,9 @@ def target(board: Table, pocket: str) -> Target:
 def outcomes(board: Table, pocket: str, speed: float, angle: Floats, offset: Floats) -> Floats:
     """Returns the outcome of each path (m,): `CLEAN`, `TOUCHED`, `MISSED` or, if it would begin in a cushion, nan.
 
-    Args:
-        board: The table.
-        pocket: "side" or "corner".
-        speed: Speed at the mouth, m/s. The ball rolls.
-        angle: (m,) degrees, positive if the ball moves away from the left of the axis, as seen towards the pocket.
-        offset: (m,) inches, positive to the left of the middle of the mouth.
+    The ball rolls into the "side" or the "corner" pocket with a speed at the mouth, m/s. The angles (m,), degrees, are
+    positive if it moves away from the left of the axis, as seen towards the pocket. The offsets (m,), inches, are
+    positive to the left of the middle of the mouth.
     """
     aim = target(board, pocket)
     heading = np.radians(aim.axis + angle)

@@ -13,6 +13,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,18 +30,7 @@ from billiards_env.drawing.materials import paint_table
 from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, shadow
-from billiards_env.drawing.style import (
-    ARROW,
-    ARROW_START,
-    CHALK,
-    INK,
-    PAPER,
-    POTTED,
-    RAIL,
-    looks,
-    rail_width,
-    tray,
-)
+from billiards_env.drawing.style import ARROW, ARROW_START, CHALK, INK, PAPER, POTTED, RAIL, looks, rail_width, tray
 from billiards_env.drawing.text import text_image
 from billiards_env.scene import Scene
 
@@ -64,6 +54,16 @@ PATH_STEPS = 4
 
 RESULT_SHOWN = 1.0
 """s. The text on the right is shown for this time at the end of a shot, when balls are slow."""
+
+
+class Caption(NamedTuple):
+    """The texts under a film: on the left, before the time, and on the right, shown in the last second."""
+
+    left: str = ""
+    right: str = ""
+
+
+NO_CAPTION = Caption()
 
 
 class Canvas:
@@ -112,8 +112,7 @@ class Canvas:
         self,
         recording: Recording,
         fps: float,
-        left: str = "",
-        right: str = "",
+        caption: Caption = NO_CAPTION,
         compare: Recording | None = None,
         arrow: bool = True,
         only_last: bool = False,
@@ -124,8 +123,7 @@ class Canvas:
         Args:
             recording: The shot.
             fps: Frames per second.
-            left: Text on the left, before the time.
-            right: Text on the right, shown in the last second.
+            caption: The texts under the table.
             compare: Another run of the same shot, drawn as rings.
             arrow: Whether to show the initial velocity of the cue ball.
             only_last: Whether to yield only the last frame, which is the same as in the whole film.
@@ -179,9 +177,9 @@ class Canvas:
                     self.stamp(frame, i, centres[k], RING)
             shown = [(i, centres[k]) for shot, ring, i, centres, _ in tracks if not ring and t < shot.gone[i]]
             self.draw_balls(frame, [i for i, _ in shown], [centre for _, centre in shown], turns.at(t))
-            line = f"{left}   {t:.2f} s" if duration > 0 else left
+            line = f"{caption.left}   {t:.2f} s" if duration > 0 else caption.left
             potted = np.flatnonzero(recording.gone <= t)
-            self.draw_bar(frame, line, right if t >= duration - RESULT_SHOWN else "", potted)
+            self.draw_bar(frame, line, caption.right if t >= duration - RESULT_SHOWN else "", potted)
             yield frame
 
     def _path_steps(self, shot: Recording, ball: int, times: Floats) -> list[Floats]:
@@ -256,23 +254,19 @@ class Canvas:
         """Draws a line with round ends through points (m, 2), pixels."""
         if not np.ptp(points, axis=0).any():
             return
-        z, wide = PATH_ZOOM, max(1.6, self.size[0] / 420)
-        corner = np.floor(points.min(0) - wide).astype(int)
-        side = np.ceil(points.max(0) + wide).astype(int) - corner
-        ink = pygame.Color(colour)
-        large = Surface((z * side).tolist(), pygame.SRCALPHA, 32)
-        large.fill((ink.r, ink.g, ink.b, 0))
-        line = z * (points - corner)
-        half = z * wide / 2
+        wide = max(1.6, self.size[0] / 420)
+        large, corner = _enlarged(points, wide, colour)
+        line = PATH_ZOOM * (points - corner)
+        half = PATH_ZOOM * wide / 2
         for start, end in itertools.pairwise(line):
             along = end - start
             length = math.hypot(*along)
             if length > 0:
                 across = half / length * np.array([-along[1], along[0]])
-                pygame.draw.polygon(large, ink, [*(start + across, end + across), *(end - across, start - across)])
+                pygame.draw.polygon(large, colour, [*(start + across, end + across), *(end - across, start - across)])
         for point in line:
-            pygame.draw.circle(large, ink, point, half)
-        surface.blit(pygame.transform.smoothscale(large, side.tolist()), corner.tolist())
+            pygame.draw.circle(large, colour, point, half)
+        surface.blit(_reduced(large), corner.tolist())
 
     def draw_arrow(self, surface: Surface, ball: int, position: Floats, velocity: Floats) -> None:
         """Draws the velocity (2,), m/s, of a ball at `position` (2,), m, as an arrow from its edge."""
@@ -294,13 +288,9 @@ class Canvas:
         shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]
         shape += [neck - 0.45 * radius * across, neck - half * across, start - half * across]
         points = np.array(shape)
-        corner = np.floor(points.min(0) - 1).astype(int)
-        side = np.ceil(points.max(0) + 1).astype(int) - corner
-        large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
-        ink = pygame.Color(CHALK)
-        large.fill((ink.r, ink.g, ink.b, 0))
-        pygame.draw.polygon(large, ink, (PATH_ZOOM * (points - corner)).tolist())
-        small = pygame.transform.smoothscale(large, side.tolist())
+        large, corner = _enlarged(points, 1.0, CHALK)
+        pygame.draw.polygon(large, CHALK, (PATH_ZOOM * (points - corner)).tolist())
+        small = _reduced(large)
         small.set_alpha(210)
         surface.blit(small, corner.tolist())
 
@@ -341,13 +331,25 @@ class Canvas:
         return Painter(self.looks, np.full(n, radius)).paint(np.arange(n), np.zeros((n, 2)), faces)
 
 
+def _enlarged(points: Floats, margin: float, colour: str) -> tuple[Surface, NDArray[np.int_]]:
+    """Returns a transparent surface, `PATH_ZOOM` times as large as points and a margin, and its corner, pixels."""
+    corner = np.floor(points.min(0) - margin).astype(int)
+    side = np.ceil(points.max(0) + margin).astype(int) - corner
+    large = Surface((PATH_ZOOM * side).tolist(), pygame.SRCALPHA, 32)
+    large.fill((*pygame.Color(colour)[:3], 0))
+    return large, corner
+
+
+def _reduced(large: Surface) -> Surface:
+    return pygame.transform.smoothscale(large, [side // PATH_ZOOM for side in large.get_size()])
+
+
 def pixels(surface: Surface) -> Frame:
     """Returns a copy of a frame as an array (height, width, 3) uint8, RGB."""
     width, height = surface.get_size()
     array = np.empty((height, width, 3), np.uint8)
-    for k, view in enumerate(
-        (pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue)
-    ):
+    planes = pygame.surfarray.pixels_red, pygame.surfarray.pixels_green, pygame.surfarray.pixels_blue
+    for k, view in enumerate(planes):
         array[..., k] = view(surface).T
     return array
 
@@ -360,18 +362,13 @@ def side_by_side(films: Sequence[Iterator[Surface]], gap: int = 4) -> Iterator[S
     columns = math.ceil(math.sqrt(len(films)))
     rows = math.ceil(len(films) / columns)
     sheet: Surface | None = None
-    going = dict(enumerate(films))
-    while going:
-        for k, film in list(going.items()):
-            frame = next(film, None)
-            if frame is None:
-                del going[k]
-                continue
-            width, height = frame.get_width() + gap, frame.get_height() + gap
-            if sheet is None:
-                even = [(side - gap + 1) // 2 * 2 for side in (columns * width, rows * height)]
-                sheet = Surface(even, 0, 32)
-                sheet.fill(PAPER)
-            sheet.blit(frame, (k % columns * width, k // columns * height))
-        if going and sheet is not None:
-            yield sheet
+    for frames in itertools.zip_longest(*films):
+        width, height = max(frame.get_size() for frame in frames if frame is not None)
+        if sheet is None:
+            even = [(side + 1) // 2 * 2 for side in (columns * (width + gap) - gap, rows * (height + gap) - gap)]
+            sheet = Surface(even, 0, 32)
+            sheet.fill(PAPER)
+        for k, frame in enumerate(frames):
+            if frame is not None:
+                sheet.blit(frame, (k % columns * (width + gap), k // columns * (height + gap)))
+        yield sheet

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from billiards_env.checks import missing, real
-from billiards_env.drawing.canvas import Canvas, Frame, pixels
+from billiards_env.drawing.canvas import Canvas, Caption, Frame, pixels
 from billiards_env.drawing.recording import Recording
 from billiards_env.files import check_path, replacing
 
@@ -30,7 +30,7 @@ def frames(
     fps = real("fps", fps, "fps")
     canvas = Canvas(recording.scene, width)
     left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
-    return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, left, compare=compare))
+    return canvas.size, (pixels(frame) for frame in canvas.film(recording, fps, Caption(left), compare))
 
 
 def write_gif(

@@ -37,10 +37,7 @@ _AROUND = (0, 255, 255)
 
 
 def paint_table(
-    table: Table,
-    size: tuple[int, int],
-    pixels_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    paper: str,
+    table: Table, size: tuple[int, int], pixels_of: Callable[[NDArray[np.float64]], NDArray[np.float64]], paper: str
 ) -> pygame.Surface:
     """Returns an image of a table on paper of a colour; `pixels_of` converts points (m, 2), m, to pixels (m, 2)."""
     flat, parts = (pygame.Surface((ZOOM * size[0], ZOOM * size[1]), 0, 32) for _ in range(2))

@@ -188,7 +188,7 @@ class Renderer:
     def _films(self, shots: Sequence[DrawnShot], only_last: bool = False) -> list[Iterator[Surface]]:
         """Returns the frames of a step, one iterator for each environment."""
         try:
-            from billiards_env.drawing.canvas import Canvas
+            from billiards_env.drawing.canvas import Canvas, Caption
         except ModuleNotFoundError as error:
             raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
@@ -196,8 +196,8 @@ class Renderer:
             self._canvas = Canvas(self._scene, WIDTH_OF_MANY if tiled else WIDTH)
         films = []
         for shot, left, right, circles in shots:
-            film = self._canvas.film(shot.recording(), FPS, left, right, only_last=only_last, circles=circles)
-            films.append(film)
+            caption = Caption(left, right)
+            films.append(self._canvas.film(shot.recording(), FPS, caption, only_last=only_last, circles=circles))
         return films
 
 

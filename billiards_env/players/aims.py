@@ -10,16 +10,8 @@ from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, X, Y
 from billiards_env.physics.walls import TIP_RADIUS, TIP_X, TIP_Y
-from billiards_env.players.hits import (
-    Hit,
-    approach_clearance,
-    can_hit,
-    clearance,
-    enters_pocket,
-    hit_at,
-    room_of,
-)
-from billiards_env.players.paths import cross, pocket_gap
+from billiards_env.players.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
+from billiards_env.players.paths import cross, half_chord, pocket_gap
 
 THINNEST = 0.05
 """The cosine of the thinnest cut."""
@@ -38,7 +30,7 @@ class Aim(NamedTuple):
         hit: The hit.
         run: The distance of the object ball to the pocket, m.
         mouth: Half the angle of the open mouth as seen from the object ball, minus the error of its direction, radians.
-        room: The smallest gap to a third ball, m, at most `FAR`; negative if the pot is not possible.
+        gap: The smallest gap to a third ball, m, at most `FAR`; negative if the pot is not possible.
     """
 
     ball: int
@@ -47,7 +39,7 @@ class Aim(NamedTuple):
     hit: Hit
     run: float
     mouth: float
-    room: float
+    gap: float
 
 
 NO_AIM = Aim(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
@@ -69,8 +61,8 @@ def direct_aim(table, i, p):
         return NO_AIM
     reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     room_x, room_y = room_of(scene, table.cue)
-    ghost_x, ghost_y = x - reach * mouth.dx, y - reach * mouth.dy
-    ghost_x, ghost_y = _off_cushion(ghost_x, ghost_y, x, y, room_x - _CLEAR, reach)
+    ghost = hit_along(table, i, mouth.dx, mouth.dy)
+    ghost_x, ghost_y = _off_cushion(ghost.x, ghost.y, x, y, room_x - _CLEAR, reach)
     ghost_y, ghost_x = _off_cushion(ghost_y, ghost_x, y, x, room_y - _CLEAR, reach)
     hit = hit_at(table, i, ghost_x, ghost_y)
     if not can_hit(table, hit, THINNEST):
@@ -80,8 +72,8 @@ def direct_aim(table, i, p):
     end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
     if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
         return NO_AIM
-    room = min(approach_clearance(table, i, hit), clearance(table, i, i, x, y, end_x, end_y))
-    return Aim(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), room)
+    gap = min(approach_gap(table, i, hit), ball_gap(table, i, i, x, y, end_x, end_y))
+    return Aim(i, p, -1, hit, run, max(mouth.half - off, mouth.half / 10), gap)
 
 
 @inlined
@@ -126,17 +118,20 @@ def _between_tips(scene, outline, i, p, x, y):
     right, left = outline.mouths[p]
     if min(right, left) < 0:
         return _rim_mouth(scene, i, p, x, y)
-    right_x, right_y = _past_tip(outline.tips[right], scene.radius[i], x, y, 1.0)
-    left_x, left_y = _past_tip(outline.tips[left], scene.radius[i], x, y, -1.0)
+    right_tip, left_tip, radius = outline.tips[right], outline.tips[left], scene.radius[i]
+    right_x, right_y = _tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
+    left_x, left_y = _tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
     return _middle(right_x, right_y, left_x, left_y)
 
 
 @inlined
-def _past_tip(tip, radius, x, y, side):
-    """Returns the direction, (x, y), in which a ball passes a tip on its left (side = 1) or right (side = -1)."""
-    to_x, to_y, reach = tip[TIP_X] - x, tip[TIP_Y] - y, tip[TIP_RADIUS] + radius
-    along = math.sqrt(max(to_x * to_x + to_y * to_y - reach * reach, 0.0))
-    return along * to_x - side * reach * to_y, along * to_y + side * reach * to_x
+def _tangent(to_x, to_y, radius, side):
+    """Returns the direction, (x, y), of a tangent of a circle with its centre at (to_x, to_y).
+
+    The tangent begins at the origin. The circle is on its right (side = 1) or left (side = -1).
+    """
+    along = max(half_chord(norm(to_x, to_y), radius), 0.0)
+    return along * to_x - side * radius * to_y, along * to_y + side * radius * to_x
 
 
 @kernel
@@ -149,20 +144,18 @@ def _rim_mouth(scene, i, p, x, y):
     if square <= r * r:
         return Mouth(0.0, 0.0, 0.0)
     mouth = (0.0, 0.0, 0.0, 0.0)
-    tangent = math.sqrt(square - r * r)
+    length = math.sqrt(square - r * r) / square
     for side in (-1.0, 1.0):
-        along, across = (square - r * r) / square, side * r * tangent / square
-        mouth = _wider(mouth, along * to_x - across * to_y, along * to_y + across * to_x, x, y, room_x, room_y)
+        along_x, along_y = _tangent(to_x, to_y, r, side)
+        mouth = _wider(mouth, length * along_x, length * along_y, x, y, room_x, room_y)
         for limit_x in (-room_x, room_x):
-            at_x = limit_x - x
-            chord = r * r - (at_x - to_x) * (at_x - to_x)
-            if chord >= 0.0:
-                mouth = _wider(mouth, at_x, to_y + side * math.sqrt(chord), x, y, room_x, room_y)
+            half = half_chord(r, limit_x - x - to_x)
+            if half >= 0.0:
+                mouth = _wider(mouth, limit_x - x, to_y + side * half, x, y, room_x, room_y)
         for limit_y in (-room_y, room_y):
-            at_y = limit_y - y
-            chord = r * r - (at_y - to_y) * (at_y - to_y)
-            if chord >= 0.0:
-                mouth = _wider(mouth, to_x + side * math.sqrt(chord), at_y, x, y, room_x, room_y)
+            half = half_chord(r, limit_y - y - to_y)
+            if half >= 0.0:
+                mouth = _wider(mouth, to_x + side * half, limit_y - y, x, y, room_x, room_y)
     return _middle(*mouth)
 
 
@@ -197,8 +190,7 @@ def _wider(mouth, to_x, to_y, x, y, room_x, room_y):
 def distance_to_rim(scene, p, x, y, dx, dy):
     """Returns the distance from (x, y) along a line to a pocket's rim, or to the line's point nearest to the pocket."""
     to_x, to_y, r = scene.pockets[p, POCKET_X] - x, scene.pockets[p, POCKET_Y] - y, scene.pockets[p, POCKET_RADIUS]
-    aside = cross(dx, dy, to_x, to_y)
-    return to_x * dx + to_y * dy - math.sqrt(max(r * r - aside * aside, 0.0))
+    return to_x * dx + to_y * dy - max(half_chord(r, cross(dx, dy, to_x, to_y)), 0.0)
 
 
 @inlined
@@ -207,10 +199,8 @@ def _off_cushion(a, b, ball_a, ball_b, room, reach):
     if abs(a) <= room:
         return a, b
     limit = math.copysign(room, a)
-    square = reach * reach - (limit - ball_a) * (limit - ball_a)
-    if square < 0.0:
-        return a, b
-    return limit, ball_b + math.copysign(math.sqrt(square), b - ball_b)
+    half = half_chord(reach, limit - ball_a)
+    return (limit, ball_b + math.copysign(half, b - ball_b)) if half >= 0.0 else (a, b)
 
 
 @inlined

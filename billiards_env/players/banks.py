@@ -6,17 +6,17 @@ import math
 from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import motion_after, norm
 from billiards_env.physics.state import POCKET_X, POCKET_Y, REST, T0, X, Y
 from billiards_env.physics.walls import is_side
 from billiards_env.players.aims import NO_AIM, THINNEST, Aim, distance_to_rim, open_mouth
 from billiards_env.players.hits import (
-    approach_clearance,
+    approach_gap,
+    ball_gap,
     can_hit,
-    clearance,
     enters_pocket,
-    hit_at,
+    hit_along,
     meet_again,
     play_hit,
     room_of,
@@ -62,13 +62,13 @@ def bank_aim(table, i, p, wall, speed, state):
     meets the middle of the pocket's mouth. The arguments are those of `hits`.
     """
     scene, x, y = table.scene, table.positions[i, X], table.positions[i, Y]
-    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
     image_x, image_y, apart = _mirrored(scene, i, p, wall)
     if apart < _APART:
         return NO_AIM
     angle, last_angle, last_miss = math.atan2(image_y - y, image_x - x), 0.0, 0.0
     for step in range(_STEPS):
-        hit = hit_at(table, i, x - reach * math.cos(angle), y - reach * math.sin(angle))
+        sine, cosine = sine_cosine(angle)
+        hit = hit_along(table, i, cosine, sine)
         if not can_hit(table, hit, 2 * THINNEST) or not play_hit(table, i, hit, speed, state):
             return NO_AIM
         bounce = _follow_bank(scene, state, i, p, wall)
@@ -78,12 +78,12 @@ def bank_aim(table, i, p, wall, speed, state):
         if abs(bounce.miss) < _MISS:
             if enters_pocket(table, hit) or meet_again(table, i, hit, speed, bounce.time, state):
                 return NO_AIM
-            room = min(
-                approach_clearance(table, i, hit),
-                clearance(table, i, i, x, y, bounce.x, bounce.y),
-                clearance(table, i, i, bounce.x, bounce.y, bounce.end_x, bounce.end_y),
+            gap = min(
+                approach_gap(table, i, hit),
+                ball_gap(table, i, i, x, y, bounce.x, bounce.y),
+                ball_gap(table, i, i, bounce.x, bounce.y, bounce.end_x, bounce.end_y),
             )
-            return Aim(i, p, wall, hit, run, bounce.half * bounce.second / run, room)
+            return Aim(i, p, wall, hit, run, bounce.half * bounce.second / run, gap)
         # In a mirror the path after the cushion turns by the opposite angle.
         slope = run if step == 0 else (bounce.miss - last_miss) / (angle - last_angle)
         if slope <= 0.0:

@@ -87,6 +87,13 @@ def hit_at(table, i, x, y):
 
 
 @inlined
+def hit_along(table, i, line_x, line_y):
+    """Returns the `Hit` whose line of centres has the direction (line_x, line_y)."""
+    reach = contact_distance(table.scene.spheres, table.scene.radius, table.cue, i)
+    return hit_at(table, i, table.positions[i, X] - reach * line_x, table.positions[i, Y] - reach * line_y)
+
+
+@inlined
 def cut_cosine(hit):
     """Returns the cosine of the angle between the directions of the two balls."""
     return hit.dx * hit.line_x + hit.dy * hit.line_y
@@ -144,7 +151,6 @@ def against_throw(ball_friction, table, i, hit, speed, state):
 def _turned_against_throw(table, i, hit, speed, state):
     """Implements `against_throw`: turns the line of centres by the throw, several times."""
     want_x, want_y, row = hit.line_x, hit.line_y, state.rows[i]
-    reach = contact_distance(table.scene.spheres, table.scene.radius, table.cue, i)
     for _ in range(_THROW_STEPS):
         play_hit(table, i, hit, speed, state)
         size = norm(row[VX], row[VY])
@@ -152,8 +158,7 @@ def _turned_against_throw(table, i, hit, speed, state):
             return hit
         cosine, sine = (row[VX] * want_x + row[VY] * want_y) / size, (row[VX] * want_y - row[VY] * want_x) / size
         line_x, line_y = cosine * hit.line_x - sine * hit.line_y, sine * hit.line_x + cosine * hit.line_y
-        x, y = table.positions[i, X] - reach * line_x, table.positions[i, Y] - reach * line_y
-        hit = hit_at(table, i, x, y)
+        hit = hit_along(table, i, line_x, line_y)
     return hit
 
 
@@ -166,14 +171,14 @@ def gain(table, i, hit):
 
 
 @inlined
-def approach_clearance(table, i, hit):
+def approach_gap(table, i, hit):
     """Returns the smallest gap between the cue ball and a third ball before the hit on ball i, m, at most `FAR`."""
     start_x, start_y = table.positions[table.cue, X], table.positions[table.cue, Y]
-    return clearance(table, i, table.cue, start_x, start_y, hit.x, hit.y)
+    return ball_gap(table, i, table.cue, start_x, start_y, hit.x, hit.y)
 
 
 @kernel
-def clearance(table, i, moving, ax, ay, bx, by):
+def ball_gap(table, i, moving, ax, ay, bx, by):
     """Returns the smallest gap between a ball that moves from (ax, ay) to (bx, by) and a third ball, m, at most `FAR`.
 
     Ball i, the cue ball and the potted balls are not third balls.

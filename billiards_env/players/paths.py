@@ -45,6 +45,13 @@ def cross(ax, ay, bx, by):
 
 
 @inlined
+def half_chord(radius, distance):
+    """Returns half the length of the chord of a circle at a distance from its centre, or -1 if there is none."""
+    square = radius * radius - distance * distance
+    return math.sqrt(square) if square >= 0.0 else -1.0
+
+
+@inlined
 def _sliding(slide, slip_ratio):
     """Returns the deceleration of a ball that slides, m/s^2, and the share of its speed with which it begins to roll.
 

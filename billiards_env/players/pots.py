@@ -34,7 +34,7 @@ CUT_COS, CUT_SIN = 2, 3  # of the angle between the directions of the balls; the
 APPROACH, RUN = 4, 5  # m: distances of the cue ball to the hit, and of the object ball to the pocket
 MOUTH = 6  # rad: half the angle of the open mouth as seen from the object ball, minus the error of its direction
 TOLERANCE = 7  # rad: the largest error of the cue ball's direction that pots the ball, to first order
-ROOM = 8  # m: the smallest gap between a moving ball and a third ball on its way; at most `FAR`
+BALL_GAP = 8  # m: the smallest gap between a moving ball and a third ball on its way; at most `FAR`
 LEAST_SPEED = 9  # m/s
 WALL = 10  # the cushion of a bank, 0 to 3 for -x, +x, -y, +y; -1 for a direct pot
 WIDTH = 11
@@ -50,6 +50,26 @@ SHOT_WIDTH = GAPS + N_GAPS
 _ARRIVAL = 0.3  # m/s; least speed of the object ball at the pocket
 _LEAST_ARRIVAL = 0.05  # m/s; the same if `_ARRIVAL` is not possible
 _BANK_SPEED, _LEAST_BANK_SPEED = 0.7, 0.4  # speed to find a bank and its least speed, over the largest speed
+
+
+class Tables(NamedTuple):
+    """m tables before a shot.
+
+    Attributes:
+        scene: The scene.
+        targets: (n,) bool, the balls to pot.
+        positions: (m, n, 2) m.
+        potted: (m, n) bool, the balls off the table.
+        max_speed: Largest initial speed of the cue ball, m/s.
+        cue: The number of the cue ball.
+    """
+
+    scene: Scene
+    targets: NDArray[np.bool_]
+    positions: Floats
+    potted: NDArray[np.bool_]
+    max_speed: float
+    cue: int = 0
 
 
 class Pots(NamedTuple):
@@ -92,16 +112,7 @@ class PotShots(NamedTuple):
 
 
 def find_pots(
-    scene: Scene,
-    targets: NDArray[np.bool_],
-    positions: Floats,
-    potted: NDArray[np.bool_],
-    max_speed: float,
-    cue: int = 0,
-    *,
-    most: int | None = None,
-    offset: tuple[float, float] = (0.0, 0.0),
-    banks: bool = False,
+    tables: Tables, *, most: int | None = None, offset: tuple[float, float] = (0.0, 0.0), banks: bool = False
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
@@ -114,12 +125,7 @@ def find_pots(
     before the pot is left out.
 
     Args:
-        scene: The scene.
-        targets: (n,) bool, the balls to pot.
-        positions: (m, n, 2) m.
-        potted: (m, n) bool, the balls off the table.
-        max_speed: Largest initial speed of the cue ball, m/s.
-        cue: The number of the cue ball.
+        tables: The tables.
         most: The largest number of pots on a table; the easiest are kept. None for the number of balls to pot times
             the number of pockets, with `banks` five times as many.
         offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
@@ -128,8 +134,8 @@ def find_pots(
         banks: Whether to find banks also on tables with a direct pot. This takes about three times as long.
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
     """
-    balls = np.flatnonzero(targets)
-    m, k = len(positions), most
+    scene, balls = tables.scene, np.flatnonzero(tables.targets)
+    m, k = len(tables.positions), most
     if k is None:
         k = len(balls) * len(scene.table.pockets) * (5 if banks else 1)  # a direct pot and a bank off each cushion
     pots = Pots(
@@ -140,21 +146,14 @@ def find_pots(
         np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    stroke = float(max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), cue, balls, positions, potted, stroke, banks, tuple(pots))
+    fields = tables.cue, tables.positions, tables.potted, float(tables.max_speed), slip_ratio, spin_ratio
+    write_pots(scene_fields(scene), balls, fields, banks, tuple(pots))
     return pots
 
 
-def pot_shots(
-    scene: Scene,
-    targets: NDArray[np.bool_],
-    positions: Floats,
-    potted: NDArray[np.bool_],
-    max_speed: float,
-    cue: int = 0,
-) -> PotShots:
-    """Returns the pots of one table at several speeds. `positions` is (n, 2) and `potted` (n,), see `find_pots`."""
-    pots = find_pots(scene, targets, positions[None], potted[None], max_speed, cue)
+def pot_shots(table: Tables) -> PotShots:
+    """Returns the pots of one table at several speeds. Its positions are (n, 2) and its potted balls (n,)."""
+    pots = find_pots(table._replace(positions=table.positions[None], potted=table.potted[None]))
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
     scratch = shots[:, GAPS] < 0
@@ -171,12 +170,13 @@ def pot_shots(
 
 
 @allocating_entry_point
-def write_pots(scene, cue, balls, positions, potted, stroke, banks, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`. `stroke` holds the last fields of `TableArrays`."""
+def write_pots(scene, balls, tables, banks, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`. `tables` holds the other fields of `TableArrays`."""
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
+    cue, positions, potted, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = TableArrays(scene, cue, positions[t], potted[t], stroke[0], stroke[1], stroke[2])
+        table = TableArrays(scene, cue, positions[t], potted[t], max_speed, slip_ratio, spin_ratio)
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
@@ -194,7 +194,7 @@ def _add_direct(table, balls, found):
         if not table.potted[i]:
             for p in range(len(table.scene.pockets)):
                 aim = direct_aim(table, i, p)
-                if aim.room >= 0.0:
+                if aim.gap >= 0.0:
                     least = _least_speed(table, aim)
                     if least <= table.max_speed:
                         _insert(table, aim, least, found)
@@ -208,7 +208,7 @@ def _add_banks(table, balls, found, state):
             for p in range(len(table.scene.pockets)):
                 for wall in range(4):
                     aim = bank_aim(table, i, p, wall, _BANK_SPEED * table.max_speed, state)
-                    if aim.room >= 0.0:
+                    if aim.gap >= 0.0:
                         _insert(table, aim, _LEAST_BANK_SPEED * table.max_speed, found)
 
 
@@ -247,7 +247,7 @@ def _insert(table, aim, least, found):
     row[GHOST_X], row[GHOST_Y], row[WALL] = hit.x, hit.y, aim.wall
     row[CUT_COS], row[CUT_SIN] = cosine, cross(hit.dx, hit.dy, hit.line_x, hit.line_y)
     row[APPROACH], row[RUN], row[MOUTH], row[TOLERANCE] = hit.approach, aim.run, aim.mouth, tolerance
-    row[ROOM], row[LEAST_SPEED] = aim.room, least
+    row[BALL_GAP], row[LEAST_SPEED] = aim.gap, least
 
 
 @inlined
@@ -281,7 +281,7 @@ def _add_shots(table, found, k, state):
         speed = row[LEAST_SPEED] + SPEEDS[s] * (table.max_speed - row[LEAST_SPEED])
         if wall >= 0:
             aim = bank_aim(table, i, found.pocket[k], wall, speed, state)
-            if aim.room < 0.0:
+            if aim.gap < 0.0:
                 continue
             hit = aim.hit
         else:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
 from billiards_env.envs.actions import aimed_strikes, perturb
-from billiards_env.players.pots import PotShots, pot_shots
+from billiards_env.players.pots import PotShots, Tables, pot_shots
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Situation(NamedTuple):
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
-        return pot_shots(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue)
+        return pot_shots(Tables(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue))
 
 
 Strategy = Callable[[Situation, np.random.Generator], Floats]

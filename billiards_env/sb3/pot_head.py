@@ -193,9 +193,8 @@ class PotFeatures(BaseFeaturesExtractor):
         if self.cue is not None:  # a strike off the centre gives the ball less speed
             tip = self.cue.miscue * offset[0], self.cue.miscue * offset[1]
             fastest *= speed_gain(self.cue, *torch.tensor(offset, dtype=torch.float64)).item()
-        found = pots.find_pots(
-            self.scene, self.targets, positions, potted, fastest, most=self.most, offset=tip, banks=self.banks
-        )
+        tables = pots.Tables(self.scene, self.targets, positions, potted, fastest)
+        found = pots.find_pots(tables, most=self.most, offset=tip, banks=self.banks)
         m, k = found.ball.shape
         rows, shots = found.rows, found.shots
         exists = np.arange(k) < found.count[:, None]
@@ -219,7 +218,7 @@ class PotFeatures(BaseFeaturesExtractor):
                     np.abs(rows[..., pots.CUT_SIN]),
                     rows[..., pots.APPROACH],
                     rows[..., pots.RUN],
-                    rows[..., pots.ROOM] / pots.FAR,
+                    rows[..., pots.BALL_GAP] / pots.FAR,
                     rows[..., pots.WALL] >= 0,
                 ),
                 axis=-1,

@@ -8,19 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from benchmarks import (
-    RESULTS,
-    accuracy,
-    accuracy_report,
-    error_limit,
-    speed,
-    start_up,
-    stress,
-    table,
-)
-from benchmarks.methods import PIC, Method, timer
+import benchmarks
+from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, speed, start_up, stress, vector
+from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
-from billiards_env.shots.simulation import simulate_batch
 
 
 @pytest.fixture
@@ -32,7 +23,7 @@ def test_cases_are_repeatable_and_valid():
     for case, again in zip(speed.cases(0.001), speed.cases(0.001), strict=True):
         assert np.array_equal(case.positions, again.positions)
         assert np.array_equal(case.velocities, again.velocities)
-        simulate_batch(case.scene, case.positions, case.velocities, threads=1)
+        speed.run(case)
 
 
 def test_random_shots_are_at_most_as_fast_as_an_action():
@@ -45,7 +36,7 @@ def test_random_shots_are_at_most_as_fast_as_an_action():
 @pytest.mark.parametrize("rack", ["rack", "tight_rack"])
 def test_breaks_hit_the_rack(rack):
     case = speed.breaks("", "pool", rack, 20)
-    assert (simulate_batch(case.scene, case.positions, case.velocities).first_hit == 1).all()
+    assert (speed.run(case).first_hit == 1).all()
 
 
 def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
@@ -83,7 +74,7 @@ def test_another_velocity_exceeds_the_error_limit(monkeypatch):
 
 def test_the_error_limit_is_drawn_and_written(matplotlib, tmp_path, monkeypatch):
     monkeypatch.setattr(error_limit, "KINDS", {name: error_limit.KINDS[name] for name in ("carom", "gas of 16 disks")})
-    monkeypatch.setattr(error_limit, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
     written, picture = tmp_path / "e.json", tmp_path / "e.png"
     error_limit.main(["--shots", "1", "--workers", "1", "--output", str(written), "--picture", str(picture)])
     assert json.loads(written.read_text())["kinds"].keys() == error_limit.KINDS.keys()
@@ -103,7 +94,7 @@ def test_a_process_that_fails_raises(tmp_path):
 @pytest.mark.parametrize("name", ["1 object ball", "carom", "2 elastic disks"])
 def test_pic_is_exact_and_pit_is_not(name):
     ways = (PIC, *accuracy.PIT)
-    found = [accuracy.follow((name, seed)) for seed in range(3)]
+    found = [accuracy.follow(name, seed) for seed in range(3)]
     errors = dict(zip(ways, np.array([shot["errors"] for shot in found]).max(axis=0), strict=True))
     assert all(shot["complete"] and shot["outcome_as_oracle"] for shot in found)
     assert errors[PIC].max() < 1e-9
@@ -112,17 +103,12 @@ def test_pic_is_exact_and_pit_is_not(name):
 
 def test_a_shot_is_compared_up_to_the_end_of_the_reference(monkeypatch):
     monkeypatch.setattr(accuracy, "PIT", [])
-    found = [accuracy.follow(("15-ball break", seed)) for seed in range(4)]
+    found = [accuracy.follow("15-ball break", seed) for seed in range(4)]
     errors = np.array([shot["errors"][0] for shot in found])
     complete = np.array([shot["complete"] for shot in found])
     assert 0 < complete.sum() < 4
     assert (np.isnan(errors[:, -1]) == ~complete).all()
     assert np.nanmax(errors[:, 0]) < 1e-9
-
-
-def test_a_timer_returns_the_seconds_per_shot():
-    positions, velocities = accuracy.shots_of("1 object ball", 4)
-    assert 0 < timer(accuracy.PROBLEMS["1 object ball"].scene, positions, velocities, PIC)() < 1
 
 
 def test_the_coarsest_timestep_has_only_good_results_from_there_on():
@@ -133,7 +119,7 @@ def test_the_coarsest_timestep_has_only_good_results_from_there_on():
 
 def test_accuracy_is_printed_drawn_and_written(matplotlib, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(accuracy, "PIT", [m for m in accuracy.PIT if m.steps in (15, 60, 240)])
-    monkeypatch.setattr(accuracy, "follow_all", lambda shots, workers: {n: [accuracy.follow((n, 3))] for n in names})
+    monkeypatch.setattr(accuracy, "run_kinds", lambda work, kinds, *_: {name: [work(name, 3)] for name in kinds})
     names = list(accuracy.PROBLEMS)
     few = ["--shots", "4", "--outcomes", "40", "--passes", "1", "--workers", "1"]
     accuracy.main([*few, "--results", str(tmp_path), "--images", str(tmp_path)])
@@ -166,6 +152,7 @@ def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
         (speed, "--repeats"),
         (start_up, "--repeats"),
         (stress, "--workers"),
+        (vector, "--repeats"),
     ],
 )
 def test_counts_below_one_are_rejected(module, option, capsys):
@@ -179,12 +166,6 @@ def test_the_stress_run_is_not_larger_than_the_whole(scale, capsys):
     with pytest.raises(SystemExit):
         stress.main(["--scale", scale])
     assert f"--scale = {float(scale)}: expected a number in (0, 1]" in capsys.readouterr().err
-
-
-def test_tables_are_markdown():
-    rows = [("a", "1.00"), ("bcdef", "12.00")]
-    assert table(("what", "s"), rows) == "| what  |     s |\n| ----- | ----: |\n| a     |  1.00 |\n| bcdef | 12.00 |"
-    assert table(("what", "s"), rows, left=2).splitlines()[1:3] == ["| ----- | ----- |", "| a     | 1.00  |"]
 
 
 def test_the_stress_table_has_sums_and_maxima():

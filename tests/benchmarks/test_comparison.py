@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import comparison
-from billiards_env.shots.simulation import simulate
+from benchmarks import comparison, metres
 
 ECHO = """
 import json, sys
@@ -29,58 +28,15 @@ def worker(tmp_path):
     return path
 
 
-def made_up(**changes):
-    measured = {
-        "us": 50.0,
-        "ratio": 1.0,
-        "unfinished": 0,
-        "compared": 9,
-        "median_error_m": 1.5e-15,
-        "p90_error_m": 2e-14,
-        "us_in_a_batch": 1.234,
-    }
-    return {kind: {**measured, **changes} for kind in comparison.KINDS}
+def test_an_error_that_is_not_known_has_an_empty_cell():
+    assert (metres(None), metres(0.25)) == ("", "2.5e-01 m")
 
 
-def test_the_table_of_made_up_results():
-    rows = [
-        {"laws": "friction and spin", "simulator": "billiards-env", "method": "event-driven", **made_up()},
-        {
-            "laws": "friction and spin",
-            "simulator": "pooltool",
-            "method": "event-driven",
-            **made_up(us=12345.6, ratio=246.9, unfinished=2, median_error_m=None, p90_error_m=None),
-        },
-        {"laws": "elastic disks", "simulator": "billiards-env", "method": "event-driven", **made_up()},
-        {
-            "laws": "elastic disks",
-            "simulator": "pymunk",
-            "method": "timestep 1/60 s",
-            **made_up(us=1234.5, ratio=4.56, median_error_m=0.25),
-        },
-    ]
-    machine = dict.fromkeys(("cpu", "cores", "load_average", "system", "python", "numba", "numpy", "gymnasium"), "x")
-    result = {"machine": machine, "shots": 9, "passes": 3, "versions": {"pooltool": "1.2"}, "rows": rows}
-    blocks = comparison.blocks(result)
-    _, _, ours, pooltool, _, pymunk = (
-        [cell.strip() for cell in line.split("|")[1:-1]] for line in blocks["comparison"].splitlines()
-    )
-    assert ours == ["friction and spin", "**billiards-env**", "event-driven", "50 us", "50 us", "1.5e-15 m"]
-    assert pooltool[3:] == ["12 ms (247x)", "12 ms (247x)", ""]
-    assert pymunk[2:] == ["timestep 1/60 s", "1.2 ms (4.6x)", "1.2 ms (4.6x)", "2.5e-01 m"]
-    assert len(blocks["shots"].splitlines()) == 2 + 2 * len(rows)
-    assert blocks["how"] == "9 shots of each kind; medians of 3 interleaved passes."
-    assert blocks["batch"].count("1.23 us and 1.23 us") == 2
-    assert blocks["machine"].endswith("pooltool 1.2")
-
-
-def test_shots_are_repeatable_and_legal():
-    for laws in comparison.LAWS:
-        for kind in comparison.KINDS:
-            scene = comparison.scene_of(laws, kind)
-            for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
-                assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
-                assert simulate(scene, *shot).status in ("rest", "max_time")
+@pytest.mark.parametrize("laws", comparison.LAWS)
+@pytest.mark.parametrize("kind", comparison.KINDS)
+def test_shots_are_repeatable(laws, kind):
+    for shot, again in zip(*(comparison.shots_of(laws, kind, 2) for _ in range(2)), strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(shot, again, strict=True))
 
 
 def test_a_worker_runs_shots_in_the_frame_of_the_scene(worker):

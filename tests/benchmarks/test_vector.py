@@ -34,9 +34,3 @@ def test_every_step_of_every_environment_plays_a_shot_and_draws_a_layout():
         assert infos["final_info"]["_n_events"].all()
         assert not (observations == last).any()
         last = observations
-
-
-def test_counts_below_one_are_rejected(capsys):
-    with pytest.raises(SystemExit):
-        vector.main(["--repeats", "0"])
-    assert "--repeats = 0: expected a whole number >= 1" in capsys.readouterr().err

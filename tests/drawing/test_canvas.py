@@ -11,7 +11,7 @@ from billiards_env.shots.simulation import simulate
 
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, pixels, side_by_side
+from billiards_env.drawing.canvas import Canvas, Caption, pixels, side_by_side
 from billiards_env.drawing.style import CLOTH, POCKET, RAIL, looks, rail_width
 
 
@@ -24,15 +24,20 @@ def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
     return np.abs(frame[y, x].astype(int) - rgb(colour)).max() <= tolerance
 
 
+def film(canvas, shot, fps=30, *args, **kwargs):
+    """Returns the frames of a film."""
+    return [pixels(frame) for frame in canvas.film(shot.recording(), fps, *args, **kwargs)]
+
+
 def still(scene, positions, **kwargs):
     shot = simulate(scene, positions, [0.0, 0.0], max_time=0.0, record=True)
     canvas = Canvas(scene, **kwargs)
-    (frame,) = [pixels(frame) for frame in canvas.film(shot.recording(), 30)]
+    (frame,) = film(canvas, shot)
     return canvas, frame
 
 
 def test_a_film_has_a_frame_per_interval_and_one_for_the_end(shot):
-    frames = [pixels(frame) for frame in Canvas(shot.scene).film(shot.recording(), 30)]
+    frames = film(Canvas(shot.scene), shot)
     assert len(frames) == math.ceil(30 * shot.time) + 1
     assert {frame.shape for frame in frames} == {(462, 800, 3)}
     assert {frame.dtype for frame in frames} == {np.dtype(np.uint8)}
@@ -40,18 +45,21 @@ def test_a_film_has_a_frame_per_interval_and_one_for_the_end(shot):
 
 
 def test_frames_are_the_same_every_time(shot, pit):
-    def film(canvas):
-        return [pixels(f).tobytes() for f in canvas.film(shot.recording(), 20, "one", "two", pit.recording())]
-
     canvas = Canvas(shot.scene, width=400)
-    assert film(canvas) == film(canvas) == film(Canvas(shot.scene, width=400))
+    films = [
+        film(each, shot, 20, Caption("one", "two"), pit.recording())
+        for each in (canvas, canvas, Canvas(shot.scene, 400))
+    ]
+    assert np.array_equal(films[0], films[1])
+    assert np.array_equal(films[0], films[2])
 
 
 def test_only_last_yields_the_last_frame_of_the_film(shot, pit):
     canvas = Canvas(shot.scene, width=400)
-    film = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording())]
-    (last,) = [pixels(f) for f in canvas.film(shot.recording(), 30, "a", "b", pit.recording(), only_last=True)]
-    assert (film[-1] == last).all()
+    whole, (last,) = (
+        film(canvas, shot, 30, Caption("a", "b"), pit.recording(), only_last=only_last) for only_last in (False, True)
+    )
+    assert (whole[-1] == last).all()
 
 
 @pytest.mark.parametrize("width", [640, 801, 1920])
@@ -90,7 +98,7 @@ def test_slow_balls_move_by_less_than_a_pixel():
 
 def test_potted_balls_move_from_the_table_to_the_bar(shot):
     canvas = Canvas(shot.scene)
-    *_, last = (pixels(frame) for frame in canvas.film(shot.recording(), 30))
+    (last,) = film(canvas, shot, only_last=True)
     look = looks(shot.scene)
     bar = last[canvas.size[1] - 30 :].astype(int)
     for ball in range(1, 5):
@@ -104,20 +112,18 @@ def test_potted_balls_move_from_the_table_to_the_bar(shot):
 
 def test_paths_grow_behind_the_balls(shot):
     canvas = Canvas(shot.scene)
-    film = [pixels(frame) for frame in canvas.film(shot.recording(), 30, arrow=False)]
+    frames = film(canvas, shot, arrow=False)
     path = looks(shot.scene)[2].path
     where = canvas.pixels_of(shot.at(0.2)[2])
-    assert not near(film[3], where, path, 40)
-    assert near(film[-1], where, path, 40)
+    assert not near(frames[3], where, path, 40)
+    assert near(frames[-1], where, path, 40)
 
 
 def test_the_arrow_points_along_the_velocity_of_the_cue_ball():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[0.0, 0.0]], [0.0, 2.0], record=True)
     canvas = Canvas(scene)
-    with_arrow, without = (
-        pixels(next(canvas.film(shot.recording(), 30, arrow=arrow))).astype(int) for arrow in (True, False)
-    )
+    with_arrow, without = (film(canvas, shot, arrow=arrow)[0].astype(int) for arrow in (True, False))
     rows, columns = np.nonzero((with_arrow != without).any(-1))
     middle = canvas.pixels_of([0.0, 0.0])
     assert np.abs(columns - middle[0]).max() < 12
@@ -154,8 +160,8 @@ def test_a_long_text_moves_the_tray():
 
 def test_the_other_run_is_drawn_as_rings(shot, pit):
     canvas = Canvas(shot.scene)
-    *_, alone = (pixels(f) for f in canvas.film(shot.recording(), 30))
-    *_, both = (pixels(f) for f in canvas.film(shot.recording(), 30, compare=pit.recording()))
+    (alone,) = film(canvas, shot, only_last=True)
+    (both,) = film(canvas, shot, compare=pit.recording(), only_last=True)
     radius = shot.scene.balls.radius[2] * canvas.scale
     centre = canvas.pixels_of(pit.positions[2])  # this ball is not potted in this run
     path = looks(shot.scene)[2].path
@@ -166,11 +172,7 @@ def test_the_other_run_is_drawn_as_rings(shot, pit):
 
 def test_texts_are_drawn_in_the_bar(shot):
     canvas = Canvas(shot.scene)
-
-    def film(left, right):
-        return [pixels(frame) for frame in canvas.film(shot.recording(), 10, left, right)]
-
-    plain, left, right = film("", ""), film("a task", ""), film("", "a reward")
+    plain, left, right = (film(canvas, shot, 10, Caption(*text)) for text in ((), ("a task",), ("", "a reward")))
     assert all((a != b).any() for a, b in zip(plain, left, strict=True))
     shown = [(a != b).any() for a, b in zip(plain, right, strict=True)]
     assert shown == [t >= shot.time - 1.0 for t in [*(np.arange(len(plain) - 1) / 10), shot.time]]
@@ -198,12 +200,9 @@ def test_films_of_different_length_are_shown_side_by_side(shot):
     short = simulate(scene, shot.at(0.0), [0.1, 0.0], record=True)
     canvas = Canvas(scene, width=320)
     width, height = canvas.size
-
-    def film(one):
-        return canvas.film(one.recording(), 30)
-
-    alone = [[pixels(frame) for frame in film(one)] for one in (shot, short, shot)]
-    whole = [pixels(frame) for frame in side_by_side([film(one) for one in (shot, short, shot)], gap=2)]
+    alone = [film(canvas, one) for one in (shot, short, shot)]
+    films = [canvas.film(one.recording(), 30) for one in (shot, short, shot)]
+    whole = [pixels(frame) for frame in side_by_side(films, gap=2)]
     assert len(alone[1]) < len(alone[0]) == len(whole)
     assert whole[0].shape == (2 * height + 2, 2 * width + 2, 3)
     for k, frame in enumerate(whole):

@@ -10,7 +10,7 @@ image = pytest.importorskip("PIL.Image")
 ffmpeg = pytest.importorskip("imageio_ffmpeg")
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, pixels  # noqa: E402
+from billiards_env.drawing.canvas import Canvas, Caption, pixels  # noqa: E402
 
 
 def read_mp4(path):
@@ -25,7 +25,7 @@ def read_mp4(path):
 
 
 def drawn(shot, fps, width):
-    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, shot.engine)]
+    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, Caption(shot.engine))]
 
 
 def test_mp4(shot, tmp_path):

@@ -1,5 +1,4 @@
 import html
-import json
 import re
 import shutil
 
@@ -11,13 +10,15 @@ from billiards_env.drawing.orientation import turning
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import CLOTH, POCKET, looks
 from billiards_env.shots.simulation import simulate
+from tests.helpers.pages import page_data
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on the PATH")
 
 
 @pytest.fixture(scope="module")
 def browser():
+    if CHROMIUM is None:
+        pytest.skip("no chromium or google-chrome on the PATH")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -42,12 +43,8 @@ def tab(browser):
 def player(tab, shot, pit, tmp_path):
     """The page of a shot and of its PIT run, opened from a file."""
     shot.to_html(tmp_path / "shot.html", compare=pit)
-    show(tab, tmp_path / "shot.html")
+    tab.goto((tmp_path / "shot.html").as_uri())
     return tab
-
-
-def show(tab, path):
-    tab.goto(path.as_uri())
 
 
 def at(tab, run, t):
@@ -62,6 +59,11 @@ def text(tab, selector):
     return tab.evaluate(f"document.querySelector({selector!r}).textContent")
 
 
+def later(tab, milliseconds, value):
+    """Returns the value of an expression after a time."""
+    return tab.evaluate(f"new Promise(done => setTimeout(() => done({value}), {milliseconds}))")
+
+
 def pixel(tab, x, y):
     """Returns the colour of the canvas at a point of the table, m."""
     return tab.evaluate(
@@ -71,7 +73,6 @@ def pixel(tab, x, y):
     )
 
 
-@needs_browser
 def test_positions_agree_with_the_shot(player, shot, pit):
     for run, one in enumerate((shot, pit)):
         times = [0.0, *np.linspace(0.003, one.time, 40).tolist(), *one.events["time"].tolist()[:40], one.time + 1]
@@ -79,20 +80,6 @@ def test_positions_agree_with_the_shot(player, shot, pit):
             assert np.abs(at(player, run, t) - one.at(t)).max() < 1e-9
 
 
-@needs_browser
-def test_positions_agree_with_a_break(tab, tmp_path):
-    scene = Scene.named("pool", 15)
-    rng = np.random.default_rng(1)
-    places = np.column_stack((np.linspace(-1.1, 1.1, 16), rng.uniform(-0.5, 0.5, 16)))
-    shot = simulate(scene, places, rng.normal(size=(16, 2)) * 3, record=True)
-    shot.to_html(tmp_path / "break.html")
-    show(tab, tmp_path / "break.html")
-    for t in np.linspace(0, shot.time, 100).tolist():
-        assert np.abs(at(tab, 0, t) - shot.at(t)).max() < 1e-9
-    assert tab.evaluate("document.querySelector('#other').getClientRects().length") == 0  # no other run
-
-
-@needs_browser
 def test_balls_are_drawn_at_their_positions(player, shot):
     player.evaluate("billiards.seek(1.0)")
     for ball, colour in ((1, (240, 228, 66)), (2, (0, 114, 178)), (4, (204, 121, 167))):
@@ -103,40 +90,30 @@ def test_balls_are_drawn_at_their_positions(player, shot):
     assert pixel(player, -1.27, 0.635) == pytest.approx(rgb(POCKET), abs=1)
 
 
-@needs_browser
 def test_play_runs_and_stops_at_the_end(player, shot, pit):
     assert not player.evaluate("billiards.playing")
     player.click("#play")
-    assert player.evaluate(
-        "new Promise(done => setTimeout(() => done(billiards.playing && billiards.time > 0.05), 500))"
-    )
+    assert later(player, 500, "billiards.playing && billiards.time > 0.05")
     assert text(player, "#play") == "Pause"
     player.click("#play")
     stopped = player.evaluate("billiards.time")
-    assert player.evaluate("new Promise(done => setTimeout(() => done(billiards.time), 100))") == stopped
+    assert later(player, 100, "billiards.time") == stopped
     end = max(shot.time, pit.time)
     assert player.evaluate("billiards.duration") == end
     player.evaluate(f"billiards.seek({end - 0.02}); billiards.play()")
-    assert player.evaluate(
-        "new Promise(done => setTimeout(() => done([billiards.playing, billiards.time]), 1000))"
-    ) == [
-        False,
-        end,
-    ]
+    assert later(player, 1000, "[billiards.playing, billiards.time]") == [False, end]
     player.click("#table")  # starts again
     assert player.evaluate("billiards.playing && billiards.time < 1")
     player.evaluate("billiards.pause()")
 
 
-@needs_browser
 def test_the_playback_speed(player):
     player.evaluate("document.querySelector('#speed').value = '0.05'; billiards.play()")
-    slow = player.evaluate("new Promise(done => setTimeout(() => done(billiards.time), 600))")
+    slow = later(player, 600, "billiards.time")
     assert 0 < slow < 0.2
     player.evaluate("billiards.pause()")
 
 
-@needs_browser
 def test_the_time_slider(player):
     player.evaluate("const s = document.querySelector('#scrub'); s.value = 2.5; s.dispatchEvent(new Event('input'))")
     assert player.evaluate("billiards.time") == pytest.approx(2.5, abs=1e-6)
@@ -146,7 +123,6 @@ def test_the_time_slider(player):
     assert player.evaluate("billiards.time") == pytest.approx(2.5 + 1 / 30, abs=1e-6)
 
 
-@needs_browser
 def test_events_are_listed_and_can_be_selected(player, shot):
     listed = player.evaluate("[...document.querySelectorAll('#events button')].map(b => b.textContent)")
     strong = shot.events[np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
@@ -166,7 +142,6 @@ def test_events_are_listed_and_can_be_selected(player, shot):
     assert player.evaluate("document.querySelectorAll('#events button').length") == len(shot.events)
 
 
-@needs_browser
 def test_the_keyboard_controls_everything(player, shot, pit):
     player.evaluate("document.activeElement.blur()")
     times = shot.events["time"][np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
@@ -198,7 +173,6 @@ def test_the_keyboard_controls_everything(player, shot, pit):
     assert {"table", "scrub", "play", "back", "next", "speed", "paths", "rings"} <= seen
 
 
-@needs_browser
 def test_the_other_run_can_be_hidden(player, pit):
     player.evaluate("billiards.seek(4.0)")
     x, y = pit.at(4.0)[2]
@@ -210,7 +184,6 @@ def test_the_other_run_can_be_hidden(player, pit):
     assert re.fullmatch(r"Furthest apart: ball \d, [\d.]+ mm", text(player, "#apart"))
 
 
-@needs_browser
 def test_dark_and_light(player):
     for scheme, paper in (("dark", "rgb(23, 25, 26)"), ("light", "rgb(255, 255, 255)")):
         player.emulate_media(color_scheme=scheme)
@@ -225,21 +198,19 @@ def telephone(browser, shot, tmp_path):
     page = browser.new_page(
         viewport={"width": 360, "height": 740}, device_scale_factor=3, is_mobile=True, has_touch=True
     )
-    show(page, tmp_path / "shot.html")
+    page.goto((tmp_path / "shot.html").as_uri())
     yield page
     page.close()
 
 
-@needs_browser
 def test_the_page_fits_a_telephone(telephone):
     telephone.wait_for_function("document.querySelector('#table').width > 900")  # physical pixels of the screen
     assert telephone.evaluate("document.documentElement.scrollWidth <= 360")
 
 
-@needs_browser
 def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{shot._repr_html_()}", "utf-8")
-    show(tab, tmp_path / "notebook.html")
+    tab.goto((tmp_path / "notebook.html").as_uri())
     assert tab.evaluate("document.querySelector('iframe').getBoundingClientRect().width") > 600
     inner = tab.frames[1]
     assert text(inner, "h1") == "PIC: 14 events in 5.27 s"
@@ -248,12 +219,11 @@ def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     assert pixel(inner, *shot.at(1.0)[0]) == [255, 255, 255]
 
 
-@needs_browser
 @pytest.mark.parametrize("width", [500, 740, 790, 1000, 1600])
 def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot, tmp_path):
     output = f"<!doctype html><meta charset=utf-8><body style='margin: 0; width: {width}px'>{shot._repr_html_()}"
     (tmp_path / "notebook.html").write_text(output, "utf-8")
-    show(tab, tmp_path / "notebook.html")
+    tab.goto((tmp_path / "notebook.html").as_uri())
     height = tab.evaluate("document.querySelector('iframe').clientHeight")
     assert tab.evaluate("document.body.scrollHeight") == height
     inner = tab.frames[1]
@@ -266,11 +236,10 @@ def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot
     assert inner.evaluate(unused.format("clientHeight")) < 50
 
 
-@needs_browser
 def test_inserted_text_is_escaped(tab, shot, tmp_path):
     title = "</title><script>document.body.id = 'broken'</script>{{data}} & \"'"
     shot.to_html(tmp_path / "shot.html", title=title)
-    show(tab, tmp_path / "shot.html")
+    tab.goto((tmp_path / "shot.html").as_uri())
     assert text(tab, "h1") == title
     assert tab.evaluate("document.title") == title
     assert tab.evaluate("document.body.id") == ""
@@ -286,8 +255,7 @@ def test_the_page_is_one_file_without_links(shot, pit):
 
 
 def test_the_page_contains_the_trajectories_with_all_digits(shot):
-    (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', make_page(shot.recording()))
-    data = json.loads(text)
+    data = page_data(shot)
     paths = shot.recording().trajectory
     for ball, rows in enumerate(data["runs"][0]["pieces"]):
         assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
@@ -303,7 +271,7 @@ def test_labels_are_escaped(shot):
 
 def test_a_shot_that_ends_at_its_time_limit():
     ideal = simulate(Scene.named("ideal"), [[0.0, 0.0], [0.5, 0.1]], [1.0, 0.0], max_time=2.0, record=True)
-    assert "Infinity" not in re.findall(r"application/json.>(.*?)</script>", make_page(ideal.recording()))[0]
+    assert page_data(ideal)["runs"][0]["time"] == 2.0
 
 
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
@@ -313,12 +281,12 @@ def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, m
     assert shot._repr_html_() is None
 
 
-@needs_browser
 def test_balls_turn_as_in_python(tab, tmp_path):
     scene = Scene.named("pool", 1)
     shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
     shot.to_html(tmp_path / "spin.html")
-    show(tab, tmp_path / "spin.html")
+    tab.goto((tmp_path / "spin.html").as_uri())
+    assert tab.evaluate("document.querySelector('#other').getClientRects().length") == 0  # no other run
     turns = turning(shot.recording())
     for t in np.linspace(0.0, shot.time, 40).tolist():
         for ball, face in enumerate(turns.at(t)):
@@ -332,7 +300,6 @@ def test_balls_turn_as_in_python(tab, tmp_path):
     assert views != [pixel(tab, x + dx, y + dy) for dx in (-0.02, 0.0, 0.02) for dy in (-0.02, 0.0, 0.02)]
 
 
-@needs_browser
 def test_touch_plays_and_moves_the_time(telephone):
     box = telephone.locator("#table").bounding_box()
     x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.5 * box["height"]

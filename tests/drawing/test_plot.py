@@ -8,6 +8,7 @@ pytest.importorskip("matplotlib")
 
 from matplotlib import colors, pyplot
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.patches import Circle
 
 from billiards_env.drawing.style import looks
@@ -115,8 +116,6 @@ def test_the_times_of_hits_in_the_jaws_are_on_the_nearest_rail():
 
 
 def test_the_colour_of_a_path_is_the_speed(shot):
-    from matplotlib.collections import LineCollection
-
     steps = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_array() is not None]
     assert len(steps) == 3  # a collection for each moving ball
     recording = shot.recording()
@@ -127,8 +126,6 @@ def test_the_colour_of_a_path_is_the_speed(shot):
 
 
 def test_ticks_show_the_side_spin():
-    from matplotlib.collections import LineCollection
-
     def ticks(wz):
         shot = simulate(Scene.named("pool", 0), [[-0.6, 0.1]], [1.0, 0.0], spins=[0.0, 0.0, wz], record=True)
         drawn = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_array() is None]

@@ -1,12 +1,9 @@
 import itertools
-import json
-import re
 
 import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.drawing.page import make_page
 from billiards_env.drawing.style import (
     CHALK,
     CLOTH,
@@ -25,6 +22,7 @@ from billiards_env.scene import Balls
 from billiards_env.scene.outline import Corner, polygon
 from billiards_env.scene.table import Pocket, Table, six_pockets
 from billiards_env.shots.simulation import simulate
+from tests.helpers.pages import page_data
 
 BIG = tuple(Pocket(pocket.x, pocket.y, 0.12) for pocket in six_pockets())
 TABLES = {
@@ -171,9 +169,8 @@ def test_the_tray_has_room_for_all_balls(n):
 def test_the_page_has_the_same_table():
     scene = Scene(Balls((0.03,), (0.2,)), TABLES["big pockets"])
     shot = simulate(scene, [[0.0, 0.0]], [1.0, 0.0], record=True)
-    (text,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', make_page(shot.recording()))
-    shapes = json.loads(text)["shapes"]
-    assert json.loads(text)["cushions"] == cushion_names(scene.table)
-    for (colour, corners), shape in zip(shapes, draw_table(scene.table), strict=True):
+    data = page_data(shot)
+    assert data["cushions"] == cushion_names(scene.table)
+    for (colour, corners), shape in zip(data["shapes"], draw_table(scene.table), strict=True):
         assert colour == shape.colour
         assert np.reshape(corners, (-1, 2)) == pytest.approx(shape.corners, abs=1e-4)

@@ -13,7 +13,7 @@ from billiards_env.jit import kernel
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate
-from tests.helpers.contacts import position_in_contact
+from tests.helpers.clusters import position_in_contact
 
 R = 0.03
 INF = math.inf

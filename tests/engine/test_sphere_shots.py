@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
-from billiards_env.players.pots import pot_shots
+from billiards_env.players.pots import Tables, pot_shots
 from billiards_env.scene import check_positions, layouts
 from billiards_env.shots import simulation
 from reference.stress import checks, draw
@@ -124,7 +124,7 @@ def test_a_cut_is_the_sine_of_the_cut_angle():
 def test_the_geometric_player_pots_with_a_smaller_cue_ball():
     scene = Scene.named("uk_pool", 2)
     places = np.array([[0.0, 0.0], [0.6, 0.2], [-0.6, 0.2]])
-    pots = pot_shots(scene, np.array([False, True, False]), places, np.zeros(3, bool), 5.0)
+    pots = pot_shots(Tables(scene, np.array([False, True, False]), places, np.zeros(3, bool), 5.0))
     assert len(pots.direction) > 0
     for direction, speed in zip(pots.direction, pots.speed, strict=True):
         shot = simulate(scene, places, speed * direction)

@@ -172,7 +172,7 @@ def test_text_is_drawn_for_every_task(monkeypatch):
 
     lines = []
     draw = Canvas.film
-    monkeypatch.setattr(Canvas, "film", lambda self, *a, **k: lines.append(a[2:4]) or draw(self, *a, **k))
+    monkeypatch.setattr(Canvas, "film", lambda self, *a, **k: lines.append(a[2]) or draw(self, *a, **k))
     env = BilliardsEnv(render_mode="rgb_array", n_object_balls=1, max_shots=3)
     env.reset(options=INTO_THE_CORNER)
     env.render()

@@ -12,8 +12,9 @@ from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 
 
 @allocating_entry_point
-def collide(first, second, nx, ny, closing, rebound, rows, scene):
-    """Runs `exchange` on balls with these rows."""
+def collide(impacts, rebound, rows, scene):
+    """Runs `exchange` on balls with these rows; `impacts` are the arrays first, second, nx, ny and closing."""
+    first, second, nx, ny, closing = impacts
     contacts = empty_contacts(len(first))
     contacts.first[:], contacts.second[:] = first, second
     contacts.nx[:], contacts.ny[:], contacts.closing[:], contacts.rebound[:] = nx, ny, closing, rebound
@@ -24,11 +25,11 @@ def collide(first, second, nx, ny, closing, rebound, rows, scene):
 def collide_pair(rows, normal, closing, scene):
     """Runs `collide` on balls 0 and 1, which approach each other at a speed along a normal (2,)."""
     first, second, (nx, ny) = np.array([0]), np.array([1]), np.reshape(normal, (2, 1))
-    collide(first, second, nx, ny, np.array([closing]), np.zeros(1), rows, scene)
+    collide((first, second, nx, ny, np.array([closing])), np.zeros(1), rows, scene)
 
 
 def approaching(places, velocities, pairs):
-    """Returns the numbers in `pairs` of the pairs that approach, and `first` to `closing` of `collide` for them."""
+    """Returns the numbers in `pairs` of the pairs that approach, and the `impacts` of `collide` for them."""
     found = []
     for k, (i, j) in enumerate(pairs):
         d, w = places[j] - places[i], velocities[j] - velocities[i]
@@ -36,8 +37,8 @@ def approaching(places, velocities, pairs):
         closing = -(n[0] * w[0] + n[1] * w[1])
         if closing > 0:
             found.append((k, i, j, n[0], n[1], closing))
-    chosen, *contacts = (np.array(column) for column in zip(*found, strict=True)) if found else ([], [])
-    return chosen, contacts
+    chosen, *impacts = (np.array(column) for column in zip(*found, strict=True)) if found else ([], [])
+    return chosen, tuple(impacts)
 
 
 def rows_of(velocities, spins, radius):

@@ -26,15 +26,8 @@ MARBLES = Scene(  # has the laws of "uk_pool", whose engines other tests compile
 )
 """Four spheres of different size."""
 
-RECTANGLE = table([(0, 0), (2, 0), (2, 1), (0, 1)])
 SPLIT = table([(0, 0), (0.7, 0), (2, 0), (2, 0.3), (2, 1), (1.1, 1), (0.3, 1), (0, 1)])
 OCTAGON = table([(0.5, 0), (1.5, 0), (2, 0.5), (2, 1), (1.5, 1.5), (0.5, 1.5), (0, 1), (0, 0.5)])
-L_SHAPE = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, 0.05), (0.8, 2), (0, 2)])
-SHARP_L = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8), (0.8, 2), (0, 2)])
-WEDGE = table([(0, 0), (1, -0.25), (1, 0.25)])
-BENT_WALL = table(
-    [(0, 0), (2, 0), (2, 0.7), (1.4, 0.65, 0.01), (0.9, 0.7), (0.9, 0.71), (1.4, 0.68), (2, 0.72), (2, 1.4), (0, 1.4)]
-)
 # A throat of 5 cm between two tips, with a chamber behind it
 THROAT = table(
     [
@@ -53,13 +46,26 @@ THROAT = table(
     ]
 )
 TABLES = {
-    "rectangle": RECTANGLE,
+    "rectangle": table([(0, 0), (2, 0), (2, 1), (0, 1)]),
     "split": SPLIT,
     "octagon": OCTAGON,
-    "L": L_SHAPE,
-    "sharp L": SHARP_L,
-    "wedge": WEDGE,
-    "bent wall": BENT_WALL,
+    "L": table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, 0.05), (0.8, 2), (0, 2)]),
+    "sharp L": table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8), (0.8, 2), (0, 2)]),
+    "wedge": table([(0, 0), (1, -0.25), (1, 0.25)]),
+    "bent wall": table(
+        [
+            (0, 0),
+            (2, 0),
+            (2, 0.7),
+            (1.4, 0.65, 0.01),
+            (0.9, 0.7),
+            (0.9, 0.71),
+            (1.4, 0.68),
+            (2, 0.72),
+            (2, 1.4),
+            (0, 1.4),
+        ]
+    ),
     "throat": THROAT,
     "pool_7ft": Table.named("pool_7ft"),
     "snooker_12ft": Table.named("snooker_12ft"),

@@ -17,11 +17,10 @@ def arrays_of(e=0.95, mu=None, radius=None, inverse=None, spheres=False):
 
 def collided(places, rows, pairs, arrays, rebound=0.0):
     """Returns the rows after the impacts of those pairs that approach, and whether there are any."""
-    chosen, contacts = approaching(places, rows[:, VX : VY + 1], pairs)
+    chosen, impacts = approaching(places, rows[:, VX : VY + 1], pairs)
     rows = rows.copy()
     if len(chosen):
-        first, second, nx, ny, closing = contacts
-        collide(first, second, nx, ny, closing, np.full(len(chosen), rebound), rows, arrays)
+        collide(impacts, np.full(len(chosen), rebound), rows, arrays)
     return rows, len(chosen)
 
 

@@ -27,22 +27,22 @@ def trained_run(config: Config, folder: Path) -> Path:
     return folder
 
 
+def settings(**changes: Any) -> dict[str, Any]:
+    """Returns the settings of a tiny run of four updates with a checkpoint after the second."""
+    return {
+        "timesteps": 512,
+        "n_envs": 4,
+        "seed": 5,
+        "checkpoint_every": 200,
+        "evaluation_episodes": 20,
+        "policy": {"hidden": [16]},
+        "ppo": {"n_steps": 32, "n_epochs": 2, "final_learning_rate": 1e-4},
+        **changes,
+    }
+
+
 @pytest.fixture(scope="session")
 def tiny() -> Callable[..., dict[str, Any]]:
-    """Returns a function that returns the settings of a tiny run of four updates with a checkpoint after the second."""
-
-    def settings(**changes: Any) -> dict[str, Any]:
-        return {
-            "timesteps": 512,
-            "n_envs": 4,
-            "seed": 5,
-            "checkpoint_every": 200,
-            "evaluation_episodes": 20,
-            "policy": {"hidden": [16]},
-            "ppo": {"n_steps": 32, "n_epochs": 2, "final_learning_rate": 1e-4},
-            **changes,
-        }
-
     return settings
 
 

@@ -71,7 +71,7 @@ def test_a_frozen_rack_with_redundant_contacts_has_no_preferred_order(rows_of_ra
             rows = np.empty_like(start)
             rows[names] = start
             pick = names[first[order]], names[second[order]], nx[order], ny[order], closing[order]
-            collide(*pick, np.zeros(len(order)), rows, arrays)
+            collide(pick, np.zeros(len(order)), rows, arrays)
             results.append(rows[names])
         assert np.array_equal(*results)
 

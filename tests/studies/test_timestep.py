@@ -1,6 +1,3 @@
-import contextlib
-import functools
-import io
 import json
 import shutil
 from pathlib import Path
@@ -39,29 +36,6 @@ def run_command(folder, *arguments: str, recipe_changes=None, **changes) -> None
     settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
     (folder / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
     module.main([str(folder / "tiny.yaml"), "--folder", str(folder / "runs"), *arguments])
-
-
-@pytest.fixture
-def command(tmp_path):
-    """Returns a function that runs the command in `tmp_path`."""
-    return functools.partial(run_command, tmp_path)
-
-
-@pytest.fixture(scope="module")
-def finished_study(tmp_path_factory):
-    """Returns the folder of a finished study, and its output."""
-    folder, output = tmp_path_factory.mktemp("study"), io.StringIO()
-    with contextlib.redirect_stdout(output):
-        run_command(folder)
-    return folder, output.getvalue()
-
-
-@pytest.fixture
-def printed(finished_study, tmp_path):
-    """Returns the output of a finished study, whose files are in `tmp_path`."""
-    folder, output = finished_study
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    return output.replace(str(folder), str(tmp_path))
 
 
 def test_a_study_trains_measures_draws_and_prints(printed, tmp_path):
