@@ -58,14 +58,7 @@ def make_workspace(scene, queue, most, scratch):
     """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     changed = np.empty(2 * most + n, np.int64)
-    return Workspace(
-        empty_state(n),
-        queue,
-        empty_contacts(most),
-        scratch,
-        empty_memory(n),
-        changed,
-    )
+    return Workspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), changed)
 
 
 @inlined

@@ -132,14 +132,7 @@ def _rates(y, nose, tiny):
         bx, by = -press * ex, -press * ey
     else:
         bx, by = _at_most(-ax * d / 3.5, (cos - g * ay) / 3.5, press)
-    return (
-        ax + bx,
-        by - cos - sin * ay,
-        2.5 * (ay + by),
-        2.5 * (ax * sin - bx),
-        -2.5 * ax * cos,
-        y[1] * cos,
-    )
+    return (ax + bx, by - cos - sin * ay, 2.5 * (ay + by), 2.5 * (ax * sin - bx), -2.5 * ax * cos, y[1] * cos)
 
 
 @inlined

@@ -493,10 +493,7 @@ def overlap_time(path, radius, wall, beyond, speed, outline):
         return beyond / speed
     tip = outline.tips[wall - len(outline.lines)]
     dx, dy, reach = tip[TIP_X] - path.x, tip[TIP_Y] - path.y, tip[TIP_RADIUS] + radius
-    dw, vv = (
-        dx * path.vx + dy * path.vy,
-        path.vx * path.vx + path.vy * path.vy,
-    )  # |d + v t| t seconds ago
+    dw, vv = (dx * path.vx + dy * path.vy, path.vx * path.vx + path.vy * path.vy)  # |d + v t| t seconds ago
     return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (dx * dx + dy * dy)))) - dw) / vv
 
 

@@ -90,11 +90,7 @@ def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[Ar
 
 
 def run_shot(
-    scene: Scene,
-    shot: ShotInput,
-    engine: Engine = PIC,
-    record: bool = False,
-    max_events: int = MAX_EVENTS,
+    scene: Scene, shot: ShotInput, engine: Engine = PIC, record: bool = False, max_events: int = MAX_EVENTS
 ) -> ShotResult:
     """Runs one shot like `simulate`, without checking its input.
 

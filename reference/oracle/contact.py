@@ -155,10 +155,7 @@ class FloatMotion:
         t = float(base - a.start)
         vx, vy = float(a.velocity[0]), float(a.velocity[1])
         ax, ay = float(a.acceleration[0]), float(a.acceleration[1])
-        self.position = (
-            float(a.position[0]) + t * (vx + t * ax / 2),
-            float(a.position[1]) + t * (vy + t * ay / 2),
-        )
+        self.position = (float(a.position[0]) + t * (vx + t * ax / 2), float(a.position[1]) + t * (vy + t * ay / 2))
         self.velocity = (vx + t * ax, vy + t * ay)
         self.acceleration = (ax, ay)
 

@@ -58,8 +58,7 @@ def test_a_batch_with_velocities_spins_and_potted_balls_equals_single_shots_bit_
     playing = rng.random((40, 3)) < 0.7
     batch = simulate_batch(scene, places, velocities, spins=spins, in_play=playing)
     check_batch(
-        batch,
-        [simulate(scene, places[k], velocities[k], spins=spins[k], in_play=playing[k]) for k in range(40)],
+        batch, [simulate(scene, places[k], velocities[k], spins=spins[k], in_play=playing[k]) for k in range(40)]
     )
     assert (batch.potted == ~playing).all()
     same = simulate_batch(scene, places, velocities, in_play=[True, False, True])
