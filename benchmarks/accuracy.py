@@ -26,8 +26,8 @@ from tqdm import tqdm
 
 from benchmarks import IMAGES, RESULTS, accuracy_report, check_counts, error_limit, machine, print_blocks
 from benchmarks.methods import PIC, Method, run_all, timer
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.files import write_json
-from billiards_env.physics.state import FIXES
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from reference.oracle import OracleError, run

@@ -22,8 +22,8 @@ import numpy as np
 from billiards_env.engine import all_pairs, cell_grid
 from billiards_env.engine.contact_rule import Memory, empty_memory, forget
 from billiards_env.engine.log import clear_log, log_segment
+from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK
-from billiards_env.engine.resolve import resolve_impacts, resolve_singles
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.jit import allocating, allocating_entry_point, inlined

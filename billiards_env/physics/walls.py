@@ -191,14 +191,7 @@ def wall_time(path, radius, end, numbers, outline):
 
 @inlined
 def _exit_time(path, room_x, room_y, end):
-    """Returns the time at which a path leaves a rectangle, s, and the side, 0 to 3 for -x, +x, -y, +y.
-
-    Args:
-        path: The `Path`.
-        room_x: Half the rectangle's length, m.
-        room_y: Half its width, m.
-        end: End of the interval, s.
-    """
+    """Returns the time at which a path leaves a rectangle of half sides, s, and the side, 0 to 3 for -x, +x, -y, +y."""
     x, y, vx, vy, ax, ay = path
     first, number = math.inf, -1
     if not stays_within(x, vx, ax, end, room_x):

@@ -11,7 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
@@ -27,6 +26,7 @@ from billiards_env.engine.log import (
 )
 from billiards_env.engine.modes import MAX_EVENTS, scene_arrays, scene_fields
 from billiards_env.engine.pic import run_shots
+from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.contact import contact_distance

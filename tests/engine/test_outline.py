@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env.physics.state import FIXES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table

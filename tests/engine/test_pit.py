@@ -10,8 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics import state as columns
-from billiards_env.physics.state import FIXES
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots import simulation

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
-from billiards_env.physics.state import FIXES
 from studies.failures import FAILURES
 
 TIMESTEP = 1 / 60

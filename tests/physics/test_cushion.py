@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env.engine.modes import CUSHIONS, Cushion, scene_arrays
+from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.compliance import friction_impulse
-from billiards_env.physics.cushion import CushionMotion, cushion_impact, cushion_restitution, han2005
+from billiards_env.physics.cushion import CUSHIONS, Cushion, CushionMotion, cushion_impact, cushion_restitution, han2005
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene import scene as scenes
 from billiards_env.scene.table import Table

@@ -1,4 +1,4 @@
-"""The input of shots: its arrays and its validation."""
+"""The input of shots: its arrays and its validation. `billiards_env.checks` has the ranges of the numbers."""
 
 from __future__ import annotations
 
