@@ -34,7 +34,7 @@ from benchmarks import (
     run_kinds,
 )
 from benchmarks.methods import PIC, Method, timer
-from billiards_env.physics.state import FIXES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.oracle import OracleError, run

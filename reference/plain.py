@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON, most_contacts
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, phase_end
 from billiards_env.engine.pic import event_loop, make_workspace
+from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
     Event,
@@ -24,7 +25,6 @@ from billiards_env.engine.predictions import (
     rank_of,
     single_time,
 )
-from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import for_all_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters import empty_scratch
@@ -38,7 +38,6 @@ from billiards_env.physics.state import (
     POTTED,
     REST,
     ROLLING,
-    SLIDING,
     SceneArrays,
     Time,
     before,
@@ -103,11 +102,7 @@ def _predict_single(i, state, scene, singles):
         return
     s = state.rows[i]
     end = s[LASTS]
-    kind, other = SPINNING_REST, -1
-    if phase == SLIDING:
-        kind = SLIDING_ROLLING
-    elif phase == ROLLING:
-        kind = ROLLING_REST
+    kind, other = phase_end(phase), -1
     if phase >= ROLLING:
         path = path_of(state, i)
         end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.numbers)

@@ -10,10 +10,10 @@ import pytest
 from billiards_env import Scene
 from billiards_env.__main__ import main
 from billiards_env.engine.modes import MODES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.games import Setup, Stroke, opening, records
 from billiards_env.games.game import History
 from billiards_env.jit import decorators as jit
-from billiards_env.physics.state import FIXES
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records

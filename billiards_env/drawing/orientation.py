@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing.recording import Recording
+from billiards_env.physics.motion import SLIP_RATE
 from billiards_env.physics.state import AX, AY, LASTS, POTTED, SLIDING, UX, UY, VX, VY, WZ
 
 Floats = NDArray[np.float64]
@@ -94,7 +95,7 @@ def turning(recording: Recording, faces: ArrayLike | None = None, error: float =
     lasts = np.where((phase > 0) & (phase != POTTED), np.clip(ends - start, 0.0, rows[:, LASTS]), 0.0)
     velocity, slip = np.where(moves, rows[:, [VX, VY]].T, 0.0), np.where(slides, rows[:, [UX, UY]].T, 0.0)
     roll, decay = (velocity - slip) / radius, recording.scene.physics.spin_decay
-    acceleration = np.where(moves, rows[:, [AX, AY]].T, 0.0) * np.where(slides, -2.5, 1.0) / radius
+    acceleration = np.where(moves, rows[:, [AX, AY]].T, 0.0) * np.where(slides, 1.0 - SLIP_RATE, 1.0) / radius
     spin = np.column_stack((-roll[1], roll[0], rows[:, WZ]))
     change = np.column_stack((-acceleration[1], acceleration[0], -decay * np.sign(rows[:, WZ])))
 

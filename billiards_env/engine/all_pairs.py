@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
     Event,
@@ -23,7 +24,6 @@ from billiards_env.engine.predictions import (
     rank_of,
     single_time,
 )
-from billiards_env.engine.resolve import add_contact
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, before, same

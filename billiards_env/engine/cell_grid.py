@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON
+from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     CROSSING_RANK,
     PAIR_RANK,
@@ -31,7 +32,6 @@ from billiards_env.engine.predictions import (
     rank_of,
     single_time,
 )
-from billiards_env.engine.resolve import add_contact
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.jit.interrupt import interrupted

@@ -38,19 +38,8 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.motion import norm
-from billiards_env.physics.state import (
-    AX,
-    AY,
-    IDEAL,
-    SLIDING_AND_ROLLING,
-    UX,
-    UY,
-    VX,
-    VY,
-    X,
-    Y,
-)
+from billiards_env.physics.motion import largest_friction, launch, norm
+from billiards_env.physics.state import AX, AY, IDEAL, UX, UY, VX, VY, X, Y
 from billiards_env.physics.walls import wall_pressing
 
 CONTACT_TIME = 2e-4
@@ -87,8 +76,7 @@ def longest_run(mass: tuple[float, ...]) -> float:
 
 def weak_speed(motion: int, slide: float, roll: float) -> float:
     """Returns the largest speed of approach of a weak impact, m/s; the arguments are fields of `Numbers`."""
-    friction = {IDEAL: 0.0, SLIDING_AND_ROLLING: slide}.get(motion, roll)
-    return CONTACT_TIME * 2.0 * friction  # of two balls
+    return CONTACT_TIME * 2.0 * largest_friction(motion, slide, roll)  # of two balls
 
 
 class Memory(NamedTuple):
@@ -136,7 +124,7 @@ def least_rebound(speed, towards, weak, numbers):
         return least
     if towards > 0.0:
         return max(least, 0.5 * numbers.weak_speed)
-    least = math.sqrt(2.0 * numbers.roll * RESOLUTION)  # a ball with this speed rolls RESOLUTION
+    least = launch(numbers, RESOLUTION, 0.0, 0.0)  # a ball with this speed rolls RESOLUTION
     if weak <= JAMMED:
         return least
     return min(max(speed, 0.01 * least), least)  # repeated separations must not keep balls moving

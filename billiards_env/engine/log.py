@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import WIDTH, X, Y
+from billiards_env.physics.state import ROLLING, SLIDING, WIDTH, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest")
 """Names of the kinds of events."""
@@ -50,6 +50,12 @@ def empty_log(n_events: int = 0, n_segments: int = 0) -> Log:
 
 NO_LOG = tuple(empty_log())
 """The log of shots that are not recorded. No kernel writes to it, so all threads share it."""
+
+
+@inlined
+def phase_end(phase):
+    """Returns the kind of event that ends a phase."""
+    return SLIDING_ROLLING if phase == SLIDING else (ROLLING_REST if phase == ROLLING else SPINNING_REST)
 
 
 @inlined

@@ -11,7 +11,9 @@ import numpy as np
 from billiards_env.checks import RANGES, fits, one_of, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.physics.state import FIXES, IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
+from billiards_env.engine.overlaps import FIXES
+from billiards_env.physics.cushion import CUSHIONS
+from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import Scene, ball_friction
 
@@ -22,26 +24,6 @@ of PIC. All have the same arguments."""
 MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
 """`Numbers.motion` for each motion of a scene."""
 
-
-class Cushion(NamedTuple):
-    """A cushion.
-
-    Attributes:
-        law: The field of `SceneArrays` that selects the law of its impacts.
-        rubs: Whether it has friction.
-    """
-
-    law: str
-    rubs: bool = True
-
-
-CUSHIONS = {
-    "restitution": Cushion("rigid", rubs=False),
-    "han2005": Cushion("rigid"),
-    "stronge": Cushion("stronge"),
-    "mathavan2010": Cushion("mathavan"),
-}
-"""The cushions of scenes."""
 
 BALL_BALL = {"frictionless": None, "frictional": True}
 """`SceneArrays.ball_friction` for each contact between balls of a scene."""
@@ -146,21 +128,18 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     motion, cushion = MOTIONS[p.motion], CUSHIONS[p.cushion]
     mu_limit, mu_drop, mu_rate = ball_friction(p)
     slide, roll = p.mu_slide * p.g, p.mu_roll * p.g
+    same = {name: getattr(p, name) for name in Numbers._fields if hasattr(p, name)}
     numbers = Numbers(
-        motion=motion,
+        **same | {"motion": motion},
         slide=slide,
         roll=roll,
-        spin_decay=p.spin_decay,
-        e_ball=p.e_ball,
         mu_limit=mu_limit,
         mu_drop=mu_drop,
         mu_rate=mu_rate,
         cushion_rubs=cushion.rubs,
-        e_cushion=p.e_cushion,
         e_loss=p.e_cushion_loss,
         e_onset=p.e_cushion_onset,
         e_floor=p.e_cushion_floor,
-        mu_cushion=p.mu_cushion,
         frequency_ratio=p.cushion_frequency_ratio,
         mu_cloth=p.mu_slide,
         half_length=table.length / 2,

@@ -22,8 +22,8 @@ import numpy as np
 from billiards_env.engine import all_pairs, cell_grid
 from billiards_env.engine.contact_rule import Memory, empty_memory, forget
 from billiards_env.engine.log import clear_log, log_segment
+from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK
-from billiards_env.engine.resolve import resolve_impacts, resolve_singles
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME
 from billiards_env.jit import allocating, allocating_entry_point, inlined
@@ -58,14 +58,7 @@ def make_workspace(scene, queue, most, scratch):
     """Returns the `Workspace` for the balls of a scene, with up to `most` contacts at one instant."""
     n = len(scene.radius)
     changed = np.empty(2 * most + n, np.int64)
-    return Workspace(
-        empty_state(n),
-        queue,
-        empty_contacts(most),
-        scratch,
-        empty_memory(n),
-        changed,
-    )
+    return Workspace(empty_state(n), queue, empty_contacts(most), scratch, empty_memory(n), changed)
 
 
 @inlined

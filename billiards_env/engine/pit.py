@@ -6,14 +6,8 @@ captures balls whose centre is inside a pocket; it resolves the impacts of all p
 as one problem; and it reflects balls that are beyond a cushion and do not come back. It computes impulses by the impact
 laws, for the positions at the multiple of dt. It misses a contact that begins and ends within a step.
 
-The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions". Their paper
-leaves open how an overlap is "fixed". There are three ways:
-
-* push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
-  apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
-* move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
-  which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
-* none: positions do not change.
+The test is that of Warkari and Jamsandekar, "Evaluation of Collision Handling Techniques in 2D collisions".
+`engine.overlaps` has the ways in which the overlaps are "fixed".
 """
 
 from __future__ import annotations
@@ -27,34 +21,29 @@ from billiards_env.engine.log import (
     BALL_BALL,
     BALL_CUSHION,
     BALL_POCKET,
-    ROLLING_REST,
-    SLIDING_ROLLING,
-    SPINNING_REST,
     clear_log,
     log_event,
     log_segment,
+    phase_end,
 )
+from billiards_env.engine.overlaps import Bounce, fix_after, fix_at_cushion, fix_before
 from billiards_env.engine.runner import INTERRUPTED, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
-from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch, sum_impulses
+from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, empty_scratch
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.cushion import reflect
-from billiards_env.physics.motion import Path, advance, begin_phase, capture, end_phase, motion_after, norm
+from billiards_env.physics.motion import advance, begin_phase, capture, end_phase, motion_after, norm
 from billiards_env.physics.state import (
     IDEAL,
     LASTS,
-    MOVE_BACK,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
     POTTED,
-    PUSH_APART,
     REST,
-    ROLLING,
-    SLIDING,
     VX,
     VY,
     SceneArrays,
@@ -70,15 +59,11 @@ from billiards_env.physics.state import (
     since,
 )
 from billiards_env.physics.walls import (
-    back_to_wall,
     half_sizes,
     next_overlap,
-    overlap_time,
-    wall_normal,
     wall_overlap,
     wall_turns,
 )
-from billiards_env.scene import CONTACT_GAP
 
 MAX_STEPS = 100_000_000
 """Number of timesteps after which the engine ends a shot with the status "step_limit": seconds with two balls."""
@@ -182,11 +167,7 @@ def _end_next_phase(k, scene, work, shots, log):
             Time(work.phase_end_hi[i], work.phase_end_lo[i]), Time(work.phase_end_hi[first], work.phase_end_lo[first])
         ):
             first = i
-    kind = SPINNING_REST
-    if phase[first] == SLIDING:
-        kind = SLIDING_ROLLING
-    elif phase[first] == ROLLING:
-        kind = ROLLING_REST
+    kind = phase_end(phase[first])
     time = Time(work.phase_end_hi[first], work.phase_end_lo[first])
     end_phase(state, first, time, scene.numbers)
     begin_phase(state, first, scene.numbers)
@@ -256,71 +237,6 @@ def _find_overlaps(count, scene, work):
     return found
 
 
-@kernel
-def _go_back(count, scene, work):
-    """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
-
-    A ball with several contacts is moved back to the earliest. At that position the others may not exist.
-
-    Returns:
-        The number of contacts that are left.
-    """
-    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
-    first, second = contacts.first, contacts.second
-    for c in range(count):
-        back[first[c]] = back[second[c]] = 0.0
-    for c in range(count):
-        i, j = first[c], second[c]
-        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-        wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
-        reach = contact_distance(scene.spheres, radius, i, j)
-        ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
-        if ww > 0.0:  # |d - w t| = reach
-            t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
-            t = min(t, scene.numbers.dt)
-            back[i], back[j] = max(back[i], t), max(back[j], t)
-    for c in range(count):
-        for i in (first[c], second[c]):
-            here[i, X] -= back[i] * here[i, VX]
-            here[i, Y] -= back[i] * here[i, VY]
-            work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
-            back[i] = 0.0
-    left = 0
-    for c in range(count):
-        i, j = first[c], second[c]
-        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-        distance = norm(dx, dy)
-        if distance > contact_distance(scene.spheres, radius, i, j) + CONTACT_GAP:
-            continue
-        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
-        closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
-        if closing >= 0.0:
-            first[left], second[left] = i, j
-            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
-            left += 1
-    return left
-
-
-@kernel
-def _push_apart(count, scene, work):
-    """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
-    contacts, here, scratch, inv_mass = work.contacts, work.here, work.scratch, scene.inv_mass
-    shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
-    for c in range(count):
-        i, j = contacts.first[c], contacts.second[c]
-        distance = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
-        overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
-        scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
-    sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
-    for c in range(count):
-        for i in (contacts.first[c], contacts.second[c]):
-            if done[i]:
-                here[i, X] += shift[i, X]
-                here[i, Y] += shift[i, Y]
-                work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
-                done[i] = False
-
-
 @inlined
 def _resolve_overlaps(count, now, k, scene, work, shots, log):
     """Resolves and records the impacts of `count` overlapping pairs at a `Time`."""
@@ -329,11 +245,9 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):
         for i in (contacts.first[c], contacts.second[c]):
             advance(state, i, now, scene.numbers)
             work.changed[i] = True
-    if fix == MOVE_BACK:
-        count = _go_back(count, scene, work)
+    count = fix_before(fix, count, scene, work)
     exchange(count, contacts, state, scene, work.scratch)
-    if fix == PUSH_APART:
-        _push_apart(count, scene, work)
+    if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
         i, j = min(contacts.first[c], contacts.second[c]), max(contacts.first[c], contacts.second[c])
@@ -354,23 +268,12 @@ def _hit_cushion(i, wall, scene, work):
     Returns:
         Its speed of approach, m/s, 0 if it was only moved back, or -1 if nothing happened.
     """
-    here, numbers, fix = work.here, scene.numbers, scene.numbers.fix
-    radius = scene.radius[i]
-    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, scene.outline)
+    here, numbers = work.here, scene.numbers
+    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], scene.radius[i], wall, numbers, scene.outline)
     speed = nx * here[i, VX] + ny * here[i, VY]
-    if beyond <= 0.0 or speed < 0.0 or (speed == 0.0 and fix != PUSH_APART):
+    if beyond <= 0.0 or speed < 0.0:
         return -1.0
-    x, y, vx, vy = here[i, X], here[i, Y], here[i, VX], here[i, VY]
-    if fix == PUSH_APART:
-        here[i, X], here[i, Y] = back_to_wall(x, y, radius, wall, numbers, scene.outline)
-    elif fix == MOVE_BACK:
-        t = min(overlap_time(Path(x, y, vx, vy, 0.0, 0.0), radius, wall, beyond, speed, scene.outline), numbers.dt)
-        here[i, X] -= t * vx
-        here[i, Y] -= t * vy
-    work.state.rows[i, X], work.state.rows[i, Y] = here[i, X], here[i, Y]
-    if fix == MOVE_BACK:
-        nx, ny = wall_normal(work.state, i, wall, scene.outline)  # a tip's normal depends on the position
-        speed = max(0.0, nx * vx + ny * vy)
+    nx, ny, speed = fix_at_cushion(numbers.fix, i, wall, beyond, Bounce(nx, ny, speed), scene, work)
     if speed > 0.0:
         reflect(work.state, i, nx, ny, 0.0, scene)
         here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, SPINNING_REST
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, ROLLING_REST, SLIDING_ROLLING, phase_end
 from billiards_env.jit import allocating, inlined
 from billiards_env.physics.contact import MARGIN, NOISE, TINY, circle_time, contact_distance, misses_circle, sweep
 from billiards_env.physics.motion import Path, motion_after, norm, path_of, relative_to
@@ -25,7 +25,6 @@ from billiards_env.physics.state import (
     POTTED,
     REST,
     ROLLING,
-    SLIDING,
     Time,
     later,
     moves,
@@ -96,11 +95,7 @@ def predict_single(i, state, scene, singles):
     if phase in (REST, POTTED):
         return
     end = state.rows[i, LASTS]
-    kind, other = SPINNING_REST, -1
-    if phase == SLIDING:
-        kind = SLIDING_ROLLING
-    elif phase == ROLLING:
-        kind = ROLLING_REST
+    kind, other = phase_end(phase), -1
     if phase >= ROLLING:
         path = path_of(state, i)
         t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
-from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.modes import Engine, checked_engine
+from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.judging import (
     NO_CALL,
     RULES,

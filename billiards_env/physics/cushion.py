@@ -74,13 +74,7 @@ def _nose(before, radius, numbers):
 
 @inlined
 def _squeeze(needed, nose, mu):
-    """Returns the friction and the normal impulse (pxe, pye, pze) with a given horizontal sum, per mass, m/s.
-
-    Args:
-        needed: Impulse away from the cushion, per mass, m/s.
-        nose: The `Nose`.
-        mu: Coefficient of friction.
-    """
+    """Returns the friction and the normal impulse (pxe, pye, pze), per mass, with the horizontal sum `needed`, m/s."""
     sin, cos, sx, sy = nose.sin, nose.cos, nose.sx, nose.sy
     slip = math.sqrt(sx * sx + sy * sy)
     resistance = cos + (mu * sin * (sx / slip) if slip > 0.0 else 0.0)
@@ -92,16 +86,9 @@ def _squeeze(needed, nose, mu):
 
 @inlined
 def _leave(before, nose, vn, px, pxe, pye, pze):
-    """Returns the `CushionMotion` after the impulses of a contact at the nose.
+    """Returns the `CushionMotion` with the normal velocity vn after impulses, all in m/s.
 
-    Args:
-        before: The `CushionMotion` before the impact.
-        nose: The `Nose`.
-        vn: Velocity into the cushion after the impact, m/s.
-        px: Horizontal impulse into the cushion, per mass, m/s.
-        pxe: Friction along the tangent that points up, per mass, m/s.
-        pye: Friction along t, per mass, m/s.
-        pze: Normal impulse, per mass, m/s.
+    The impulses per mass are px (horizontal, into the cushion), the friction pxe (up) and pye (along t), pze (normal).
     """
     sin, cos = nose.sin, nose.cos
     pz = pxe * cos - pze * sin
@@ -180,6 +167,27 @@ def mathavan2010(before, radius, rebound, numbers):
     raised = vy > -rebound
     vn = -rebound if raised else vy
     return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised
+
+
+class Cushion(NamedTuple):
+    """A cushion of scenes.
+
+    Attributes:
+        law: The field of `SceneArrays` that selects the law of its impacts in `_by_law`.
+        rubs: Whether it has friction. Without friction `reflect` needs only the restitution.
+    """
+
+    law: str
+    rubs: bool = True
+
+
+CUSHIONS = {
+    "restitution": Cushion("rigid", rubs=False),
+    "han2005": Cushion("rigid"),
+    "stronge": Cushion("stronge"),
+    "mathavan2010": Cushion("mathavan"),
+}
+"""The cushions of scenes."""
 
 
 @inlined

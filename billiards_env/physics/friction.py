@@ -263,16 +263,9 @@ def _sum_friction(count, contacts, push, spheres, rubbing):
 
 @inlined
 def _slip_of(tilt, across, along, up, turn, lean, roll):
-    """Returns the slip across and up.
+    """Returns the slip across and up, m/s, by the relative velocity (across, along, up) along t, h and z.
 
-    Args:
-        tilt: The result of `tilt_of`.
-        across: Relative velocity along t, m/s.
-        along: The same along h, m/s.
-        up: The same along z, m/s.
-        turn: Sum of the impulses per mass that turn the balls about z, m/s.
-        lean: The same of those that roll them along t, m/s.
-        roll: The same of those that roll them along h, m/s.
+    The last arguments are sums of the impulses per mass that turn the balls about z and roll them along t and along h.
     """
     if tilt is None:
         return across + 2.5 * turn, up + 2.5 * roll

@@ -68,13 +68,7 @@ def _slips(y, nose):
 
 @inlined
 def _begin_slip(ex, ey, nose):
-    """Returns the friction at the cushion when its slip begins there, against the direction of the slip.
-
-    Args:
-        ex: Direction of the slip on the cloth along x.
-        ey: The same along y.
-        nose: The `CushionNose`.
-    """
+    """Returns the friction at the cushion, against its slip, when this slip begins; (ex, ey) is that on the cloth."""
     sin, cos, mu, mu_cloth = nose
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
     # Without friction the slip changes at the rate r. With friction mu along -(x, y) the rate is lam (x, y).
@@ -95,13 +89,7 @@ def _begin_slip(ex, ey, nose):
 
 @kernel
 def _rates(y, nose, tiny):
-    """Returns the derivatives of (vx, vy, R wx, R wy, R wz, work) with respect to P.
-
-    Args:
-        y: These quantities.
-        nose: The `CushionNose`.
-        tiny: A slip of this size is zero, m/s.
-    """
+    """Returns the derivatives of y = (vx, vy, R wx, R wy, R wz, work) with respect to P; a slip of `tiny` is zero."""
     sin, cos, mu, mu_cloth = nose
     xi, yi, xc, yc = _slips(y, nose)
     at_nose, at_cloth = math.sqrt(xi * xi + yi * yi), math.sqrt(xc * xc + yc * yc)
@@ -132,14 +120,7 @@ def _rates(y, nose, tiny):
         bx, by = -press * ex, -press * ey
     else:
         bx, by = _at_most(-ax * d / 3.5, (cos - g * ay) / 3.5, press)
-    return (
-        ax + bx,
-        by - cos - sin * ay,
-        2.5 * (ay + by),
-        2.5 * (ax * sin - bx),
-        -2.5 * ax * cos,
-        y[1] * cos,
-    )
+    return (ax + bx, by - cos - sin * ay, 2.5 * (ay + by), 2.5 * (ax * sin - bx), -2.5 * ax * cos, y[1] * cos)
 
 
 @inlined

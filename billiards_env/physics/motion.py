@@ -9,6 +9,8 @@ In every phase the position is quadratic in time, r(t) = r0 + v0 t + a t^2 / 2:
 * spinning and at rest: v = 0.
 
 The spin about the vertical axis decays linearly to zero in every phase, independently of the rest.
+
+All other modules call this one. Only the derivatives (`shots.sensitivity`) and the 50-digit reference repeat the law.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from billiards_env.physics.state import (
     POTTED,
     REST,
     ROLLING,
+    ROLLING_ONLY,
     SLIDING,
     SLIDING_AND_ROLLING,
     SPINNING,
@@ -42,6 +45,9 @@ from billiards_env.physics.state import (
     own_time,
     since,
 )
+
+SLIP_RATE = 3.5
+"""While a ball slides, its slip changes at this multiple of its acceleration."""
 
 
 class Path(NamedTuple):
@@ -119,7 +125,7 @@ def begin_phase(state, i, numbers):
             phase[i] = SLIDING
             s[AX] = -numbers.slide * (s[UX] / u)
             s[AY] = -numbers.slide * (s[UY] / u)
-            s[LASTS] = u / (3.5 * numbers.slide)
+            s[LASTS] = u / (SLIP_RATE * numbers.slide)
             return
     if v > 0.0:
         phase[i] = ROLLING
@@ -147,6 +153,15 @@ def motion_after(state, i, t):
     return s[X], s[Y], 0.0, 0.0
 
 
+@inlined
+def slip_after(state, i, t):
+    """Returns the slip (ux, uy) of ball i, t seconds after its own time."""
+    s = state.rows[i]
+    if state.phase[i] == SLIDING:
+        return s[UX] + SLIP_RATE * t * s[AX], s[UY] + SLIP_RATE * t * s[AY]
+    return s[UX], s[UY]
+
+
 @kernel
 def spin_after(wz, t, numbers):
     """Returns the spin about the vertical axis after t seconds, rad/s."""
@@ -161,9 +176,7 @@ def advance(state, i, time, numbers):
     t = since(time, own_time(state, i))
     if t > 0.0:
         x, y, vx, vy = motion_after(state, i, t)
-        if state.phase[i] == SLIDING:
-            s[UX] += 3.5 * t * s[AX]
-            s[UY] += 3.5 * t * s[AY]
+        s[UX], s[UY] = slip_after(state, i, t)
         s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
         if s[WZ] != 0.0:
             s[WZ] = spin_after(s[WZ], t, numbers)
@@ -195,3 +208,78 @@ def capture(state, i, x, y):
         s[c] = 0.0
     s[X], s[Y] = x, y
     state.phase[i] = POTTED
+
+
+def largest_friction(motion: int, slide: float, roll: float) -> float:
+    """Returns the largest acceleration of a ball by friction, m/s^2; the arguments are fields of `Numbers`."""
+    return {IDEAL: 0.0, SLIDING_AND_ROLLING: slide}.get(motion, roll)
+
+
+@inlined
+def _sliding(slide, slip_ratio):
+    """Returns the deceleration of a ball that slides, m/s^2, and the share of its speed with which it begins to roll.
+
+    A ball that spins faster than it rolls (slip_ratio < 0) gains speed.
+    """
+    return math.copysign(slide, slip_ratio), 1.0 - slip_ratio * (1.0 / SLIP_RATE)
+
+
+@kernel
+def launch(numbers, distance, speed, slip_ratio):
+    """Returns the initial speed of a ball whose speed is `speed` after `distance`, m/s.
+
+    Args:
+        numbers: The `Numbers`.
+        distance: m.
+        speed: m/s.
+        slip_ratio: Initial slip of the ball divided by its initial speed, < 7/2. It is 1 without spin, 0 if the ball
+            rolls, and negative if it spins faster than it rolls. Motions other than sliding ignore it.
+    """
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
+        return speed
+    if numbers.motion == ROLLING_ONLY:
+        return math.sqrt(speed * speed + 2.0 * roll * distance)
+    # The ball slides over (1 - share^2) v^2 / (2 slide), and then rolls.
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    square = speed * speed + 2.0 * slide * distance
+    if square > 0.0 and math.copysign(1.0, slip_ratio) * (speed * speed - share * share * square) >= 0.0:
+        return math.sqrt(square)
+    return math.sqrt((speed * speed + 2.0 * roll * distance) / (share * share + (1.0 - share * share) * roll / slide))
+
+
+@kernel
+def arrival(numbers, distance, speed, slip_ratio):
+    """Returns the speed and the slip of a ball after `distance`, m/s.
+
+    The ball starts at `speed`, m/s. For the other arguments see `launch`.
+    """
+    roll = numbers.roll
+    if numbers.motion == IDEAL:
+        return speed, 0.0
+    if numbers.motion == ROLLING_ONLY:
+        return math.sqrt(max(speed * speed - 2.0 * roll * distance, 0.0)), 0.0
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    square, rolling = speed * speed - 2.0 * slide * distance, (share * speed) * (share * speed)
+    if math.copysign(1.0, slip_ratio) * (square - rolling) > 0.0:
+        left = math.sqrt(square)
+        return left, slip_ratio * speed - SLIP_RATE * (speed - left)
+    rolled = distance - (speed * speed - rolling) / (2.0 * slide)
+    return math.sqrt(max(rolling - 2.0 * roll * rolled, 0.0)), 0.0
+
+
+@kernel
+def travel_time(numbers, distance, speed, slip_ratio):
+    """Returns the time in which a ball that starts at `speed` covers `distance`, s. For the arguments see `launch`.
+
+    The ball must not come to rest before.
+    """
+    left, slip = arrival(numbers, distance, speed, slip_ratio)
+    if numbers.motion == IDEAL:
+        return distance / speed
+    if numbers.motion == ROLLING_ONLY:
+        return (speed - left) / numbers.roll
+    slide, share = _sliding(numbers.slide, slip_ratio)
+    if slip != 0.0:
+        return (speed - left) / slide
+    return (speed - share * speed) / slide + (share * speed - left) / numbers.roll

@@ -34,10 +34,6 @@ REST, SPINNING, ROLLING, SLIDING, FREE, POTTED = 0, 1, 2, 3, 4, 5
 # The laws of `engine.modes.MOTIONS`.
 IDEAL, ROLLING_ONLY, SLIDING_AND_ROLLING = 0, 1, 2
 
-# Treatments of overlaps in PIT.
-FIXES = ("push_apart", "move_back", "none")
-PUSH_APART, MOVE_BACK, NO_FIX = 0, 1, 2
-
 # Columns of angular velocities.
 SPIN_X, SPIN_Y, SPIN_Z = 0, 1, 2  # rad/s
 
@@ -96,7 +92,7 @@ class Numbers(NamedTuple):
         weak_speed: Largest speed of approach of an impact on which this rule acts, m/s.
         longest_run: Number of impacts at one place and instant after which a ball comes to rest.
         dt: Timestep of PIT, s.
-        fix: Index into `FIXES`.
+        fix: Index into `engine.overlaps.FIXES`.
     """
 
     motion: int

@@ -191,14 +191,7 @@ def wall_time(path, radius, end, numbers, outline):
 
 @inlined
 def _exit_time(path, room_x, room_y, end):
-    """Returns the time at which a path leaves a rectangle, s, and the side, 0 to 3 for -x, +x, -y, +y.
-
-    Args:
-        path: The `Path`.
-        room_x: Half the rectangle's length, m.
-        room_y: Half its width, m.
-        end: End of the interval, s.
-    """
+    """Returns the time at which a path leaves a rectangle of half sides, s, and the side, 0 to 3 for -x, +x, -y, +y."""
     x, y, vx, vy, ax, ay = path
     first, number = math.inf, -1
     if not stays_within(x, vx, ax, end, room_x):
@@ -495,10 +488,7 @@ def overlap_time(path, radius, wall, beyond, speed, outline):
         return beyond / speed
     tip = outline.tips[wall - len(outline.lines)]
     dx, dy, reach = tip[TIP_X] - path.x, tip[TIP_Y] - path.y, tip[TIP_RADIUS] + radius
-    dw, vv = (
-        dx * path.vx + dy * path.vy,
-        path.vx * path.vx + path.vy * path.vy,
-    )  # |d + v t| t seconds ago
+    dw, vv = (dx * path.vx + dy * path.vy, path.vx * path.vx + path.vy * path.vy)  # |d + v t| t seconds ago
     return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (dx * dx + dy * dy)))) - dw) / vv
 
 

@@ -17,18 +17,9 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, pair_impulse
 from billiards_env.physics.contact import NOISE, circle_time, contact_distance
 from billiards_env.physics.friction import rub_pair
-from billiards_env.physics.motion import Path, motion_after, norm, spin_after
+from billiards_env.physics.motion import Path, arrival, motion_after, norm, spin_after, travel_time
 from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
-from billiards_env.players.paths import (
-    FAR,
-    LEGS,
-    arrival,
-    begin_leg,
-    distance_to_segment,
-    end_leg,
-    pocket_gap,
-    travel_time,
-)
+from billiards_env.players.paths import FAR, LEGS, begin_leg, distance_to_segment, end_leg, pocket_gap
 
 _THROW_STEPS = 4  # each reduces the error of the direction by a factor of about 10
 
@@ -42,7 +33,7 @@ class TableArrays(NamedTuple):
         positions: (n, 2) m.
         potted: (n,) bool, the balls off the table.
         max_speed: Speed of the fastest shot, m/s.
-        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `paths.launch`.
+        slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.motion.launch`.
         spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
     """
 

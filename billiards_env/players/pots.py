@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from billiards_env.engine import scene_fields
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.motion import launch
 from billiards_env.physics.state import SceneArrays, X, Y, empty_state
 from billiards_env.players.aims import direct_aim
 from billiards_env.players.banks import bank_aim
 from billiards_env.players.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.players.paths import FAR as FAR
-from billiards_env.players.paths import cross, follow, launch
+from billiards_env.players.paths import cross, follow
 from billiards_env.scene import Scene
 
 Floats = NDArray[np.float64]

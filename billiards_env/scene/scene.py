@@ -456,10 +456,7 @@ def _blocked_pool(n_balls: int) -> Scene:
 
 
 def _carom(n_balls: int) -> Scene:
-    return Scene(
-        Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS),
-        Table.named("carom_10ft"),
-    )
+    return Scene(Balls.uniform(n_balls, _CAROM_RADIUS, _CAROM_MASS), Table.named("carom_10ft"))
 
 
 def _ideal(n_balls: int) -> Scene:

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.checks import Range, flag, one_of, real, short, whole
-from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.modes import checked_engine
+from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
 from billiards_env.files import replacing
 from billiards_env.scene import Scene
@@ -50,6 +50,8 @@ MAX_BALLS = 1000
 """The largest number of balls in a scene that is read."""
 
 SHOT = "billiards_env/shot"
+
+_OPTIONS = ("mode", "dt", "fix", "spins", "in_play", "max_time", "max_events")  # of `simulate`
 
 Rows = tuple[tuple[float, ...], ...]
 T = TypeVar("T")
@@ -149,19 +151,8 @@ def replay(record: ShotRecord, *, check: bool = True, record_events: bool = Fals
     Raises:
         ValueError: If the result differs from the recorded one.
     """
-    shot = simulate(
-        record.scene,
-        record.positions,
-        record.velocities,
-        mode=record.mode,
-        dt=record.dt,
-        fix=record.fix,
-        spins=record.spins,
-        in_play=record.in_play,
-        record=record_events,
-        max_time=record.max_time,
-        max_events=record.max_events,
-    )
+    options: dict[str, Any] = {name: getattr(record, name) for name in _OPTIONS}
+    shot = simulate(record.scene, record.positions, record.velocities, record=record_events, **options)
     if check:
         compare(record.end, _end_of_shot(shot))
     return shot

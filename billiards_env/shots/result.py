@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, short
-from billiards_env.engine.inputs import ShotInput
 from billiards_env.engine.log import (
     BALL,
     EVENT_X,
@@ -30,6 +29,7 @@ from billiards_env.engine.log import (
     Log,
 )
 from billiards_env.engine.modes import Engine, scene_arrays
+from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.sensitivity import Sensitivity, sensitivity_along

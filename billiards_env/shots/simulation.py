@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import flag, numbers, short, whole
-from billiards_env.engine.inputs import ShotInput, check_shot
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
+from billiards_env.engine.shot_input import ShotInput, check_shot
 from billiards_env.engine.shots import STATUS, empty_shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
@@ -43,8 +43,8 @@ def simulate(
         velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`.
         mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: The timestep of "pit", s; None for "pic".
-        fix: The treatment of overlaps in "pit": "push_apart" (its default), "move_back" or "none", see `engine.pit`;
-            None for "pic".
+        fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back" or
+            "none"; None for "pic".
         spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
             which has a spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
@@ -90,11 +90,7 @@ def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[Ar
 
 
 def run_shot(
-    scene: Scene,
-    shot: ShotInput,
-    engine: Engine = PIC,
-    record: bool = False,
-    max_events: int = MAX_EVENTS,
+    scene: Scene, shot: ShotInput, engine: Engine = PIC, record: bool = False, max_events: int = MAX_EVENTS
 ) -> ShotResult:
     """Runs one shot like `simulate`, without checking its input.
 

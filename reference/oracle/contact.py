@@ -80,6 +80,12 @@ def next_contact(gap: Sequence[Real], rounding: Sequence[Real], touch: Real, hig
     return None if time is None else (time, False)
 
 
+def _circle_rounding(reach: Real, speed: Real, noise: Real, push: Real, push_noise: Real) -> Vector:
+    """Returns the rounding of the coefficients of `pair_gap`, with that of the velocity and of the acceleration."""
+    linear, quadratic = 2 * reach * noise, 2 * speed * noise + reach * push_noise
+    return mpmath.mpf(0), linear, quadratic, speed * push_noise + push * noise, push * push_noise
+
+
 def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of two balls in [base, base + high]; times are relative to `base`."""
     offset = tuple(q - p for p, q in zip(a.position_at(base), b.position_at(base), strict=True))
@@ -91,13 +97,7 @@ def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, ba
     noise = a.noise + b.noise + world.tiny * speed
     push = norm(a.acceleration) + norm(b.acceleration)
     push_noise = world.tiny * push
-    rounding = (
-        0,
-        2 * reach * noise,
-        2 * speed * noise + reach * push_noise,
-        speed * push_noise + push * noise,
-        push * push_noise,
-    )
+    rounding = _circle_rounding(reach, speed, noise, push, push_noise)
     return next_contact(pair_gap(offset, velocity, acceleration, reach), rounding, 2 * reach * CONTACT_GAP, high)
 
 
@@ -110,13 +110,7 @@ def wall_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
     rounding, touch = (0, noise, push_noise), mpmath.mpf(CONTACT_GAP)
     if isinstance(wall, Arc):
         reach = radius + wall.radius
-        rounding = (
-            0,
-            2 * reach * noise,
-            2 * speed * noise + reach * push_noise,
-            speed * push_noise + push * noise,
-            push * push_noise,
-        )
+        rounding = _circle_rounding(reach, speed, noise, push, push_noise)
         touch = 2 * reach * touch
     after = mpmath.mpf(0)
     while True:
@@ -155,10 +149,7 @@ class FloatMotion:
         t = float(base - a.start)
         vx, vy = float(a.velocity[0]), float(a.velocity[1])
         ax, ay = float(a.acceleration[0]), float(a.acceleration[1])
-        self.position = (
-            float(a.position[0]) + t * (vx + t * ax / 2),
-            float(a.position[1]) + t * (vy + t * ay / 2),
-        )
+        self.position = (float(a.position[0]) + t * (vx + t * ax / 2), float(a.position[1]) + t * (vy + t * ay / 2))
         self.velocity = (vx + t * ax, vy + t * ay)
         self.acceleration = (ax, ay)
 

@@ -11,8 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.contact_rule import CONTACT_TIME
-from billiards_env.engine.inputs import check_shot
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
@@ -26,34 +24,30 @@ from billiards_env.engine.log import (
     Log,
     empty_log,
 )
-from billiards_env.engine.modes import MAX_EVENTS, scene_fields
+from billiards_env.engine.modes import MAX_EVENTS, scene_arrays, scene_fields
 from billiards_env.engine.pic import run_shots
+from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import norm
+from billiards_env.physics.motion import motion_after, norm, slip_after, spin_after
 from billiards_env.physics.state import (
-    AX,
-    AY,
     POCKET_RADIUS,
     POCKET_X,
     POCKET_Y,
     POTTED,
-    ROLLING,
-    SLIDING,
     SLIDING_AND_ROLLING,
-    T0,
-    T0_LO,
     UX,
     UY,
     VX,
     VY,
-    WIDTH,
     WZ,
     SceneArrays,
     Time,
     X,
     Y,
+    empty_state,
+    own_time,
     since,
 )
 from billiards_env.physics.walls import BEGIN_TX, BEGIN_TY, END_TX, END_TY, TIP_RADIUS, TIP_X, TIP_Y
@@ -72,34 +66,21 @@ DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushi
 
 
 @kernel
-def _at(row, phase, t):
-    """Returns the position and velocity of a ball t seconds after the time of its row."""
-    if ROLLING <= phase < POTTED:
-        x = row[X] + t * (row[VX] + 0.5 * t * row[AX])
-        y = row[Y] + t * (row[VY] + 0.5 * t * row[AY])
-        return x, y, row[VX] + t * row[AX], row[VY] + t * row[AY]
-    return row[X], row[Y], 0.0, 0.0
-
-
-@kernel
-def _energy(now, rows, phases, mass, scene, scale):
+def _energy(now, state, mass, scene, scale):
     """Returns the kinetic energy of all balls with velocities in units of `scale`, J."""
     radius, numbers = scene.radius, scene.numbers
     total = 0.0
-    for i in range(len(phases)):
-        if phases[i] == POTTED or math.isinf(mass[i]):
+    for i in range(len(radius)):
+        if state.phase[i] == POTTED or math.isinf(mass[i]):
             continue
-        t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
-        _, _, vx, vy = _at(rows[i], phases[i], t)
+        t = since(now, own_time(state, i))
+        _, _, vx, vy = motion_after(state, i, t)
         vx, vy = vx / scale, vy / scale
         twice = vx * vx + vy * vy
         if numbers.motion == SLIDING_AND_ROLLING:
-            ux, uy = rows[i, UX], rows[i, UY]
-            if phases[i] == SLIDING:
-                ux += 3.5 * t * rows[i, AX]
-                uy += 3.5 * t * rows[i, AY]
+            ux, uy = slip_after(state, i, t)
             ux, uy = ux / scale, uy / scale
-            wz = radius[i] * max(0.0, abs(rows[i, WZ]) - numbers.spin_decay * t) / scale
+            wz = radius[i] * spin_after(state.rows[i, WZ], t, numbers) / scale
             twice += 0.4 * ((vx - ux) * (vx - ux) + (vy - uy) * (vy - uy) + wz * wz)
         total += 0.5 * mass[i] * twice
     return total
@@ -140,15 +121,13 @@ def _outside(x, y, radius, numbers, outline):
 
 
 @kernel
-def _check_positions(now, rows, phases, scene, xy, found):
+def _check_positions(now, state, scene, xy, found):
     """Compares the positions of the balls at a `Time` with each other, with the cushions and with the pockets."""
     numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
-    n = len(phases)
-    for i in range(n):
-        if phases[i] == POTTED:
+    for i in range(len(radius)):
+        if state.phase[i] == POTTED:
             continue
-        t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
-        x, y, vx, vy = _at(rows[i], phases[i], t)
+        x, y, vx, vy = motion_after(state, i, since(now, own_time(state, i)))
         if not math.isfinite(x + y + vx + vy):
             found[BROKEN] = 1.0
         xy[i, X], xy[i, Y] = x, y
@@ -157,7 +136,7 @@ def _check_positions(now, rows, phases, scene, xy, found):
             out = max(out, pockets[k, POCKET_RADIUS] - norm(x - pockets[k, POCKET_X], y - pockets[k, POCKET_Y]))
         found[OUTSIDE] = max(found[OUTSIDE], out)
         for j in range(i):
-            if phases[j] != POTTED:
+            if state.phase[j] != POTTED:
                 dx, dy, reach = x - xy[j, X], y - xy[j, Y], contact_distance(scene.spheres, radius, i, j)
                 if dx * dx + dy * dy < reach * reach:
                     found[OVERLAP] = max(found[OVERLAP], reach - norm(dx, dy))
@@ -168,7 +147,8 @@ def _check(log, scene, mass, acts, found):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
     n, radius = len(scene.radius), scene.radius
-    rows, phases = np.empty((n, WIDTH)), np.empty(n, np.int64)
+    state = empty_state(n)
+    rows, phases = state.rows, state.phase
     momenta, xy = np.empty((n, 2)), np.empty((n, 2))
     found[:] = 0.0
     found[OUTSIDE] = found[OVERLAP] = -math.inf
@@ -178,12 +158,12 @@ def _check(log, scene, mass, acts, found):
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
     now = Time(0.0, 0.0)
-    _check_positions(now, rows, phases, scene, xy, found)
+    _check_positions(now, state, scene, xy, found)
     if scale == 0.0:
         return
     if acts > 0:
         scale = max(scale, 1e-100)  # what the rule gives to slower balls would overflow in units of their speed
-    energy = _energy(now, rows, phases, mass, scene, scale)
+    energy = _energy(now, state, mass, scene, scale)
     least = 1e-30 * energy  # velocities near zero carry the rounding of what they were before
     k, row = 0, n
     while k < n_events:
@@ -192,11 +172,10 @@ def _check(log, scene, mass, acts, found):
         if not now.hi >= previous:
             found[BROKEN] = 1.0
         if now.hi > previous:
-            _check_positions(Time(0.5 * (now.hi + previous), 0.0), rows, phases, scene, xy, found)
-        before = _energy(now, rows, phases, mass, scene, scale)
+            _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, found)
+        before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
-            _, _, momenta[i, X], momenta[i, Y] = _at(rows[i], phases[i], t)
+            _, _, momenta[i, X], momenta[i, Y] = motion_after(state, i, since(now, own_time(state, i)))
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
@@ -209,7 +188,7 @@ def _check(log, scene, mass, acts, found):
                 phases[i] = int(segments[row, SEGMENT_PHASE])
                 row += 1
             k += 1
-        after = _energy(now, rows, phases, mass, scene, scale)
+        after = _energy(now, state, mass, scene, scale)
         for rise, base in ((before - energy, energy), (after - before, before)):
             if rise > least:
                 if rise > ENERGY_RISE * base:
@@ -221,8 +200,7 @@ def _check(log, scene, mass, acts, found):
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                t = since(now, Time(rows[i, T0], rows[i, T0_LO]))
-                _, _, vx, vy = _at(rows[i], phases[i], t)
+                _, _, vx, vy = motion_after(state, i, since(now, own_time(state, i)))
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
                 total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, X] / scale, momenta[i, Y] / scale))
@@ -230,7 +208,7 @@ def _check(log, scene, mass, acts, found):
             found[DRIFT_Y] += py * scale
             if total > 0.0:
                 found[MOMENTUM] = max(found[MOMENTUM], norm(px, py) / total)
-        _check_positions(now, rows, phases, scene, xy, found)
+        _check_positions(now, state, scene, xy, found)
     if not math.isfinite(energy):
         found[BROKEN] = 1.0
 
@@ -322,7 +300,6 @@ def check_shots(
         one = slice(k, k + 1)
         again = *(array[one] for array in start), *(array[one] for array in shots[4:])
         _run_checked(arrays, given.limit, max_events, again, tuple(log), found[one])
-    p = scene.physics
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     return Checked(
         positions=given.positions,
@@ -333,5 +310,5 @@ def check_shots(
         n_events=shots.n_events,
         n_contact_rule=shots.n_contact_rule,
         found=found,
-        rise_bound=0.5 * heaviest * (3.0 * CONTACT_TIME * max(p.mu_slide, p.mu_roll) * p.g) ** 2,
+        rise_bound=0.5 * heaviest * (1.5 * scene_arrays(scene).numbers.weak_speed) ** 2,
     )

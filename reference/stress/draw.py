@@ -24,17 +24,18 @@ _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to round
 
 
 @allocating_entry_point
-def _scatter(rng, radius, spheres, order, half_x, half_y, pockets, outline, frozen, out):
+def _scatter(rng, order, frozen, scene, outline, out):
     """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
 
     With an outline, balls may be in the mouths of the pockets and in contact with tips.
 
     Returns the number of layouts; it is less than m if there is no room for a ball.
     """
+    radius, spheres, pockets = scene.radius, scene.spheres, scene.pockets
     for shot in range(len(out)):
         for placed in range(len(order)):
             i = order[placed]
-            room_x, room_y = half_x - radius[i], half_y - radius[i]
+            room_x, room_y = scene.numbers.half_length - radius[i], scene.numbers.half_width - radius[i]
             for attempt in range(_TRIES + 1):
                 if attempt == _TRIES:
                     return shot
@@ -86,18 +87,15 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     Each ball is in contact with probability `frozen`.
     """
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
-    arrays = scene_arrays(scene)
     out = np.zeros((m, scene.n_balls, 2))
-    half = scene.table.length / 2, scene.table.width / 2
-    found = _scatter(rng, arrays.radius, arrays.spheres, order, *half, arrays.pockets, arrays.outline, frozen, out)
+    arrays = scene_arrays(scene)
+    found = _scatter(rng, order, frozen, arrays, arrays.outline, out)
     return out if found == m else None
 
 
-def cue_shots(
-    scene: Scene, rng: np.random.Generator, m: int, low: float = 0.05, high: float = 12.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+def cue_shots(scene: Scene, rng: np.random.Generator, m: int) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Returns velocities (m, 2) of cue balls in all directions, and spins (m, 3) if the balls of the scene spin."""
-    speed, angle = rng.uniform(low, high, m), rng.uniform(0, 2 * np.pi, m)
+    speed, angle = rng.uniform(0.05, 12.0, m), rng.uniform(0, 2 * np.pi, m)
     velocities = speed[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     spins = None
     if scene.physics.motion == "sliding":

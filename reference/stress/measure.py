@@ -63,7 +63,7 @@ def drift(n: int, collisions: int, seed: int = 0, chunk: int = 20_000) -> dict[s
     }
 
 
-def reversal(seed: int, time: float = 1.0, n: int = 16) -> dict[str, float]:
+def reversal(seed: int) -> dict[str, float]:
     """Runs an ideal gas, reverses all velocities and runs it back.
 
     Returns:
@@ -71,10 +71,10 @@ def reversal(seed: int, time: float = 1.0, n: int = 16) -> dict[str, float]:
         and `collisions`, their number.
     """
     rng = np.random.default_rng(seed)
-    scene = gas(n)
+    scene = gas(16)
     places, velocities = gas_state(scene, rng)
-    there = simulate(scene, places, velocities, max_time=time, record=True)
-    back = simulate(scene, there.positions, -there.velocities, max_time=time, record=True)
+    there = simulate(scene, places, velocities, max_time=1.0, record=True)
+    back = simulate(scene, there.positions, -there.velocities, max_time=1.0, record=True)
     assert there.events is not None
     return {
         "error": float(np.abs(back.positions - places).max()),

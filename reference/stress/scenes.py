@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.scene import Balls, Physics, Scene
-from billiards_env.scene.table import Pocket, Table
+from billiards_env.scene.table import Table
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
 from reference.stress.checks import check_shots
@@ -31,28 +31,17 @@ def ideal(
     return Scene(Balls(radius or (R,) * len(masses), masses), Table(length, width), physics)
 
 
-def rough(
-    *masses: float, length: float = 4.0, width: float = 2.0, pockets: tuple[Pocket, ...] = (), **physics: Any
-) -> Scene:
+def rough(*masses: float, length: float = 4.0, width: float = 2.0, **physics: Any) -> Scene:
     """Returns a scene of balls that slide and roll; cushions have simple restitution by default."""
     laws: dict[str, Any] = {"cushion": "restitution"} | physics
-    return Scene(Balls((R,) * len(masses), masses), Table(length, width, 1.2 * R, pockets), Physics(**laws))
+    return Scene(Balls((R,) * len(masses), masses), Table(length, width, 1.2 * R), Physics(**laws))
 
 
 def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options: Any) -> ShotResult:
     """Returns the recorded shot after a check of all rules at every event."""
     shot = simulate(scene, places, velocities, spins=spins, record=True, **options)
-    moving = np.zeros((scene.n_balls, 2))
-    moving[...] = velocities if np.ndim(velocities) == 2 else moving
-    if np.ndim(velocities) == 1:
-        moving[0] = velocities
-    turning = None
-    if spins is not None:
-        turning = np.zeros((1, scene.n_balls, 3))
-        turning[0] = spins if np.ndim(spins) == 2 else turning[0]
-        if np.ndim(spins) == 1:
-            turning[0, 0] = spins
-    result = check_shots(scene, np.array([places], dtype=float), moving[None], turning, **options)
+    moving, turning = np.array([velocities], float), None if spins is None else np.array([spins], float)
+    result = check_shots(scene, np.array([places], float), moving, turning, **options)
     assert not result.bad(scene.physics.motion == "ideal").any(), result.found
     return shot
 
@@ -74,14 +63,3 @@ def momentum(scene: Scene, velocities: NDArray[np.float64]) -> NDArray[np.float6
     """Returns the momentum of the balls of finite mass, (2,) kg m/s."""
     masses = [m if math.isfinite(m) else 0.0 for m in scene.balls.mass]
     return (np.array(masses)[:, None] * velocities).sum(axis=0)
-
-
-def triangle(rows: int, x: float = 0.5, radius: float = R) -> NDArray[np.float64]:
-    """Returns the positions of a frozen rack with its apex at (x, 0), (n, 2) m."""
-    return np.array(
-        [
-            [x + math.sqrt(3) * radius * row, (2 * place - row) * radius]
-            for row in range(rows)
-            for place in range(row + 1)
-        ]
-    )

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT_ROW, TIME, Log
-from billiards_env.physics.state import FIXES, T0
+from billiards_env.engine.overlaps import FIXES
+from billiards_env.physics.state import T0
 from reference import plain
 from reference.stress import families
 from tests.helpers.engine_runs import run

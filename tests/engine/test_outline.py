@@ -3,24 +3,20 @@
 import dataclasses
 import itertools
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env.physics.state import FIXES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import clearance, pieces
 from billiards_env.scene.table import Pocket, Table
-from billiards_env.shots import simulation
 from reference.stress.draw import star
-from tests.helpers.outlines import TABLES, beyond, free_places, mirrored, table, with_corners
+from tests.helpers.outlines import TABLES, apart_places, beyond, mirrored, table, with_corners
 from tests.helpers.queues import CELL_GRID, check
-from tests.helpers.shots import FREE, ROLLING, SLIDING, kinds
-
-simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
+from tests.helpers.shots import FREE, ROLLING, SLIDING, check_mirror_images, kinds, simulate
 
 R = 0.028575
 LAWS = {"ideal": FREE, "rolling": ROLLING, "sliding": SLIDING, "plastic": {**ROLLING, "e_cushion": 0.0}}
@@ -35,11 +31,7 @@ def scene_of(a_table, n=1, physics=SLIDING, radius=R, **changes):
 def draw(a_table, rng, n=1, physics=SLIDING):
     """Returns a random shot (scene, positions, velocities, spins) of n balls that do not overlap."""
     scene = scene_of(a_table, n, physics, e_ball=1.0 if physics is FREE else 0.95)
-    while True:
-        places = free_places(a_table, R, rng, n)
-        apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(n)
-        if apart.min() > 2 * R:
-            break
+    places = apart_places(a_table, R, rng, n)
     angle = rng.uniform(0, 2 * math.pi)
     velocities = np.zeros((n, 2))
     velocities[0] = rng.uniform(0.3, 6.0) * np.array([math.cos(angle), math.sin(angle)])
@@ -148,21 +140,14 @@ def test_no_ball_overlaps_the_outline(a_table, seed, law, n):
 def test_mirrored_shots_on_mirrored_tables_have_mirrored_results_bit_for_bit(a_table, seed, law, fix):
     scene, places, velocities, spins = draw(a_table, np.random.default_rng(seed), 2, LAWS[law])
     options = {} if fix is None else {"mode": "pit", "dt": 1 / 60, "fix": fix}
-    shot = play(scene, places, velocities, spins, record=False, max_events=300, **options)
-    for mirror in (np.array([-1.0, 1.0]), np.array([1.0, -1.0]), np.array([-1.0, -1.0])):
-        x, y = mirror
-        image = play(
-            dataclasses.replace(scene, table=mirrored(a_table, mirror)),
-            places * mirror,
-            velocities * mirror,
-            None if spins is None else spins * [y, x, x * y],
-            record=False,
-            max_events=300,
-            **options,
-        )
-        assert np.array_equal(image.positions, shot.positions * mirror)
-        assert np.array_equal(image.velocities, shot.velocities * mirror)
-        assert (image.time, image.n_events) == (shot.time, shot.n_events)
+
+    def mirrored_scene(scene, mirror):
+        return dataclasses.replace(scene, table=mirrored(a_table, mirror))
+
+    def run(*shot):
+        return play(*shot, record=False, max_events=300, **options)
+
+    check_mirror_images(run, scene, places, velocities, spins, mirrored_scene)
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -233,25 +218,12 @@ def test_move_back_has_the_exact_velocity_after_a_tip():
 # Named cases
 
 
-def in_jaws(place, velocity, spins=None, physics=None, pockets=False, name="pool_7ft", **options):
-    """Returns a scene of one pool ball on a table with jaws, without holes unless `pockets`, and the recorded shot."""
-    a_table = Table.named(name)
-    a_table = a_table if pockets else dataclasses.replace(a_table, pockets=())
-    scene = scene_of(a_table, 1, physics or SLIDING)
-    shot = simulate(scene, [place], velocity, spins=spins, record=True, **options)
-    return scene, shot
-
-
-def tips_of(a_table):
-    return pieces(a_table.outline)[1]
-
-
 def test_a_ball_rattles_between_the_tips_of_a_pocket_and_stays_out():
     """It enters the mouth of a side pocket across, hits both facings or tips in turn, and comes back."""
-    n = len(Table.named("pool_7ft").outline)
-    rattles = 0
+    scene = scene_of(Table.named("pool_7ft"))
+    n, rattles = len(scene.table.outline), 0
     for angle in np.linspace(0.2, 1.4, 100):
-        scene, shot = in_jaws([-0.3, 0.4], 2.0 * np.array([math.cos(angle), math.sin(angle) * 0.5]), pockets=True)
+        shot = play(scene, [[-0.3, 0.4]], 2.0 * np.array([math.cos(angle), math.sin(angle) * 0.5]))
         walls = [o for k, _, o in kinds(shot) if k == "cushion"]
         tips = [a for a, b in itertools.pairwise(walls) if a >= n and b >= n and a != b]
         rattles += bool(tips) and not shot.potted[0]
@@ -291,7 +263,7 @@ def test_a_ball_that_friction_presses_into_a_wedge_comes_to_rest():
 def test_a_ball_pressed_against_a_tip_separates_by_the_contact_time_rule(spin):
     """The spin accelerates a resting ball towards the tip that it touches."""
     scene = scene_of(TABLES["L"], 1, SLIDING, cushion="restitution")
-    tip = tips_of(scene.table)[0]
+    tip = pieces(scene.table.outline)[1][0]
     direction = np.array([1.0, 1.0]) / math.sqrt(2)
     place = np.array([tip.x, tip.y]) - (tip.radius + R) * direction
     shot = simulate(scene, [place], [0.0, 0.0], spins=[-spin * direction[1], spin * direction[0], 0.0], record=True)
@@ -310,9 +282,9 @@ def test_a_ball_pressed_against_a_tip_separates_by_the_contact_time_rule(spin):
 @pytest.mark.parametrize("speed", [0.5, 2.0, 6.0])
 def test_a_ball_that_rolls_along_the_rail_into_a_facing(speed):
     """It passes the first tip of the side pocket, hits the facing or the tip beyond the mouth, or rolls past it."""
-    table_ = Table.named("pool_7ft")
-    y = table_.width / 2 - R
-    scene, shot = in_jaws([-0.5, y], [speed, 0.0], [0.0, speed / R, 0.0])  # spin of rolling
+    scene = scene_of(dataclasses.replace(Table.named("pool_7ft"), pockets=()))
+    y = scene.table.width / 2 - R
+    shot = play(scene, [[-0.5, y]], [speed, 0.0], [0.0, speed / R, 0.0])  # spin of rolling
     assert beyond(scene, shot) < 1e-12
     hits = shot.events[shot.events["kind"] == "cushion"]
     # Where the rail begins again behind the mouth of the side pocket, it may graze the tip at the rounding.
@@ -321,7 +293,7 @@ def test_a_ball_that_rolls_along_the_rail_into_a_facing(speed):
         assert len(hits) == 0
         return
     first = hits[0]
-    assert first["other"] < len(table_.outline)
+    assert first["other"] < len(scene.table.outline)
     assert first["x"] > 0.9
     assert first["y"] == pytest.approx(y, abs=1e-6)
 
@@ -333,9 +305,8 @@ def test_two_balls_in_the_mouth_of_one_pocket():
         for pockets in (a_table.pockets, ()):
             scene = scene_of(dataclasses.replace(a_table, pockets=pockets), 2, law)
             x, y = a_table.length / 2, a_table.width / 2
-            radius = R
             place = np.array([x, y]) - 0.035
-            while clearance(a_table.outline, place) < radius:
+            while clearance(a_table.outline, place) < R:
                 place -= 0.001
             for angle in np.linspace(-0.4, 0.4, 9):
                 away = np.array([math.cos(math.pi / 4 + angle), math.sin(math.pi / 4 + angle)])

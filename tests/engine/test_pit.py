@@ -10,11 +10,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate_batch
-from billiards_env.physics import state as columns
-from billiards_env.physics.state import FIXES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Pocket, Table
-from billiards_env.shots import simulation
 from tests.helpers.errors import rejected
 from tests.helpers.shots import (
     FREE,
@@ -22,21 +20,19 @@ from tests.helpers.shots import (
     ROLLING,
     SLIDING,
     R,
-    check_batch,
     check_mirror_images,
     check_renumbering,
     draw_shot,
     draw_starts,
+    instants,
     kinds,
     kinetic_energy,
     motion_at,
+    simulate,
     world,
 )
 
-simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
-
 DTS = (1 / 15, 1 / 30, 1 / 60, 1 / 240)
-ROUGH = {"motion": "sliding", "cushion": "restitution", "e_ball": 1.0}
 
 fixes = pytest.mark.parametrize("fix", FIXES)
 laws = pytest.mark.parametrize("physics", [FREE, ROLLING, SLIDING], ids=["ideal", "rolling", "sliding"])
@@ -89,15 +85,6 @@ def test_without_contacts_pit_and_pic_are_equal_bit_for_bit(physics, seed):
     assert not np.isin(exact.events["kind"], ["ball_ball", "cushion"]).any()
     shot = pit(scene, places, velocities, spins=spins, record=True, dt=float(rng.choice(DTS)), fix=rng.choice(FIXES))
     assert same_bits(shot, exact)
-
-
-def test_phases_end_at_exact_times_between_timesteps():
-    v, mu, roll = 3.0, 0.2 * 9.81, 0.01 * 9.81
-    shot = pit(world(1, SLIDING), [[0.0, 0.0]], [v, 0.0], record=True, dt=0.5)
-    assert kinds(shot) == [("sliding_rolling", 0, -1), ("rolling_rest", 0, -1)]
-    assert shot.events["time"] == pytest.approx([2 * v / (7 * mu), 2 * v / (7 * mu) + 5 * v / 7 / roll], rel=1e-14)
-    assert shot.time == shot.events["time"][-1]
-    assert (shot.status, shot.velocities.any(), shot.spins.any()) == ("rest", False, False)
 
 
 @fixes
@@ -285,8 +272,9 @@ def test_a_ball_is_captured_at_a_timestep_or_missed():
 
 def test_a_potted_ball_does_not_collide():
     table = Table(2.0, 2.0, pockets=(Pocket(0.0, 0.0, 0.1),))
-    shot = pit(world(2, ROLLING, table), [[-0.9, 0.0], [-0.5, 0.0]], [[1.0, 0.0], [1.0, 0.0]], record=True)
-    assert kinds(shot) == [("pocket", 1, 0), ("pocket", 0, 0)]
+    for run in (pit, simulate):
+        shot = run(world(2, ROLLING, table), [[-0.9, 0.0], [-0.5, 0.0]], [[1.0, 0.0], [1.0, 0.0]], record=True)
+        assert kinds(shot) == [("pocket", 1, 0), ("pocket", 0, 0)]
     out = pit(world(2, ROLLING), [[0.0, 0.0], [0.5, 0.0]], [1.0, 0.0], in_play=[True, False])
     assert (out.first_hit, out.potted.tolist()) == (-1, [False, True])
 
@@ -357,41 +345,23 @@ def test_the_order_of_object_balls_changes_no_bit(seed):
     check_renumbering(play_with(arguments), *shot, seed)
 
 
-def energy(scene, rows, phase, t):
-    """Returns the kinetic energy of all balls at time t, J, with that of the spins about all axes."""
-    motion = motion_at(rows, phase, t)
-    decay = scene.physics.spin_decay * (t - rows[:, columns.T0])
-    return kinetic_energy(motion._replace(spins=np.maximum(0.0, np.abs(motion.spins) - decay)), scene)
-
-
-def momentum(scene, rows, phase, t):
-    """Returns the total momentum at time t, (2,) kg m/s."""
-    return np.array(scene.balls.mass) @ motion_at(rows, phase, t).velocities
-
-
 @settings(max_examples=60)
 @given(seeds)
 def test_energy_does_not_rise_and_collisions_conserve_momentum(seed):
     (scene, places, velocities, spins), arguments = random_shot(seed)
     shot = pit(scene, places, velocities, spins=spins, record=True, **arguments)
-    n = scene.n_balls
     found: dict[float, set[str]] = {}
     for event in shot.events:
         found.setdefault(event["time"], set()).add(event["kind"])
-    ball, phases, rows = shot.trajectory
-    state, phase, times = rows[:n].copy(), phases[:n].copy(), rows[:, columns.T0]
-    start = last = energy(scene, state, phase, 0.0)
-    total = math.sqrt(2 * start * sum(scene.balls.mass))  # no momentum is larger
-    for t in np.unique(times[n:]):
-        before, carried = energy(scene, state, phase, t), momentum(scene, state, phase, t)
-        for k in n + np.flatnonzero(times[n:] == t):
-            state[ball[k]], phase[ball[k]] = rows[k], phases[k]
-        after = energy(scene, state, phase, t)
-        assert before <= last + 1e-13 * start
-        assert after <= before + 1e-13 * start
-        last = after
+    mass, (_, phases, rows) = np.array(scene.balls.mass), shot.trajectory
+    start = last = kinetic_energy(motion_at(rows[: len(mass)], phases[: len(mass)], 0.0), scene)
+    total = math.sqrt(2 * start * mass.sum())  # no momentum is larger
+    for t, before, after in instants(shot):
+        assert kinetic_energy(before, scene) <= last + 1e-13 * start
+        last = kinetic_energy(after, scene)
+        assert last <= kinetic_energy(before, scene) + 1e-13 * start
         if found.get(t) == {"ball_ball"}:
-            assert np.abs(momentum(scene, state, phase, t) - carried).max() <= 1e-13 * total
+            assert np.abs(mass @ (after.velocities - before.velocities)).max() <= 1e-13 * total
     if scene.physics.motion == "ideal":
         assert twice_energy(scene, shot.velocities) == pytest.approx(twice_energy(scene, velocities), rel=1e-12)
 
@@ -411,22 +381,6 @@ def test_a_gas_with_fixed_balls_conserves_energy_and_does_not_move_them(fix, see
     assert np.array_equal(shot.positions[fixed], places[fixed])
     assert not shot.velocities[fixed].any()
     assert twice_energy(scene, shot.velocities) == pytest.approx(twice_energy(scene, velocities), rel=1e-12)
-
-
-@fixes
-@pytest.mark.parametrize(("name", "threads"), [*((name, None) for name in LAWS), ("pool", 1), ("pool", 2), ("pool", 3)])
-def test_a_batch_equals_single_shots_bit_for_bit(name, threads, fix):
-    scene = Scene.named(name, 4)
-    places, starts, spins = draw_starts(scene, 100)
-    options: dict[str, Any] = {"mode": "pit", "dt": 1 / 60, "fix": fix}
-    given = None if name == "ideal" else spins
-    batch = simulate_batch(scene, places, starts, spins=given, threads=threads, **options)
-    singles = [
-        simulate(scene, places[k], starts[k], spins=None if given is None else given[k], **options)
-        for k in range(len(places))
-    ]
-    check_batch(batch, singles)
-    assert (batch.first_hit > 0).any()
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +10,9 @@ from billiards_env import Scene
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.players.pots import Tables, pot_shots
 from billiards_env.scene import check_positions, layouts
-from billiards_env.shots import simulation
 from reference.stress import checks, draw
 from tests.helpers.outlines import MARBLES
-from tests.helpers.shots import check_mirror_images, check_renumbering, kinds
-
-simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
+from tests.helpers.shots import check_mirror_images, check_renumbering, kinds, simulate
 
 UK = Scene.named("uk_pool", 4)
 APART = 2 * math.sqrt(UK.balls.radius[0] * UK.balls.radius[1])

@@ -4,9 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.wrappers import VectorActionFrame
-from billiards_env.physics.state import FIXES
 from studies.failures import FAILURES
 
 TIMESTEP = 1 / 60

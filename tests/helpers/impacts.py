@@ -74,3 +74,36 @@ def energy(velocities, spins, scene):
     finite = np.isfinite(mass)
     total = (velocities**2).sum(1) + 0.4 * radius**2 * (spins**2).sum(1)
     return 0.5 * (mass[finite] * total[finite]).sum()
+
+
+def normal_between(scene, angle):
+    """Returns the unit normal of two touching balls on a table, from the centres in three dimensions."""
+    low, high = scene.balls.radius
+    rise = high - low if scene.balls.shape == "sphere" else 0.0
+    apart = math.sqrt((low + high) ** 2 - rise**2)
+    line = np.array([apart * math.cos(math.radians(angle)), apart * math.sin(math.radians(angle)), rise])
+    return line / np.linalg.norm(line)
+
+
+def three_dimensional(velocities, spins, angle, scene):
+    """Computes the impact with vectors in three dimensions, and drops the vertical velocity.
+
+    Returns the velocities (2, 2) and the spins (2, 3) after it, and the normal impulse and the friction, kg m/s.
+    """
+    physics, radius, mass = scene.physics, scene.balls.radius, np.array(scene.balls.mass)
+    n = normal_between(scene, angle)
+    h = np.array([*n[:2], 0.0]) / math.hypot(*n[:2])
+    v, w = np.pad(np.array(velocities, float), ((0, 0), (0, 1))), np.array(spins, float)
+    horizontal = (1 + physics.e_ball) * ((v[0] - v[1]) @ h) / (1 / mass).sum()
+    v[0] -= horizontal / mass[0] * h  # the slate takes the vertical part
+    v[1] += horizontal / mass[1] * h
+    surface = v[0] + np.cross(w[0], radius[0] * n) - v[1] - np.cross(w[1], -radius[1] * n)
+    slip = surface - (surface @ n) * n
+    speed, normal = np.linalg.norm(slip), horizontal / (n @ h)
+    mu = 0.009951 + 0.108 * math.exp(-1.088 * speed) if physics.mu_ball is None else physics.mu_ball
+    size = min(mu * physics.mu_ball_factor * normal, speed / (3.5 * (1 / mass).sum()))
+    force = -size * slip / speed if speed > 0 else np.zeros(3)
+    v += np.stack([force, -force]) / mass[:, None]
+    for k in range(2):
+        w[k] += np.cross(radius[k] * n, force) / (0.4 * mass[k] * radius[k] ** 2)
+    return v[:, :2], w, normal, size

@@ -95,6 +95,14 @@ def free_places(a_table, radius, rng, count):
     return found[:count]
 
 
+def apart_places(a_table, radius, rng, count):
+    """Returns places as `free_places` does, for balls that do not overlap."""
+    while True:
+        places = free_places(a_table, radius, rng, count)
+        if (np.linalg.norm(places[:, None] - places, axis=-1) + np.eye(count)).min() > 2 * radius:
+            return places
+
+
 def beyond(scene, shot, count=2000):
     """Returns the largest distance by which a ball in play of a recorded shot overlaps the outline, m."""
     corners, radius = scene.table.outline, np.array(scene.balls.radius)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
+import itertools
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from billiards_env import Scene
 from billiards_env.physics import state as columns
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
+from billiards_env.shots import simulation
+
+simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
 R = 0.03125  # m; a power of two, so multiples of it are exact
 FREE = {"motion": "ideal", "cushion": "restitution", "e_ball": 1.0, "e_cushion": 1.0, "max_time": 10.0}
@@ -21,7 +25,7 @@ BALL_ARRAYS = ("positions", "velocities", "spins", "potted", "cushions", "cushio
 SCALARS = ("time", "n_events", "first_hit", "n_contact_rule")
 
 LAWS = ("ideal", "pool", "uk_pool")
-"""Scenes with most of the laws, for tests of PIT. "ideal" and "pool" share a compiled engine."""
+"""Scenes with most of the laws. "ideal" and "pool" share a compiled engine."""
 
 WORLDS = {
     "pool": {},
@@ -73,13 +77,13 @@ def draw_shot(seed):
     return scene, positions, velocities, spins
 
 
-def check_mirror_images(play, scene, positions, velocities, spins):
-    """Checks that `play` of a mirrored shot returns the mirrored result bit for bit."""
+def check_mirror_images(play, scene, positions, velocities, spins, mirrored=lambda scene, mirror: scene):
+    """Checks that `play` of a mirrored shot returns the mirrored result bit for bit. `mirrored` returns its scene."""
     shot = play(scene, positions, velocities, spins)
     for mirror in (np.array([-1.0, 1.0]), np.array([1.0, -1.0]), np.array([-1.0, -1.0])):
         x, y = mirror
         mirrored_spins = None if spins is None else spins * [y, x, x * y]  # spin is an axial vector
-        image = play(scene, positions * mirror, velocities * mirror, mirrored_spins)
+        image = play(mirrored(scene, mirror), positions * mirror, velocities * mirror, mirrored_spins)
         assert np.array_equal(image.positions, shot.positions * mirror)
         assert np.array_equal(image.velocities, shot.velocities * mirror)
         assert (image.time, image.n_events) == (shot.time, shot.n_events)
@@ -124,6 +128,20 @@ def motion_at(rows, phase, t):
     a, u = rows[:, [columns.AX, columns.AY]], rows[:, [columns.UX, columns.UY]]
     slip = np.where((phase == columns.SLIDING)[:, None], u + 3.5 * a * dt, u)
     return Motion(x + dt * (v + 0.5 * dt * a), v + dt * a, slip, rows[:, columns.WZ].copy())
+
+
+def instants(shot):
+    """Yields the time of each instant with events, and the `Motion` of all balls before and after it."""
+    n = len(shot.positions)
+    ball, phases, rows = shot.trajectory
+    state, phase = rows[:n].copy(), phases[:n].copy()
+    times = rows[n:, columns.T0]
+    edges = np.r_[0, np.flatnonzero(np.diff(times)) + 1, len(times)] if len(times) else [0]
+    for a, b in itertools.pairwise(edges):
+        before = motion_at(state, phase, times[a])
+        for k in range(n + a, n + b):
+            state[ball[k]], phase[ball[k]] = rows[k], phases[k]
+        yield times[a], before, motion_at(state, phase, times[a])
 
 
 def kinetic_energy(motion, scene):

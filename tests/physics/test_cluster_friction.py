@@ -1,7 +1,5 @@
 """The friction of several pairs of balls that collide at one instant."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -76,38 +74,14 @@ def test_a_frozen_rack_with_redundant_contacts_has_no_preferred_order(rows_of_ra
         assert np.array_equal(*results)
 
 
-def test_a_ball_between_two_balls_is_thrown_by_neither():
-    """A spinning ball hits two touching balls in the middle. The mirrored problem has the mirrored result."""
-    radius = 0.03
-    angle = math.pi / 6
-    places = np.array([[0, 0], [2 * radius * math.cos(angle), radius], [2 * radius * math.cos(angle), -radius]])
-    arrays = arrays_of(radius=np.full(3, radius), inverse=np.full(3, 1 / 0.17))
-    rows = np.zeros((3, WIDTH))
-    rows[0, VX] = rows[0, UX] = 1.0
-    plain, count = collided(places, rows, [(0, 1), (0, 2)], arrays)
-    assert count == 2
-    assert plain[0, [VY, UY, WZ]].tolist() == [0.0, 0.0, 0.0]
-    assert plain[1, WZ] == -plain[2, WZ] != 0.0
-    assert plain[1, VY] == -plain[2, VY]
-    frictionless = collided(
-        places, rows, [(0, 1), (0, 2)], arrays_of(mu=0.0, radius=arrays.radius, inverse=arrays.inv_mass)
-    )
-    assert plain[0, VX] < frictionless[0][0, VX] + 0.1
-
-
-def test_contacts_without_a_common_ball_have_the_closed_form():
-    radius, inverse = np.full(4, 0.03), np.full(4, 1 / 0.17)
-    places = np.array([[0, 0], [0.06, 0], [1, 0], [1, 0.06]])
-    rng = np.random.default_rng(0)
-    rows = np.zeros((4, WIDTH))
-    rows[:, VX : UY + 1] = rng.normal(size=(4, UY + 1 - VX))
-    rows[:, WZ] = rng.normal(size=4) * 30
-    rows[0, VX], rows[1, VX], rows[2, VY], rows[3, VY] = 1, 0, 1, 0
-    arrays = arrays_of(radius=radius, inverse=inverse)
-    both = collided(places, rows, [(0, 1), (2, 3)], arrays)[0]
-    single = collided(places, rows, [(0, 1)], arrays)[0][:2]
-    assert both[:2] == pytest.approx(single, abs=1e-14)
-    assert both[2:] == pytest.approx(collided(places, rows, [(2, 3)], arrays)[0][2:], abs=1e-14)
+@given(st.integers(0, 2**32), st.booleans(), st.booleans())
+def test_separate_impacts_at_one_instant_are_those_of_single_impacts(seed, fixed, spheres):
+    places = np.array([[0.0, 0.0], [0.8, 0.6], [9.0, 0.0], [9.0, 1.0]])
+    _, _, rows, _, arrays = drawn(seed, 4, 0.9, None, fixed, spheres=spheres)
+    both, _ = collided(places, rows, [(0, 1), (2, 3)], arrays)
+    single, _ = collided(places, rows, [(0, 1)], arrays)
+    single, _ = collided(places, single, [(2, 3)], arrays)
+    assert both == pytest.approx(single, abs=1e-12)
 
 
 @given(**{**CASES, "fixed": st.just(False)})

@@ -91,27 +91,9 @@ def test_plastic_impulses_solve_the_complementarity_problem(seed, leaves, fixed)
     assert impulse.any()
 
 
-def shuffled(rng, contacts, n):
-    """Returns a random order of contacts, new numbers of the n balls, and the contacts in that order and numbering."""
-    order, names = rng.permutation(len(contacts)), rng.permutation(n)
-    return order, names, [(int(names[i]), int(names[j]), a, c) for i, j, a, c in (contacts[k] for k in order)]
-
-
-@given(st.integers(0, 10**6), st.integers(2, 6))
-def test_plastic_impulses_do_not_depend_on_the_order(seed, leaves):
-    rng = np.random.default_rng(seed)
-    contacts = flower(leaves, rng)
-    inverse = np.full(leaves + 1, 1 / 0.17)
-    impulse, change = solve(contacts, inverse)
-    order, names, other = shuffled(rng, contacts, leaves + 1)
-    impulse_again, change_again = solve(other, inverse)
-    assert impulse_again == pytest.approx(impulse[order], rel=1e-15, abs=1e-25)
-    assert change_again[names] == pytest.approx(change, rel=1e-15, abs=1e-25)
-
-
 @pytest.mark.parametrize("rows", [4, 5, 8])
 @pytest.mark.parametrize("equal", [True, False])
-def test_racks_with_redundant_contacts_have_the_same_solution_in_any_order(rows, equal):
+def test_impulses_of_racks_with_redundant_contacts_solve_the_complementarity_problem(rows, equal):
     n, frozen = triangle(rows)
     within = 1e-12 if rows < 8 else 1e-11  # the accuracy of 2000 sweeps of the descent
     assert (len(frozen) <= MOST) == (rows < 8)  # a small problem is solved directly, a large one by descent
@@ -124,10 +106,6 @@ def test_racks_with_redundant_contacts_have_the_same_solution_in_any_order(rows,
         assert (impulse >= 0).all()
         assert (separation >= -within).all()
         assert np.abs(impulse * separation).max() <= within
-        _, names, other = shuffled(rng, contacts, n)
-        renamed = np.empty(n)
-        renamed[names] = inverse
-        assert solve(other, renamed)[1][names] == pytest.approx(change, rel=1e-15, abs=1e-22)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

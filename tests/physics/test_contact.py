@@ -99,10 +99,7 @@ def test_circles_are_apart_before_the_contact_time_and_touch_at_it(dx, dy, wx, w
     motion = dx, dy, wx, wy, bx, by
     t = circle_time(*motion, reach, end)
     until = np.linspace(0, min(t, end), 400)
-    distances = np.hypot(
-        dx + until * (wx + 0.5 * until * bx),
-        dy + until * (wy + 0.5 * until * by),
-    )
+    distances = np.hypot(dx + until * (wx + 0.5 * until * bx), dy + until * (wy + 0.5 * until * by))
     assert distances.min() >= reach - 1e-12
     if t < INF:
         assert t <= end * (1 + 1e-12) + 1e-12

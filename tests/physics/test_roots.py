@@ -10,21 +10,10 @@ from hypothesis import strategies as st
 
 from billiards_env.physics import roots
 from billiards_env.physics.roots import bracketed_root
+from tests.helpers.polynomials import expand
 
 first_descent: Any = roots.first_descent
 quartic: Any = roots.quartic
-
-
-def expand(leading, roots, pairs=()):
-    """Returns the rounded coefficients, constant first, of leading (t - r) ... ((t - a)^2 + b) ..., up to t^4."""
-    coefficients = [Fraction(leading)]
-    for factor in [*([-Fraction(r), 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
-        product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
-        for i, x in enumerate(coefficients):
-            for j, y in enumerate(factor):
-                product[i + j] += x * y
-        coefficients = product
-    return [float(c) for c in coefficients] + [0.0] * (5 - len(coefficients))
 
 
 def value(coefficients, t):
@@ -40,7 +29,7 @@ pairs = st.tuples(sixteenths, st.integers(1, 32).map(lambda k: Fraction(k, 16)))
 def test_the_first_root_from_plus_to_minus_is_found(roots, complex_pairs, leading):
     assume(1 <= len(roots) + 2 * len(complex_pairs) <= 4)
     assume(0 not in roots)
-    coefficients = expand(leading, roots, complex_pairs)
+    coefficients = [*map(float, expand(leading, roots, complex_pairs)), 0.0, 0.0, 0.0, 0.0][:5]
     if coefficients[0] < 0:
         coefficients = [-c for c in coefficients]
     end = 2.5

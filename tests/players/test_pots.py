@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.engine.modes import scene_arrays
-from billiards_env.players.paths import arrival, launch, travel_time
+from billiards_env.physics.motion import arrival, launch, travel_time
 from billiards_env.players.pots import Tables, pot_shots
 from tests.helpers.layouts import NAMED_POTS as LAYOUTS
 from tests.helpers.layouts import at

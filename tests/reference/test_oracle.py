@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
-from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Pocket, Table
 from reference.oracle import Event, OracleShot, RestingContactError, contact, laws, run
 from reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
+from tests.helpers.polynomials import expand
 
 DIGITS = 50
 R = 0.03125  # m, a power of two: sums and halves of it are exact
@@ -55,18 +56,6 @@ def energy(scene: Scene, shot: OracleShot, time) -> Real:
     return total
 
 
-def scattered(rng: np.random.Generator, scene: Scene) -> np.ndarray:
-    """Returns positions without overlap and outside the pockets."""
-    room = np.array([scene.table.length, scene.table.width]) / 2 - max(scene.balls.radius)
-    balls: list[np.ndarray] = []
-    while len(balls) < scene.n_balls:
-        place = rng.uniform(-room, room)
-        clear = all(math.dist(place, other) > 2 * max(scene.balls.radius) for other in balls)
-        if clear and all(math.dist(place, (p.x, p.y)) > p.radius for p in scene.table.pockets):
-            balls.append(place)
-    return np.array(balls)
-
-
 # Root isolation
 
 fractions = st.fractions(-3, 3, max_denominator=50)
@@ -78,25 +67,19 @@ factors = st.tuples(
 ).filter(lambda f: 1 <= len(f[0]) + 2 * len(f[1]) <= 4)
 
 
-def expand(roots, pairs, leading) -> list[Real]:
-    """Returns leading (t - r) ... ((t - a)^2 + b) ..., exact and then rounded; b > 0 has a pair of complex roots."""
-    coefficients = [leading]
-    for factor in [*([-r, 1] for r in roots), *([a * a + b, -2 * a, 1] for a, b in pairs)]:
-        product = [Fraction(0)] * (len(coefficients) + len(factor) - 1)
-        for (i, x), (j, y) in itertools.product(enumerate(coefficients), enumerate(factor)):
-            product[i + j] += x * y
-        coefficients = product
-    return [mpf(c.numerator) / c.denominator for c in coefficients]
-
-
 def exact(x: Fraction) -> Real:
     return mpf(x.numerator) / x.denominator
+
+
+def coefficients_of(roots, pairs, leading) -> list[Real]:
+    """Returns the rounded coefficients of a polynomial; b > 0 of a pair has complex roots."""
+    return [exact(c) for c in expand(leading, roots, pairs)]
 
 
 @settings(deadline=None)
 @given(factors, st.integers(0, 2))
 def test_real_roots_of_any_multiplicity_are_found(factor, vanishing):
-    coefficients = expand(*factor) + [mpf(0)] * vanishing
+    coefficients = coefficients_of(*factor) + [mpf(0)] * vanishing
     found = real_roots(coefficients, mpf(-2), mpf(2))
     expected = sorted({exact(r) for r in factor[0] if -2 <= r <= 2})
     assert close(found, expected, 45)
@@ -112,7 +95,7 @@ def test_first_entry_is_the_first_root_from_plus_to_minus(factor):
         return
     positive = (leading > 0) == (sum(r > 0 for r in roots) % 2 == 0)
     entries = inside[0 if positive else 1 :: 2]
-    found = first_entry(expand(*factor), exact(high))
+    found = first_entry(coefficients_of(*factor), exact(high))
     assert (found is None) == (not entries)
     assert found is None or close(found, exact(entries[0]), 45)
 
@@ -352,7 +335,7 @@ def test_a_frozen_rack_is_mirrored_exactly_and_keeps_momentum_and_energy():
 def test_a_gas_conserves_momentum_and_energy_and_is_reversible():
     rng = np.random.default_rng(1)
     scene = ideal(1.0, 2.0, 0.5, 1.0, 3.0, length=0.5, width=0.5, max_time=4.0)
-    places, velocities = scattered(rng, scene), rng.normal(size=(5, 2))
+    places, velocities = layouts.draw("random", scene, rng), rng.normal(size=(5, 2))
     shot = run(scene, places, velocities)
     assert len(kinds(shot, "ball_ball")) > 20
     start = energy(scene, shot, 0)
@@ -373,7 +356,7 @@ def test_a_gas_conserves_momentum_and_energy_and_is_reversible():
 def test_the_float_filter_does_not_change_a_shot(monkeypatch):
     rng = np.random.default_rng(3)
     scene = Scene.named("pool", 5)
-    places, velocity = scattered(rng, scene), [2.5, 1.5]
+    places, velocity = layouts.draw("random", scene, rng), [2.5, 1.5]
     filtered = run(scene, places, velocity, [0.0, 0.0, 30.0])
     for name in ("possible_pair_contact", "possible_wall_contact", "possible_pocket_contact"):
         monkeypatch.setattr(contact, name, lambda *_: 0.0)
@@ -386,7 +369,7 @@ def test_the_float_filter_does_not_change_a_shot(monkeypatch):
 def test_more_digits_change_only_the_last_ones():
     rng = np.random.default_rng(4)
     scene = Scene.named("pool", 15)
-    places = scattered(rng, scene)
+    places = layouts.draw("random", scene, rng)
     few, many = (run(scene, places, [-9.0, 3.0], digits=digits) for digits in (50, 100))
     assert kinds(few) == kinds(many)
     assert len(kinds(few, "ball_ball")) > 5

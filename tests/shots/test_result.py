@@ -1,5 +1,4 @@
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -8,10 +7,8 @@ from billiards_env import Scene
 from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
-from billiards_env.shots import simulation
 from tests.helpers.errors import rejected
-
-simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
+from tests.helpers.shots import simulate
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
@@ -191,22 +188,13 @@ def test_spin_is_zero_if_the_motion_has_no_spin():
         ({"velocities": [1.0]}, "velocities has shape (1,): expected (2, 2) for all balls or (2,) for the cue ball"),
         ({"velocities": [[1.0, 0.0]] * 3}, "velocities has shape (3, 2): expected (2, 2) for all balls"),
         ({"velocities": [math.nan, 0.0]}, "velocities: ball 0 has [nan, 0.0]: expected numbers from -1000 to 1000 m/s"),
-        (
-            {"velocities": [[0.0, 0.0], [0.0, math.inf]]},
-            "velocities: ball 1 has [0.0, inf]: expected numbers from -1000 to 1000 m/s",
-        ),
         ({"spins": [1.0, 2.0]}, "spins has shape (2,): expected (2, 3) for all balls or (3,) for the cue ball"),
-        (
-            {"spins": [0.0, 0.0, math.nan]},
-            "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s",
-        ),
+        ({"spins": [0, 0, math.nan]}, "spins: ball 0 has [0.0, 0.0, nan]: expected numbers from -1e+06 to 1e+06 rad/s"),
         ({"in_play": [True]}, "in_play has shape (1,): expected (2,), one value per ball"),
         ({"in_play": True}, "in_play has shape (): expected (2,), one value per ball"),
         ({"mode": "pik"}, "mode = 'pik': expected one of 'pic'"),
-        ({"dt": 0.01}, "dt = 0.01 with mode='pic': expected None, PIC has no timestep"),
         ({"max_time": -1.0}, "max_time = -1.0: expected a number from 0 to 1e+12 s"),
         ({"max_time": math.nan}, "max_time = nan: expected a number from 0 to 1e+12 s"),
-        ({"max_time": math.inf}, "max_time = inf: expected a number from 0 to 1e+12 s"),
     ],
 )
 def test_bad_shots_are_rejected(arguments, message):
@@ -227,16 +215,6 @@ def test_spins_are_rejected_if_the_motion_has_no_spin(motion):
     scene = Scene(Balls.uniform(2), Table(), Physics(motion=motion, cushion="restitution", max_time=1.0))
     with rejected(f"spins with physics.motion = '{motion}': expected None, spins need motion 'sliding'"):
         simulate(scene, PLACES, [1.0, 0.0], spins=[0.0, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("max_events", [-1, 1.5, True, None])
-def test_a_limit_on_events_must_be_a_whole_number(max_events):
-    scene = Scene.named("ideal")
-    places = [[-0.5, 0.0], [0.0, 0.0]]
-    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
-        simulation.simulate(scene, places, [1.0, 0.0], max_events=max_events)
-    with pytest.raises(ValueError, match=r"max_events = .*: expected a whole number from 0 to 1000000000"):
-        simulation.simulate_batch(scene, [places], [[1.0, 0.0]], max_events=max_events)
 
 
 def test_a_shot_prints_its_result_in_a_few_lines():

@@ -81,13 +81,7 @@ def test_a_hit_at_two_fifths_of_the_radius_rolls_at_once(top):
     assert spin[0] == spin[2] == 0.0
 
 
-@given(
-    st.floats(0.1, 9.0),
-    st.floats(-3.1, 3.1),
-    st.floats(-0.6, 0.6),
-    st.floats(-0.6, 0.6),
-    st.floats(0.0, 1.57),
-)
+@given(st.floats(0.1, 9.0), st.floats(-3.1, 3.1), st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), st.floats(0.0, 1.57))
 def test_mirrored_strikes_have_mirrored_results(speed, heading, side, top, elevation):
     v, w, miscue = strike(POOL, speed, heading, side, top, elevation)
     mirrored = strike(POOL, speed, -heading, -side, top, elevation)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env.physics.state import FIXES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.shots import simulation
 from reference import oracle
 from studies.failures import FAILURES, Failure

@@ -1,4 +1,4 @@
-"""The input of shots: its arrays and its validation."""
+"""The input of shots: its arrays and its validation. `billiards_env.checks` has the ranges of the numbers."""
 
 from __future__ import annotations
 
@@ -15,17 +15,7 @@ from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import entry_point
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.state import (
-    POCKET_RADIUS,
-    POCKET_X,
-    POCKET_Y,
-    SPIN_X,
-    SPIN_Y,
-    SPIN_Z,
-    SceneArrays,
-    X,
-    Y,
-)
+from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, SPIN_X, SPIN_Y, SPIN_Z, SceneArrays, X, Y
 from billiards_env.physics.walls import half_sizes
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions
 

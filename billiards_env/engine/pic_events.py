@@ -1,4 +1,4 @@
-"""The resolution of events: impacts of balls at one instant, and events of a ball alone."""
+"""The events of PIC: impacts of balls at one instant, and events of a ball alone."""
 
 from __future__ import annotations
 

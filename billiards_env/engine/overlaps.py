@@ -1,0 +1,187 @@
+"""What PIT does to the positions of bodies that overlap: the entries of `FIXES`.
+
+The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". There are three ways:
+
+* push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
+  apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
+* move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
+  which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
+* none: positions do not change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from billiards_env.jit import inlined, kernel
+from billiards_env.physics.clusters import sum_impulses
+from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.motion import Path, norm
+from billiards_env.physics.state import VX, VY, X, Y
+from billiards_env.physics.walls import back_to_wall, overlap_time, wall_normal
+from billiards_env.scene import CONTACT_GAP
+
+
+class Bounce(NamedTuple):
+    """The impact of a ball that is beyond a cushion.
+
+    Attributes:
+        nx: The unit normal into the cushion along x.
+        ny: The same along y.
+        speed: Speed of approach, m/s; 0 if the ball is only moved, -1 if nothing happens.
+    """
+
+    nx: float
+    ny: float
+    speed: float
+
+
+class Fix(NamedTuple):
+    """A treatment of overlaps, as kernels that move balls in `pit.Workspace.here` and in `State.rows`.
+
+    Attributes:
+        before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
+        after: (count, scene, work) after these impacts. Returns whether it moves balls.
+        at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
+            `beyond` m and does not come back. Returns the `Bounce` at the new position.
+    """
+
+    before: Any
+    after: Any
+    at_cushion: Any
+
+
+@inlined
+def _place(i, x, y, work):
+    work.here[i, X], work.here[i, Y] = x, y
+    work.state.rows[i, X], work.state.rows[i, Y] = x, y
+
+
+@kernel
+def _keep_contacts(count, scene, work):
+    return count
+
+
+@kernel
+def _keep_positions(count, scene, work):
+    return False
+
+
+@kernel
+def _keep_place(i, wall, beyond, bounce, scene, work):
+    return bounce if bounce.speed > 0.0 else Bounce(bounce.nx, bounce.ny, -1.0)
+
+
+@kernel
+def _touch_before(count, scene, work):
+    """Moves the balls of `count` contacts back along their paths to the positions at which they touched.
+
+    A ball with several contacts is moved back to the earliest. At that position the others may not exist.
+
+    Returns:
+        The number of contacts that are left.
+    """
+    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
+    first, second = contacts.first, contacts.second
+    for c in range(count):
+        back[first[c]] = back[second[c]] = 0.0
+    for c in range(count):
+        i, j = first[c], second[c]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+        wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
+        reach = contact_distance(scene.spheres, radius, i, j)
+        ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
+        if ww > 0.0:  # |d - w t| = reach
+            t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
+            t = min(t, scene.numbers.dt)
+            back[i], back[j] = max(back[i], t), max(back[j], t)
+    for c in range(count):
+        for i in (first[c], second[c]):
+            _place(i, here[i, X] - back[i] * here[i, VX], here[i, Y] - back[i] * here[i, VY], work)
+            back[i] = 0.0
+    left = 0
+    for c in range(count):
+        i, j = first[c], second[c]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+        distance = norm(dx, dy)
+        if distance > contact_distance(scene.spheres, radius, i, j) + CONTACT_GAP:
+            continue
+        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
+        closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
+        if closing >= 0.0:
+            first[left], second[left] = i, j
+            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
+            left += 1
+    return left
+
+
+@kernel
+def _touch_cushion_before(i, wall, beyond, bounce, scene, work):
+    """Moves ball i back along its path to the position at which it touched the cushion, by one step at most."""
+    if bounce.speed == 0.0:
+        return Bounce(bounce.nx, bounce.ny, -1.0)
+    x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
+    path = Path(x, y, vx, vy, 0.0, 0.0)
+    t = min(overlap_time(path, scene.radius[i], wall, beyond, bounce.speed, scene.outline), scene.numbers.dt)
+    _place(i, x - t * vx, y - t * vy, work)
+    nx, ny = wall_normal(work.state, i, wall, scene.outline)  # a tip's normal depends on the position
+    return Bounce(nx, ny, max(0.0, nx * vx + ny * vy))
+
+
+@kernel
+def _push_apart(count, scene, work):
+    """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
+    contacts, here, scratch, inv_mass = work.contacts, work.here, work.scratch, scene.inv_mass
+    shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
+    for c in range(count):
+        i, j = contacts.first[c], contacts.second[c]
+        distance = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
+        overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
+        scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
+    sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
+    for c in range(count):
+        for i in (contacts.first[c], contacts.second[c]):
+            if done[i]:
+                _place(i, here[i, X] + shift[i, X], here[i, Y] + shift[i, Y], work)
+                done[i] = False
+    return True
+
+
+@kernel
+def _push_inside(i, wall, beyond, bounce, scene, work):
+    """Moves ball i to the nearest position at which it touches the cushion."""
+    x, y = back_to_wall(work.here[i, X], work.here[i, Y], scene.radius[i], wall, scene.numbers, scene.outline)
+    _place(i, x, y, work)
+    return bounce
+
+
+_FIXES = {
+    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside),
+    "move_back": Fix(_touch_before, _keep_positions, _touch_cushion_before),
+    "none": Fix(_keep_contacts, _keep_positions, _keep_place),
+}
+
+FIXES = tuple(_FIXES)
+"""The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
+
+
+def _choice(kernels: Sequence[Any]) -> Any:
+    """Returns a kernel that calls one of the kernels, chosen by its first argument."""
+    first, others = kernels[0], kernels[1:]
+    if not others:
+        return inlined(lambda k, *arguments: first(*arguments))
+    rest = _choice(others)
+
+    @inlined
+    def choose(k, *arguments):
+        if k == 0:
+            return first(*arguments)
+        return rest(k - 1, *arguments)
+
+    return choose
+
+
+fix_before, fix_after, fix_at_cushion = (_choice(kernels) for kernels in zip(*_FIXES.values(), strict=True))
+"""The kernels of `Fix`, with the index of the treatment as an additional first argument."""
