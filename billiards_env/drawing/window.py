@@ -1,4 +1,8 @@
-"""Windows that show frames, with pygame. With the environment variable SDL_VIDEODRIVER=dummy they are invisible."""
+"""Windows that show frames, with pygame.
+
+Without a display a window is an error. With the environment variable SDL_VIDEODRIVER=dummy or offscreen windows are
+invisible.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,9 @@ from billiards_env.drawing.text import text_image
 SLOWER_KEYS = (pygame.K_MINUS, pygame.K_KP_MINUS)
 FASTER_KEYS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
 
+INVISIBLE = ("dummy", "offscreen")
+"""The video drivers of SDL without a display."""
+
 LINE = 26
 """Height of the line under a film, pixels."""
 
@@ -21,10 +28,20 @@ class Screen:
     """A window of the desktop with the project's name and icon, which the user can resize."""
 
     def __init__(self, size: tuple[int, int], title: str) -> None:
-        """Opens a window of `size` (width, height), pixels."""
+        """Opens a window of `size` (width, height), pixels.
+
+        Raises:
+            pygame.error: If there is no display.
+        """
         for system in ("X11", "WAYLAND"):
             os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
         pygame.display.init()
+        if pygame.display.get_driver() in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:
+            pygame.display.quit()
+            raise pygame.error(
+                "there is no display: expected a desktop (DISPLAY or WAYLAND_DISPLAY is set). "
+                "SDL_VIDEODRIVER=dummy opens an invisible window"
+            )
         pygame.display.set_caption(title)
         pygame.display.set_icon(make_icon())
         pygame.display.set_mode(size, pygame.RESIZABLE)

@@ -12,7 +12,7 @@ pygame = pytest.importorskip("pygame")
 from billiards_env import simulate  # noqa: E402
 from billiards_env.drawing.canvas import pixels  # noqa: E402
 from billiards_env.games import Stroke, records  # noqa: E402
-from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, toggle_help, turn_aim  # noqa: E402
+from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, toggle_page, turn_aim  # noqa: E402
 from billiards_env.play.view import View  # noqa: E402
 from billiards_env.play.window import GameWindow  # noqa: E402
 
@@ -85,11 +85,11 @@ def test_a_game_by_keyboard(make_model, window):
     press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
     assert shown.model.cue_position == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
     press(shown, pygame.K_SPACE)
-    angle, speed = shown.model.angle, shown.model.speed
+    angle, speed = shown.model.aim.angle, shown.model.aim.speed
     press(shown, pygame.K_LEFT, pygame.K_DOWN)
     press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
-    assert math.degrees(shown.model.angle - angle) == pytest.approx(1.0 - 0.1)
-    assert shown.model.speed == pytest.approx(speed - 0.1 - 0.01)
+    assert math.degrees(shown.model.aim.angle - angle) == pytest.approx(1.0 - 0.1)
+    assert shown.model.aim.speed == pytest.approx(speed - 0.1 - 0.01)
     press(shown, pygame.K_p)
     assert shown.model.phase == "placing"
     press(shown, pygame.K_RETURN, pygame.K_SPACE)
@@ -113,14 +113,14 @@ def test_a_shot_by_mouse(shown):
     drag(shown, BALLS[0], (0.0, 0.0), (-0.1, 0.3))
     model = shown.model
     assert model.phase == "aiming"
-    assert model.angle == pytest.approx(math.pi / 4, abs=0.03)
-    assert 0.09 * model.speed + 1.4 * 0.028575 == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
+    assert model.aim.angle == pytest.approx(math.pi / 4, abs=0.03)
+    assert 0.09 * model.aim.speed + 1.4 * 0.028575 == pytest.approx(0.3 * math.sqrt(2), abs=0.01)
     drag(shown, (-0.1, 0.3), (0.0, 0.0))  # at the tip of the arrow
-    assert shown.model.angle == pytest.approx(0.0, abs=0.03)
-    speed = shown.model.speed
+    assert shown.model.aim.angle == pytest.approx(0.0, abs=0.03)
+    speed = shown.model.aim.speed
     click(shown, (0.8, -0.4))  # aims, and does not shoot
-    assert shown.model.angle == pytest.approx(math.atan2(-0.4, 1.2), abs=0.02)
-    assert (shown.model.phase, shown.model.speed) == ("aiming", speed)
+    assert shown.model.aim.angle == pytest.approx(math.atan2(-0.4, 1.2), abs=0.02)
+    assert (shown.model.phase, shown.model.aim.speed) == ("aiming", speed)
     expected = shown.model.stroke
     click_on(shown, "shoot")
     assert shown.model.strokes == (expected,)
@@ -132,29 +132,29 @@ def test_a_shot_by_mouse(shown):
 def test_the_controls_set_the_tip_the_elevation_and_the_speed(shown):
     plain = press(shown)
     click_on(shown, "ball", 0.65, 0.6)  # right of the centre and below it
-    side, top = shown.model.tip
+    side, top = shown.model.aim.tip
     assert (side, top) == pytest.approx((-0.3, -0.2), abs=0.06)
     click_on(shown, "elevation", 0.5, 0.5)
-    assert shown.model.elevation == pytest.approx(45.0, abs=3.0)
+    assert shown.model.aim.elevation == pytest.approx(45.0, abs=3.0)
     click_on(shown, "speed", 0.75, 0.5)
-    assert shown.model.speed == pytest.approx(0.75 * 8.0, abs=0.2)
+    assert shown.model.aim.speed == pytest.approx(0.75 * 8.0, abs=0.2)
     assert shown.model.strokes == ()
     assert shown.model.stroke.spin[2] > 0  # a hit on the right turns the ball counterclockwise
     assert (press(shown) != plain).any()
     click_on(shown, "ball", 1.0, 0.5)
-    assert math.hypot(*shown.model.tip) < shown.model.setup.scene.cue.miscue_offset
+    assert math.hypot(*shown.model.aim.tip) < shown.model.setup.scene.cue.miscue_offset
     click_on(shown, "ball", 1.0, 0.5)  # the second click of a double click
-    assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
+    assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
 
 
 def test_keys_set_the_tip_and_the_elevation(shown):
     press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
     press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
-    assert shown.model.tip == pytest.approx((0.05, 0.1))
-    assert shown.model.elevation == 5.0
-    assert shown.model.angle == 0.0
+    assert shown.model.aim.tip == pytest.approx((0.05, 0.1))
+    assert shown.model.aim.elevation == 5.0
+    assert shown.model.aim.angle == 0.0
     press(shown, pygame.K_c)
-    assert (shown.model.tip, shown.model.elevation) == ((0.0, 0.0), 0.0)
+    assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
 
 
 def test_a_click_next_to_the_table_has_no_effect(shown):
@@ -187,7 +187,7 @@ def test_the_mouse_places_the_cue_ball_in_hand(make_model, window):
     assert shown.model.phase == "aiming"
     post(pygame.MOUSEWHEEL, x=0, y=3)
     shown.frame()
-    assert shown.model.speed == pytest.approx(2.3)
+    assert shown.model.aim.speed == pytest.approx(2.3)
 
 
 def test_the_window_can_be_closed(shown):
@@ -252,7 +252,7 @@ def test_the_table_fits_a_window_of_any_size(size, shown):
     assert (corners < size).all()
     assert lit(frame, shown, BALLS[1], YELLOW)
     drag(shown, BALLS[0], (-0.1, 0.3))
-    assert shown.model.angle == pytest.approx(math.pi / 4, abs=0.05)
+    assert shown.model.aim.angle == pytest.approx(math.pi / 4, abs=0.05)
     assert press(shown, pygame.K_h).shape == (size[1], size[0], 3)
 
 
@@ -268,12 +268,12 @@ def test_the_pace_changes_without_drawing_the_shot_again(make_model, window, mon
 
 
 def test_the_help_covers_the_table(make_model):
-    model = toggle_help(make_model(positions=BALLS))
+    model = toggle_page(make_model(positions=BALLS), "keys")
     view = View(model.setup.scene, 640)
     frame = pixels(view.draw(model))
     for point in BALLS:
         assert not lit(frame, view, point, YELLOW)
-    cloth = pixels(view.draw(toggle_help(model)))[100, 100]
+    cloth = pixels(view.draw(toggle_page(model, "keys")))[100, 100]
     assert not (frame == cloth).all(axis=2).any()
 
 
@@ -359,7 +359,7 @@ def lit(frame, shown, point, colour):
     return bool((np.abs(patch - colour).max(axis=1) < 15).any())
 
 
-WHITE, YELLOW = (255, 255, 255), (240, 228, 66)
+WHITE, YELLOW = (255, 255, 255), (246, 199, 20)
 
 
 def test_balls_are_drawn_at_their_positions(shown):
