@@ -24,6 +24,18 @@ LINE = 26
 """Height of the line under a film, pixels."""
 
 
+def open_display() -> None:
+    """Connects to the display; raises an OSError if there is none and SDL_VIDEODRIVER does not ask for that."""
+    pygame.display.init()
+    driver = pygame.display.get_driver()
+    if driver in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:
+        pygame.display.quit()
+        raise OSError(
+            f"display = {driver!r}: expected one that shows a window (is DISPLAY or WAYLAND_DISPLAY set?); "
+            "SDL_VIDEODRIVER=dummy runs without a display"
+        )
+
+
 class Screen:
     """A window of the desktop with the project's name and icon, which the user can resize."""
 
@@ -31,17 +43,11 @@ class Screen:
         """Opens a window of `size` (width, height), pixels.
 
         Raises:
-            pygame.error: If there is no display.
+            OSError: If there is no display.
         """
         for system in ("X11", "WAYLAND"):
             os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
-        pygame.display.init()
-        if pygame.display.get_driver() in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:
-            pygame.display.quit()
-            raise pygame.error(
-                "there is no display: expected a desktop (DISPLAY or WAYLAND_DISPLAY is set). "
-                "SDL_VIDEODRIVER=dummy opens an invisible window"
-            )
+        open_display()
         pygame.display.set_caption(title)
         pygame.display.set_icon(make_icon())
         pygame.display.set_mode(size, pygame.RESIZABLE)

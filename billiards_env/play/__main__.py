@@ -122,6 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
+        from billiards_env.drawing.window import open_display
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
@@ -129,9 +130,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES), args.choices)
         save = args.save or args.load or free_path(Path("game.json"))
         one_of("palette", args.palette, tuple(PALETTES))
+        open_display()
         compile_engines(model.setup.scene, model.ghost_dt)
         window = GameWindow(model, players, rng, save, args.width, args.palette)
-    except (pygame.error, TypeError, ValueError) as error:
+    except (pygame.error, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None

@@ -1,19 +1,24 @@
 import re
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
-pytest.importorskip("pygame")
+pygame = pytest.importorskip("pygame")
 
 from billiards_env import Scene, simulate
+from billiards_env.drawing.style import PALETTES, looks
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, go, shoot
 from billiards_env.players.strategies import STRATEGIES
+from billiards_env.scene import SCENES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 
@@ -78,6 +83,50 @@ def test_a_window_is_opened(frames, capsys):
     assert "saved" not in capsys.readouterr().out
 
 
+def test_the_table_has_jaws_and_throw():
+    for rules, scene in (("eight_ball", "real_pool"), ("straight", "real_pool"), ("nine_ball", "real_pool")):
+        setup = history("--rules", rules).setup
+        assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
+    for rules in ("snooker", "carom"):
+        assert history("--rules", rules).setup.scene == Scene.named(rules)
+    assert history("--scene", "uk_pool").setup.scene == Scene.named("uk_pool")
+
+
+def test_calls_and_choices_are_options(frames):
+    assert history("--rules", "straight", "--called").setup.called
+    assert history("--rules", "snooker", "--choices", "--miss").setup.miss
+    main(["--rules", "nine_ball", "--choices", "--palette", "colour_blind", "--seed", "1"])
+    assert frames[0].model.choices
+    assert frames[0]._view.canvas.looks == looks(Scene.named("pool", 9))
+
+
+def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
+    def frame(self):
+        self.model = go(self.model)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(windows.GameWindow, "frame", frame)
+    monkeypatch.chdir(tmp_path)
+    Path("game.json").write_text("another game")
+    main(["--rules", "carom"])
+    saved = records.load(Path("game-2.json"))
+    assert isinstance(saved, records.GameRecord)
+    assert len(saved.strokes) == 1
+    assert Path("game.json").read_text() == "another game"
+
+
+def test_without_a_display_there_is_no_window(monkeypatch, frames):
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    monkeypatch.setattr(pygame.display, "init", lambda: None)
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    message = "display = 'offscreen': expected one that shows a window"
+    with pytest.raises(SystemExit, match=f"^error: {message}"):
+        main(["--rules", "carom"])
+    with pytest.raises(OSError, match=message):
+        gym.make("Billiards-v0", render_mode="human").reset(seed=0)
+    assert frames == []
+
+
 def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, capsys):
     path, model = saved
     main(["--load", str(path), "--players", "human,human", "--save", str(tmp_path / "again.json")])
@@ -117,6 +166,11 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
         (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
+        (["--load", "SAVED", "--called"], "--called with --load"),
+        (["--rules", "carom", "--called"], "called = True with rules 'carom': expected False"),
+        (["--rules", "snooker", "--miss"], "--miss without --choices"),
+        (["--scene", "real_pol"], r"scene = 'real_pol': .* \(did you mean 'real_pool'\?\)"),
+        (["--rules", "carom", "--palette", "realist"], "palette = 'realist': expected one of 'colour_blind'"),
         (["--load", "SAVED", "--players", "human,human,human"], "players = human, human, human: expected 2"),
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--width", "3"], "width = 3"),
@@ -147,7 +201,7 @@ def test_help_lists_the_values_of_each_option(capsys):
         main(["--help"])
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
     layouts = {name for rules in RULES.values() for name in rules.layouts}
-    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, HUMAN} <= shown
+    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
 
 
 def test_without_pygame_the_error_names_the_package_to_install():

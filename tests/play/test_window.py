@@ -1,6 +1,7 @@
 """The window, driven by mouse and keyboard events on a dummy display."""
 
 import math
+import signal
 import threading
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 pygame = pytest.importorskip("pygame")
 
 from billiards_env import simulate  # noqa: E402
-from billiards_env.drawing.canvas import pixels  # noqa: E402
+from billiards_env.drawing.canvas import Canvas, pixels  # noqa: E402
 from billiards_env.games import Stroke, records  # noqa: E402
 from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, toggle_page, turn_aim  # noqa: E402
 from billiards_env.play.view import View  # noqa: E402
@@ -155,6 +156,82 @@ def test_keys_set_the_tip_and_the_elevation(shown):
     assert shown.model.aim.angle == 0.0
     press(shown, pygame.K_c)
     assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
+
+
+def test_fine_aim(shown):
+    press(shown, pygame.K_COMMA)
+    press(shown, pygame.K_PERIOD, mod=SHIFT)
+    assert math.degrees(shown.model.aim.angle) == pytest.approx(0.01 - 0.001)
+    angle, speed = shown.model.aim.angle, shown.model.aim.speed
+    plain = press(shown)
+    zoomed = press(shown, pygame.K_f)
+    post(pygame.MOUSEWHEEL, x=0, y=2)
+    shown.frame()
+    assert math.degrees(shown.model.aim.angle - angle) == pytest.approx(0.02)
+    assert shown.model.aim.speed == speed
+    # The enlarged ball is in a corner; a click there aims at the enlarged point.
+    rect, enlarged = shown._view._inset
+    assert (zoomed != plain)[rect.top : rect.bottom, rect.left : rect.right].mean() > 0.1
+    x, y = np.round(enlarged.pixels_of(BALLS[1]) + rect.topleft).astype(int).tolist()
+    assert (np.abs(zoomed[y - 20 : y + 20, x - 20 : x + 20].astype(int) - YELLOW).max(axis=2) < 25).any()
+    press_mouse(shown, (x, y + 8))
+    below = BALLS[1][1] - 8 / enlarged.scale
+    assert shown.model.aim.angle == pytest.approx(math.atan2(below, 0.8), abs=1e-3)
+    press(shown, pygame.K_f)
+    assert shown._view._inset is None
+
+
+def test_a_right_click_calls(make_model, window):
+    shown = window(make_model(positions=BALLS, called=True))
+    plain = press(shown)
+    post(pygame.MOUSEBUTTONDOWN, pos=at(shown, BALLS[2]), button=3)
+    assert (pixels(shown.frame()) != plain).any()
+    assert shown.model.stroke.call.ball == 2
+    press(shown, pygame.K_b, pygame.K_k)
+    assert shown.model.stroke.call.ball == 1
+    box = shown._view.controls.shoot
+    post(pygame.MOUSEBUTTONDOWN, pos=(round(box.x + 5), round(box.y + 5)), button=3)
+    shown.frame()
+    assert shown.model.stroke.call.kind == "safety"
+    press(shown, pygame.K_x)
+    assert shown.model.stroke.call.kind == "shot"
+
+
+def test_the_texts_of_snooker_do_not_overlap_the_tray(make_model, monkeypatch):
+    model = make_model("snooker")
+    view, trays = View(model.setup.scene, 640), []
+    draw = Canvas.draw_tray
+    monkeypatch.setattr(Canvas, "draw_tray", lambda *args: trays.append(draw(*args)) or trays[-1])
+    frames = []
+    for text in ("", "foul and a miss: wrong ball hit first, 7 points   104 : 96 " * 2):
+        monkeypatch.setattr("billiards_env.play.labels.result", lambda _, text=text: text)
+        monkeypatch.setattr("billiards_env.play.labels.status", lambda _, text=text: text)
+        frames.append(pixels(view.draw(model)))
+    (x, y), (width, height) = np.add(trays[0].topleft, view._corner), trays[0].size
+    assert (frames[0][y : y + height, x : x + width] == frames[1][y : y + height, x : x + width]).all()
+    for side in (slice(0, x), slice(x + width, None)):
+        assert (frames[0][y : y + height, side] != frames[1][y : y + height, side]).any()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_closes_the_window_without_a_question(number, shown, monkeypatch):
+    press(shown, pygame.K_SPACE, pygame.K_SPACE)
+    before = signal.getsignal(number)
+    monkeypatch.setattr(shown, "frame", lambda: signal.raise_signal(number))
+    shown.run()
+    assert (shown.open, shown.asking, shown.interrupted, shown.saved) == (False, False, True, False)
+    assert signal.getsignal(number) is before
+
+
+def test_the_rules_cover_the_table(shown):
+    plain = press(shown)
+    rules = press(shown, pygame.K_F1)
+    assert (rules != plain).any(axis=2).mean() > 0.3
+    assert (press(shown, pygame.K_h) != rules).any()
+    post(pygame.KEYDOWN, key=pygame.K_SLASH, mod=SHIFT, unicode="?")
+    assert (pixels(shown.frame()) == rules).all()
+    assert (press(shown, pygame.K_ESCAPE) == plain).all()
+    assert shown.open
 
 
 def test_a_click_next_to_the_table_has_no_effect(shown):
