@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-pygame = pytest.importorskip("pygame")
+pytest.importorskip("pygame")
 
 from billiards_env import Scene, simulate
 from billiards_env.drawing.style import PALETTES, looks
@@ -117,8 +117,8 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
 
 def test_without_a_display_there_is_no_window(monkeypatch, frames):
     monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
-    monkeypatch.setattr(pygame.display, "init", lambda: None)
-    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    monkeypatch.setattr("pygame.display.init", lambda: None)
+    monkeypatch.setattr("pygame.display.get_driver", lambda: "offscreen")
     message = "display = 'offscreen': expected one that shows a window"
     with pytest.raises(SystemExit, match=f"^error: {message}"):
         main(["--rules", "carom"])

@@ -390,7 +390,7 @@ def test_a_push_out_is_handed_back(make_model):
     state = {"choices": ["push_out"]}
     model = make_model("nine_ball", NINE, state, choices=True)
     assert make_model("nine_ball", NINE, state).kinds == ("shot",)
-    pushed = after(model, (look_at, (0.0, 0.6)), next_kind, go)
+    pushed = after(model, (look_at, (0.3, 0.6)), next_kind, go)
     assert (pushed.last_shot.facts.first, pushed.last_shot.verdict.foul) == ((), "")
     model = after(pushed, go)
     assert (model.game.state.player, model.kinds) == (1, ("shot", "hand_back"))
@@ -421,4 +421,4 @@ def test_go_closes_the_help(make_model):
     model = after(make_model(positions=STRAIGHT), (toggle_page, "keys"))
     assert model.page
     closed = after(model, go)
-    assert (closed.page, closed.phase) == (False, "aiming")
+    assert (closed.page, closed.phase) == ("", "aiming")
