@@ -80,15 +80,7 @@ class Canvas:
     def __init__(
         self, scene: Scene, width: int = 800, paper: str = PAPER, ink: str = INK, palette: str = "colour_blind"
     ) -> None:
-        """Prepares the drawing of a scene in frames of `width` pixels.
-
-        Args:
-            scene: The scene.
-            width: Width of a frame, pixels.
-            paper: The colour around the table.
-            ink: The colour of the texts.
-            palette: One of `style.PALETTES`.
-        """
+        """Prepares the drawing of a scene in frames of `width` pixels, with the colours around and of the balls."""
         width = whole("width", width, "frame_width")
         self.scene, self._paper, self._ink = scene, paper, ink
         width = width // 2 * 2

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from billiards_env.play.model import HUMAN, Model
@@ -83,11 +81,6 @@ def ball_name(scene: Scene, ball: int) -> str:
     return str(ball) if scene.table.pockets else ("white", "red", "yellow")[ball]
 
 
-def ball_names(scene: Scene, balls: Iterable[int], joint: str = ", ") -> str:
-    """Returns the names of balls."""
-    return joint.join(ball_name(scene, ball) for ball in balls)
-
-
 def status(model: Model) -> str:
     """Returns the player whose turn it is and the present action."""
     state, scene = model.game.state, model.setup.scene
@@ -109,8 +102,7 @@ def status(model: Model) -> str:
         "hand_back": f"{player_name(model, (state.player - 1) % len(state.scores))} plays again",
         "replace": "replace the balls",
     }
-    prompt = kinds.get(model.aim.call.kind) or "   ".join(filter(None, (on(model), called(model))))
-    return f"{player}: {prompt}"
+    return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
 
 
 def on(model: Model) -> str:
@@ -119,7 +111,7 @@ def on(model: Model) -> str:
     scene, legal = setup.scene, sorted(setup.game_rules.legal(state, state.player))
     first = ball_name(scene, legal[0])
     if not setup.game_rules.pockets:
-        balls = f"{ball_names(scene, legal, ' and ')}{' first' * (len(legal) == 1)}"
+        balls = " and ".join(ball_name(scene, ball) for ball in legal) + " first" * (len(legal) == 1)
         return f"{ball_name(scene, model.cue)} cue ball, {balls}{', three cushions' * (setup.rules == 'three_cushion')}"
     if setup.game_rules.has_spots:
         chosen = f": {ball_name(scene, model.call.ball)}" if model.call.ball >= 0 else ""
@@ -136,16 +128,6 @@ def on(model: Model) -> str:
         return f"open table: any ball but the {ball_name(scene, 8)}"
     groups = ("solids", "stripes") if first.isdigit() else ("reds", "yellows")
     return groups[legal[0] > 8]
-
-
-def called(model: Model) -> str:
-    """Returns the called ball and pocket."""
-    (ball, pocket, _), table = model.call, model.setup.scene.table
-    if ball < 0 or pocket < 0 or not model.game.state.called:
-        return ""
-    x, y = table.pockets[pocket].x, table.pockets[pocket].y
-    side = "left" if x < -table.length / 8 else "right" if x > table.length / 8 else "middle"
-    return f"{ball_name(model.setup.scene, ball)} in the {'upper' if y > 0 else 'lower'} {side}"
 
 
 def cushions(model: Model, time: float = np.inf) -> str:
@@ -190,7 +172,7 @@ def result(model: Model) -> str:
             points = f", {verdict.penalty} points" * (verdict.penalty > 0)
             parts.append(f"foul{miss}: {FOULS.get(verdict.foul, verdict.foul)}{points}")
         elif potted:
-            parts.append(f"potted {ball_names(scene, potted)}")
+            parts.append(f"potted {', '.join(ball_name(scene, ball) for ball in potted)}")
         elif kind != "shot":
             parts.append(kind.replace("_", " "))
         else:

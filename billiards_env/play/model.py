@@ -164,12 +164,6 @@ class Model:
         return ("shot", *(("safety",) if state.called else ()), *(state.choices if self.choices else ()))
 
     @property
-    def calls_ball(self) -> bool:
-        """Whether the player may call the ball: a ball to pot, in snooker a colour or a free ball."""
-        state = self.game.state
-        return self.aim.call.kind == "shot" and (state.called or state.colour or state.free_ball)
-
-    @property
     def call(self) -> Call:
         """The call of the aimed stroke. In called shots it is the aimed ball and pocket if none was chosen."""
         call, aimed, state = self.aim.call, self.preview, self.game.state
@@ -232,19 +226,9 @@ def begin(
     if len(players) != setup.n_players:
         raise ValueError(f"players = {', '.join(players)}: expected {setup.n_players} players")
     model = Model(setup, players, max_speed, ghost_dt, history.opening, choices, pace=pace)
-    turns: tuple[Turn, ...] = ()
     for stroke in history.strokes:
-        turns += (_turn(model, stroke),)
-        model = dataclasses.replace(model, turns=turns)
+        model = shoot(model, stroke)
     return _next_turn(model)
-
-
-def _turn(model: Model, stroke: Stroke, aim: Aim | None = None) -> Turn:
-    """Returns a stroke played in the present state."""
-    if aim is None:
-        (x, y), place, _, call = stroke
-        aim = Aim(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
-    return Turn(stroke, play(model.setup, model.game, stroke), aim)
 
 
 def tick(model: Model, seconds: float) -> Model:
@@ -268,9 +252,12 @@ def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
     Raises:
         ValueError: As `games.play` does.
     """
+    if aim is None:
+        (x, y), place, _, call = stroke
+        aim = Aim(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
     return dataclasses.replace(
         model,
-        turns=(*model.turns, _turn(model, stroke, aim)),
+        turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
         undone=(),
         comparison=None,
         phase="rolling",
@@ -414,37 +401,16 @@ def next_kind(model: Model) -> Model:
 
 
 @_only("aiming")
-def call_ball(model: Model, ball: int | None = None) -> Model:
-    """Calls a ball that may be touched first, None for the next one."""
-    state = model.game.state
-    balls = sorted(model.setup.game_rules.legal(state, state.player))
-    if ball is None:
-        ball = next((one for one in balls if one > model.call.ball), balls[0])
-    if not model.calls_ball or ball not in balls:
+def next_called(model: Model, name: str) -> Model:
+    """Calls the next "ball" that may be touched first, or the next "pocket", if the game has such a call."""
+    state, call = model.game.state, model.aim.call
+    balls = model.setup.game_rules.legal(state, state.player) if state.called or state.colour or state.free_ball else ()
+    pockets = range(len(model.setup.scene.table.pockets)) if state.called else ()
+    possible = sorted({"ball": balls, "pocket": pockets}[name])
+    if call.kind != "shot" or not possible:
         return model
-    return dataclasses.replace(model, aim=model.aim._replace(call=model.aim.call._replace(ball=ball)))
-
-
-@_only("aiming")
-def call_pocket(model: Model, pocket: int | None = None) -> Model:
-    """Calls a pocket, None for the next one."""
-    if not model.game.state.called or not model.calls_ball:
-        return model
-    if pocket is None:
-        pocket = (model.call.pocket + 1) % len(model.setup.scene.table.pockets)
-    return dataclasses.replace(model, aim=model.aim._replace(call=model.aim.call._replace(pocket=pocket)))
-
-
-def call_at(model: Model, point: Point) -> Model:
-    """Calls the ball or the pocket at a point, m."""
-    scene, state = model.setup.scene, model.game.state
-    for ball in sorted(state.object_balls):
-        if math.dist(model.game.positions[ball], point) < scene.balls.radius[ball]:
-            return call_ball(model, ball)
-    for k, pocket in enumerate(scene.table.pockets):
-        if math.dist((pocket.x, pocket.y), point) < 1.5 * pocket.radius:
-            return call_pocket(model, k)
-    return model
+    following = next((one for one in possible if one > getattr(model.call, name)), possible[0])
+    return dataclasses.replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
 
 
 def go(model: Model) -> Model:

@@ -23,7 +23,7 @@ KEYS: Page = (
     ("space, the button", "shoot; place the cue ball; continue"),
     ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm"),
     ("P", "move the cue ball in hand again"),
-    ("B, K, right click", "call a ball, a pocket"),
+    ("B, K", "call the next ball, the next pocket"),
     ("X", "the next choice: safety, push out, hand back, replace"),
     ("U or Z, Y", "undo and redo a person's shot; the aim of the shot is kept"),
     ("R, G", "replay the last shot; with or without the other engine as rings"),

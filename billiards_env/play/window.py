@@ -35,14 +35,14 @@ COMMANDS = {
     pygame.K_r: actions.replay,
     pygame.K_g: actions.toggle_ghost,
     pygame.K_x: actions.next_kind,
-    pygame.K_b: actions.call_ball,
-    pygame.K_k: actions.call_pocket,
     pygame.K_f: actions.toggle_zoom,
     pygame.K_y: actions.redo,
     pygame.K_z: actions.undo,
     **dict.fromkeys(SLOWER_KEYS, actions.slow_down),
     **dict.fromkeys(FASTER_KEYS, actions.speed_up),
 }
+
+CALLED = {pygame.K_b: "ball", pygame.K_k: "pocket"}
 
 PAGES = {pygame.K_h: "keys", pygame.K_F1: "rules"}
 
@@ -94,15 +94,9 @@ class GameWindow:
         width: int,
         palette: str = "realistic",
     ) -> None:
-        """Opens a window.
+        """Opens a window of `width` pixels with balls in the colours of `palette`, one of `style.PALETTES`.
 
-        Args:
-            model: The state of the game.
-            players: The players; None for a person.
-            rng: The generator of racks and programs.
-            save: The file that "S" writes.
-            width: Width of the window, pixels.
-            palette: The colours of the balls, one of `style.PALETTES`.
+        A person is None in `players`, and "S" saves to the path `save`.
         """
         self.interrupted = False
         self.model, self.open, self.message = model, True, ""
@@ -237,6 +231,8 @@ class GameWindow:
                 self._new_game()
             elif event.key in ELEVATIONS:
                 self._do(actions.set_elevation, self.model.aim.elevation + ELEVATIONS[event.key])
+            elif event.key in CALLED:
+                self._do(actions.next_called, CALLED[event.key])
             elif event.key in FINE:
                 self._do(actions.turn_aim, FINE[event.key] * _share(event.mod))
             elif event.key in ARROWS:
@@ -246,11 +242,6 @@ class GameWindow:
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self.message = ""
             self._press(event.pos)
-        elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 3:
-            if self._view.controls.at(event.pos) == "shoot":
-                self._do(actions.next_kind)
-            else:
-                self._do(actions.call_at, self._view.point_of(event.pos))
         elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
             self._dragged = None
         elif event.type == pygame.MOUSEMOTION:

@@ -4,7 +4,7 @@ import pytest
 
 from billiards_env.games import RULES
 from billiards_env.play import labels
-from billiards_env.play.model import call_ball, go, look_at, next_kind, replay, tick, toggle_ghost, turn_aim
+from billiards_env.play.model import go, look_at, next_called, next_kind, replay, tick, toggle_ghost, turn_aim
 from billiards_env.play.pages import rules_page
 from billiards_env.rules import FOULS
 
@@ -38,9 +38,8 @@ def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
 
 
 def test_the_prompt_has_the_calls_and_the_choices(make_model):
-    assert labels.on(call_ball(make_model("snooker", SNOOKER, {"colour": True}))) == "on: a colour: yellow"
-    model = look_at(make_model("eight_ball", EIGHT, called=True), (0.44, -0.5))
-    assert labels.status(model).endswith("any ball but the 8   13 in the lower right")
+    assert labels.on(next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball")) == "on: a colour: yellow"
+    model = make_model("eight_ball", EIGHT, called=True)
     assert (labels.button(model), labels.choice(model)) == ("Shoot", "X: safety")
     model = next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
     assert labels.status(model) == "Player 1: push out, any ball or none"

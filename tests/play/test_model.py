@@ -15,15 +15,13 @@ from billiards_env.play.model import (
     LEAST_SPEED,
     aim_at,
     begin,
-    call_at,
-    call_ball,
-    call_pocket,
     change_speed,
     go,
     level,
     look_at,
     move_by,
     move_to,
+    next_called,
     next_kind,
     place,
     redo,
@@ -365,25 +363,18 @@ def test_a_game_is_continued_from_its_history(make_model):
 
 
 def test_the_aimed_ball_and_pocket_are_called(make_model):
-    model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3], [-0.9, -0.5]], called=True)
-    model = after(model, (look_at, (0.5, 0.3)))
-    assert model.call == Call(ball=1, pocket=corner(model, 1, 1))
-    assert model.stroke.call == model.call
-    model = after(model, call_ball, (call_at, (-1.27, 0.635)))
-    assert model.call == Call(ball=2, pocket=corner(model, -1, 1))
-    assert after(model, call_pocket).call.pocket == (model.call.pocket + 1) % 6
-    assert after(model, (call_at, (-0.9, -0.5))).call.ball == 3
-    assert after(model, (call_at, (0.1, 0.1))) is model
-    safety = after(model, next_kind)
+    model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3]], called=True)
+    model, pockets = after(model, (look_at, (0.5, 0.3))), model.setup.scene.table.pockets
+    ball, pocket, _ = model.stroke.call
+    assert (ball, pockets[pocket].x > 1, pockets[pocket].y > 0.6) == (1, True, True)
+    other = after(model, (next_called, "ball"), (next_called, "pocket"))
+    assert other.stroke.call == Call(2, (pocket + 1) % 6)
+    safety = after(other, next_kind)
     assert safety.stroke.call == Call(kind="safety")
-    assert after(safety, call_ball) is safety
-    assert after(safety, next_kind).kinds == ("shot", "safety")
-    assert after(make_model("straight", STRAIGHT), call_ball, call_pocket, next_kind).call == NO_CALL
-
-
-def corner(model, x, y):
-    """Returns the pocket in a corner of the table."""
-    return int(np.argmax([x * hole.x + y * hole.y for hole in model.setup.scene.table.pockets]))
+    assert after(safety, (next_called, "ball")) is safety
+    assert after(safety, next_kind).call == model.call
+    model = make_model("straight", STRAIGHT)
+    assert after(model, (next_called, "ball"), (next_called, "pocket"), next_kind).call == NO_CALL
 
 
 def test_a_push_out_is_handed_back(make_model):
@@ -412,9 +403,9 @@ def test_the_balls_are_replaced_after_a_miss(make_model):
 def test_a_colour_is_nominated(make_model):
     opening = make_model("snooker").game.positions.copy()
     opening[0] = [-0.5, 0.3]
-    model = after(make_model("snooker", opening, {"colour": True}), *[call_ball] * 4)
+    model = after(make_model("snooker", opening, {"colour": True}), *[(next_called, "ball")] * 4)
     assert model.stroke.call == Call(ball=19)
-    assert after(make_model("snooker", opening), call_ball).call == NO_CALL  # a red is on
+    assert after(make_model("snooker", opening), (next_called, "ball")).call == NO_CALL  # a red is on
 
 
 def test_go_closes_the_help(make_model):
