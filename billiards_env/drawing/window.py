@@ -1,8 +1,4 @@
-"""Windows that show frames, with pygame.
-
-Without a display a window is an error. With the environment variable SDL_VIDEODRIVER=dummy or offscreen windows are
-invisible.
-"""
+"""Windows that show frames, with pygame. With SDL_VIDEODRIVER=dummy or offscreen they are invisible."""
 
 from __future__ import annotations
 
@@ -40,11 +36,7 @@ class Screen:
     """A window of the desktop with the project's name and icon, which the user can resize."""
 
     def __init__(self, size: tuple[int, int], title: str) -> None:
-        """Opens a window of `size` (width, height), pixels.
-
-        Raises:
-            OSError: If there is no display.
-        """
+        """Opens a window of `size` (width, height), pixels."""
         for system in ("X11", "WAYLAND"):
             os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
         open_display()

@@ -41,68 +41,62 @@ UNSAVED: Page = (
 )
 """The question before the window closes."""
 
-_POOL_FOULS = "cue ball potted, no ball or a wrong ball hit first, no cushion hit afterwards"
-_CAROM: Page = (
-    ("the cue ball", "player 1 has the white one, player 2 the yellow one"),
-    ("a point", "the cue ball touches both object balls; the player continues"),
-    ("a miss", "the turn passes"),
-)
+_FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion hit afterwards")
+_TURN = ("turn", "a player continues after a legal pot")
+_POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
 _RULES: dict[str, Page] = {
     "eight_ball": (
         ("to win", "pot all balls of your group, then the 8"),
-        ("groups", "solids are 1 to 7, stripes are 9 to 15; or reds and yellows"),
-        ("open table", "the first ball potted after the break decides the groups"),
-        ("turn", "a player continues after potting a ball of the own group"),
-        ("foul", _POOL_FOULS),
+        ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),
+        _TURN,
+        _FOUL,
         ("after a foul", "cue ball anywhere; after a foul on the break behind the line"),
         ("to lose", "pot the 8 too early or on a foul; on the break it is spotted"),
     ),
     "nine_ball": (
-        ("to win", "pot the 9 on a legal shot"),
-        ("on", "the lowest ball must be touched first; any ball may be potted"),
+        ("to win", "pot the 9 on a legal shot; any ball may be potted"),
+        ("on", "the lowest ball must be touched first"),
         ("break", "pot a ball, or drive four balls to a cushion"),
-        ("turn", "a player continues after potting a ball"),
-        ("foul", _POOL_FOULS),
-        ("after a foul", "cue ball in hand anywhere; a potted 9 is spotted"),
-        ("three fouls", "of one of two players in a row lose the game"),
+        _TURN,
+        _FOUL,
+        ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose"),
     ),
     "straight": (
-        ("to win", "score the target; without one, have most points in one rack"),
-        ("a point", "for each ball; any ball is on; a player continues after potting one"),
-        ("break", "pot a ball, or drive the cue ball and two others to a cushion; else -2"),
-        ("foul", _POOL_FOULS),
-        ("after a foul", "1 point is lost; the balls potted on it are spotted"),
-        ("cue ball potted", "cue ball in hand behind the line"),
+        ("to win", "score the target with a point for each ball; without one, most points in a rack"),
+        ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),
+        _TURN,
+        _FOUL,
+        ("after a foul", "1 point is lost; after a potted cue ball it is in hand behind the line"),
         ("with a target", "14 balls are racked again; three fouls in a row lose 15 points more"),
     ),
     "snooker": (
         ("to win", "have most points when the black is potted last"),
         ("order", "a red, then a colour, in turns; at the end the colours by value"),
         ("values", "red 1, yellow 2, green 3, brown 4, blue 5, pink 6, black 7"),
-        ("colours", "return to their spots while there are reds"),
+        _TURN,
         ("foul", "cue ball potted, no ball or a wrong ball hit first, wrong ball potted"),
-        ("after a foul", "the other player scores 4 to 7 points, by the balls concerned"),
+        ("after a foul", "the other player scores 4 to 7 points; a potted cue ball is in hand in the D"),
         ("free ball", "who is snookered after a foul may play any ball as the ball on"),
-        ("cue ball potted", "cue ball in hand in the D"),
     ),
-    "carom": (("to win", "score the target"), *_CAROM),
+    "carom": (("to win", "score the target"), _POINT),
     "three_cushion": (
         ("to win", "score the target"),
-        *_CAROM,
+        _POINT,
         ("cushions", "the cue ball hits three or more before it touches the second ball"),
     ),
 }
-_OPTIONS: dict[str, Page] = {
-    "called": (("calls", "only the called ball in the called pocket counts; a safety ends the turn"),),
-    "nine_ball": (("push out", "after the break: hit any ball or none; the next player may hand it back"),),
-    "snooker": (("choice", "after a foul the next player may hand the shot back"),),
-    "miss": (("miss", "if the ball on was not hit first, the balls may be replaced"),),
+_CALLS = ("calls", "only the called ball in the called pocket counts; a safety ends the turn")
+_CHOICES = {
+    "nine_ball": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
+    "snooker": ("choice", "after a foul the next player may hand the shot back"),
 }
+_MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 
 
 def rules_page(setup: Setup, choices: bool) -> Page:
     """Returns the rules of a game, with or without its choices besides a shot."""
-    used = {"called": setup.called, setup.rules: choices, "miss": setup.miss}
-    rows = tuple(row for name, on in used.items() if on for row in _OPTIONS.get(name, ()))
     title = (setup.rules.replace("_", " ").capitalize(), f"to {setup.target} points" if setup.target else "")
-    return (title, *_RULES.get(setup.rules, ()), *rows)
+    rows = (title, *_RULES.get(setup.rules, ()), *((_CALLS,) if setup.called else ()))
+    if choices and setup.rules in _CHOICES:
+        rows += (_CHOICES[setup.rules],)
+    return rows + ((_MISS,) if setup.miss else ())

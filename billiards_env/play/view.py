@@ -169,15 +169,11 @@ class View:
         if point not in self._enlarged:
             reach = INSET_REACH * model.setup.scene.balls.radius[model.preview.ball] * self.canvas.scale
             self._enlarged = {point: self.canvas.enlarged((side, side), side / 2 / reach, point)}
-        half = side / self.canvas.scale / 2
-        corners = [
-            np.array([sx * (table.length / 2 - half), sy * (table.width / 2 - half)])
-            for sx in (-1, 1)
-            for sy in (-1, 1)
-        ]
-        away = np.min([np.hypot(*(np.array(corners) - one).T) for one in (ball, model.cue_position)], axis=0)
+        half = np.array([table.length, table.width]) / 2 - side / self.canvas.scale / 2
+        corners = half * [[-1, -1], [-1, 1], [1, -1], [1, 1]]
+        away = np.min([np.hypot(*(corners - one).T) for one in (ball, model.cue_position)], axis=0)
         rect = pygame.Rect(0, 0, side, side)
-        rect.center = tuple(np.round(self.canvas.pixels_of(corners[int(away.argmax())])).astype(int).tolist())
+        rect.center = tuple(np.round(self.canvas.pixels_of(corners[away.argmax()])).astype(int).tolist())
         self._draw_turn(model, self._enlarged[point], self._table.subsurface(rect))
         pygame.draw.rect(self._table, INK, rect, max(2, side // 120))
         return rect.move(self._corner), self._enlarged[point]

@@ -25,26 +25,27 @@ from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
 
-COMMANDS = {
-    pygame.K_c: actions.level,
-    pygame.K_SPACE: actions.go,
-    pygame.K_RETURN: actions.go,
-    pygame.K_KP_ENTER: actions.go,
-    pygame.K_p: actions.place,
-    pygame.K_u: actions.undo,
-    pygame.K_r: actions.replay,
-    pygame.K_g: actions.toggle_ghost,
-    pygame.K_x: actions.next_kind,
-    pygame.K_f: actions.toggle_zoom,
-    pygame.K_y: actions.redo,
-    pygame.K_z: actions.undo,
-    **dict.fromkeys(SLOWER_KEYS, actions.slow_down),
-    **dict.fromkeys(FASTER_KEYS, actions.speed_up),
+COMMANDS: dict[int, tuple[Any, ...]] = {
+    pygame.K_c: (actions.level,),
+    pygame.K_SPACE: (actions.go,),
+    pygame.K_RETURN: (actions.go,),
+    pygame.K_KP_ENTER: (actions.go,),
+    pygame.K_p: (actions.place,),
+    pygame.K_u: (actions.undo,),
+    pygame.K_r: (actions.replay,),
+    pygame.K_g: (actions.toggle_ghost,),
+    pygame.K_f: (actions.toggle_zoom,),
+    pygame.K_h: (actions.toggle_page, "keys"),
+    pygame.K_F1: (actions.toggle_page, "rules"),
+    pygame.K_x: (actions.next_kind,),
+    pygame.K_b: (actions.next_called, "ball"),
+    pygame.K_k: (actions.next_called, "pocket"),
+    pygame.K_y: (actions.redo,),
+    pygame.K_z: (actions.undo,),
+    **dict.fromkeys(SLOWER_KEYS, (actions.slow_down,)),
+    **dict.fromkeys(FASTER_KEYS, (actions.speed_up,)),
 }
-
-CALLED = {pygame.K_b: "ball", pygame.K_k: "pocket"}
-
-PAGES = {pygame.K_h: "keys", pygame.K_F1: "rules"}
+"""The action of each key, with its arguments."""
 
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
 
@@ -221,8 +222,6 @@ class GameWindow:
             self.message = ""
             if event.key == pygame.K_ESCAPE and self.model.page:
                 self._do(actions.toggle_page, self.model.page)
-            elif event.key in PAGES or getattr(event, "unicode", "") == "?":
-                self._do(actions.toggle_page, PAGES.get(event.key, "rules"))
             elif event.key in (pygame.K_q, pygame.K_ESCAPE):
                 self._quit()
             elif event.key == pygame.K_s:
@@ -231,14 +230,14 @@ class GameWindow:
                 self._new_game()
             elif event.key in ELEVATIONS:
                 self._do(actions.set_elevation, self.model.aim.elevation + ELEVATIONS[event.key])
-            elif event.key in CALLED:
-                self._do(actions.next_called, CALLED[event.key])
             elif event.key in FINE:
                 self._do(actions.turn_aim, FINE[event.key] * _share(event.mod))
             elif event.key in ARROWS:
                 self._move(*ARROWS[event.key], event.mod)
             elif event.key in COMMANDS:
-                self._do(COMMANDS[event.key])
+                self._do(*COMMANDS[event.key])
+            elif event.unicode == "?":
+                self._do(actions.toggle_page, "rules")
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self.message = ""
             self._press(event.pos)

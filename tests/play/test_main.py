@@ -55,9 +55,13 @@ def history(*arguments, seed=0):
     return make_history(make_parser().parse_args(arguments), np.random.default_rng(seed))
 
 
-def test_the_default_game():
+def test_the_default_games():
     setup = history().setup
     assert (setup.rules, setup.n_players, setup.mode, setup.scene.n_balls) == ("eight_ball", 2, "pic", 16)
+    for rules, scene in (("eight_ball", "real_pool"), ("nine_ball", "real_pool"), ("snooker", "snooker")):
+        setup = history("--rules", rules).setup
+        assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
+    assert history("--scene", "uk_pool").setup.scene == Scene.named("uk_pool")
 
 
 def test_arguments_describe_the_game():
@@ -75,29 +79,18 @@ def test_the_seed_determines_the_rack():
 
 
 def test_a_window_is_opened(frames, capsys):
-    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--seed", "1"])
+    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--choices"])
     (shown,) = frames
     assert shown.count == 3
     assert (shown.model.max_speed, shown.model.pace, shown.model.players) == (3.0, 0.5, ("human", "random"))
-    assert shown.ask
+    assert (shown.ask, shown.model.choices) == (True, True)
+    assert shown._view.canvas.looks == looks(Scene.named("pool", 9), "realistic")
     assert "saved" not in capsys.readouterr().out
 
 
-def test_the_table_has_jaws_and_throw():
-    for rules, scene in (("eight_ball", "real_pool"), ("straight", "real_pool"), ("nine_ball", "real_pool")):
-        setup = history("--rules", rules).setup
-        assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
-    for rules in ("snooker", "carom"):
-        assert history("--rules", rules).setup.scene == Scene.named(rules)
-    assert history("--scene", "uk_pool").setup.scene == Scene.named("uk_pool")
-
-
-def test_calls_and_choices_are_options(frames):
+def test_the_rules_have_options():
     assert history("--rules", "straight", "--called").setup.called
     assert history("--rules", "snooker", "--choices", "--miss").setup.miss
-    main(["--rules", "nine_ball", "--choices", "--palette", "colour_blind", "--seed", "1"])
-    assert frames[0].model.choices
-    assert frames[0]._view.canvas.looks == looks(Scene.named("pool", 9))
 
 
 def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):

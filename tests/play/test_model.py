@@ -228,13 +228,6 @@ def test_the_preview_uses_the_cue_ball_of_the_player(make_model):
     assert model.preview.ball == 0
 
 
-def test_go_skips_to_the_end_of_a_shot(make_model):
-    one = after(make_model(positions=STRAIGHT), go)
-    two = after(one, go)
-    assert two.phase in ("aiming", "placing")
-    assert same(one, two)
-
-
 def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
     model = after(make_model("nine_ball"), go, (turn_aim, 0.3))
     done = after(model, go, go)
@@ -251,13 +244,9 @@ def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
 def test_undo_keeps_the_aim_of_the_shot(make_model):
     start = after(make_model("nine_ball"), (move_to, (-0.8, 0.1)), go, (turn_aim, 0.31), (set_tip, 0.2, -0.3))
     undone = after(start, go, go, undo)
-    assert undone.aim == start.aim
-    assert undone.stroke == start.stroke
-    thicker = after(undone, (turn_aim, 0.01))
-    assert thicker.aim._replace(angle=0.0) == start.aim._replace(angle=0.0)
-    assert math.degrees(thicker.aim.angle - start.aim.angle) == pytest.approx(0.01)
+    assert (undone.aim, undone.stroke) == (start.aim, start.stroke)
     loaded = begin(after(start, go).history, start.players, 8.0, 1 / 60)
-    assert after(loaded, undo).aim.place == start.aim.place  # the velocity of a loaded stroke, with a level cue
+    assert after(loaded, undo).aim.place == start.aim.place
     assert after(loaded, undo).stroke.velocity == pytest.approx(start.stroke.velocity)
 
 
@@ -406,10 +395,3 @@ def test_a_colour_is_nominated(make_model):
     model = after(make_model("snooker", opening, {"colour": True}), *[(next_called, "ball")] * 4)
     assert model.stroke.call == Call(ball=19)
     assert after(make_model("snooker", opening), (next_called, "ball")).call == NO_CALL  # a red is on
-
-
-def test_go_closes_the_help(make_model):
-    model = after(make_model(positions=STRAIGHT), (toggle_page, "keys"))
-    assert model.page
-    closed = after(model, go)
-    assert (closed.page, closed.phase) == ("", "aiming")
