@@ -68,7 +68,6 @@ _PATHS = {
     "#5b2a91": "#c3a1e8",
     "#0b6b3a": "#5fdca0",
     "#7c1d2b": "#dd95a2",
-    "#6b4423": "#d9a066",
 }
 _SNOOKER = ("#f0e442", "#009e73", "#7a4a1e", "#0072b2", "#eba6cb", "#1c1c1c")
 _RED, _YELLOW, _BLACK = "#c0281c", "#f0e442", "#1c1c1c"
@@ -83,8 +82,6 @@ PALETTES: dict[str, dict[str, str]] = {
         "#e69f00": "#ee7623",
         "#009e73": "#0b6b3a",
         "#882255": "#7c1d2b",
-        "#eba6cb": "#f29bb5",
-        "#7a4a1e": "#6b4423",
     },
 }
 """The colours of the balls by palette, in place of those of "colour_blind"."""

@@ -13,17 +13,6 @@ BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying"
 END = "N: new game   R: replay   U: undo   S: save"
 """The keys after the end of a game."""
 
-FOULS = {
-    "scratch": "cue ball potted",
-    "no_hit": "no ball hit",
-    "wrong_ball": "wrong ball hit first",
-    "wrong_pot": "wrong ball potted",
-    "no_cushion": "no cushion after the hit",
-    "illegal_break": "too few balls to a cushion",
-    "breaking_foul": "too few balls to a cushion",
-}
-"""The fouls of `rules.FOULS` in words."""
-
 _HINTS = {
     "placing": "place: click, space   move: mouse, arrows   undo: U   keys: H   rules: F1",
     "aiming": "aim: drag, arrows   fine: comma, period   zoom: F   shoot: space   undo: U   keys: H   rules: F1",
@@ -170,7 +159,7 @@ def result(model: Model) -> str:
         if verdict.foul:
             miss = " and a miss" * ("replace" in model.game.state.choices)
             points = f", {verdict.penalty} points" * (verdict.penalty > 0)
-            parts.append(f"foul{miss}: {FOULS.get(verdict.foul, verdict.foul)}{points}")
+            parts.append(f"foul{miss}: {verdict.foul.replace('_', ' ')}{points}")
         elif potted:
             parts.append(f"potted {', '.join(ball_name(scene, ball) for ball in potted)}")
         elif kind != "shot":

@@ -144,7 +144,6 @@ class View:
             _draw_line(canvas, frame, preview.cue, canvas.looks[cue].path, dashed=True)
             if preview.ball >= 0:
                 _draw_line(canvas, frame, preview.struck, canvas.looks[preview.ball].path)
-            if preview.ball >= 0:
                 _draw_line(canvas, frame, _circle(preview.path[-1], radius[cue]), canvas.looks[cue].path)
             ball, pocket, _ = model.call
             if ball >= 0:
