@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 
-import pygame
-
+from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK
 from billiards_env.drawing.text import text_image

@@ -4,7 +4,17 @@ import pytest
 
 from billiards_env.games import RULES
 from billiards_env.play import labels
-from billiards_env.play.model import go, look_at, next_called, next_kind, replay, tick, toggle_ghost, turn_aim
+from billiards_env.play.model import (
+    change_speed,
+    go,
+    look_at,
+    next_called,
+    next_kind,
+    replay,
+    tick,
+    toggle_ghost,
+    turn_aim,
+)
 from billiards_env.play.pages import rules_page
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
@@ -49,7 +59,7 @@ def test_the_prompt_has_the_calls_and_the_choices(make_model):
 
 
 def test_cushions_are_counted(make_model):
-    start = make_model("three_cushion", CAROM)
+    start = change_speed(make_model("three_cushion", CAROM), 4.0)
     counts = set()
     for degrees in range(0, 360, 5):
         model: Any = go(turn_aim(start, degrees))
