@@ -79,7 +79,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     """
     if args.load is not None:
         for option in ("rules", "scene", "balls", "layout", "target", "mode", "called", "miss"):
-            if getattr(args, option):
+            if all(getattr(args, option) is not off for off in (None, False)):
                 raise ValueError(f"--{option} with --load: expected only one of them, the saved game sets it")
         record = records.load(args.load)
         if not isinstance(record, records.GameRecord):
