@@ -277,8 +277,6 @@ class Canvas:
         corner = np.floor(points.min(0) - wide).astype(int)
         side = np.ceil(points.max(0) + wide).astype(int) - corner
         ink = pygame.Color(colour)
-        if not surface.get_rect().colliderect((*corner.tolist(), *side.tolist())):
-            return
         large = Surface((z * side).tolist(), pygame.SRCALPHA, 32)
         large.fill((ink.r, ink.g, ink.b, 0))
         line = z * (points - corner)

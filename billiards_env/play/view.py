@@ -322,7 +322,8 @@ def _draw_line(canvas: Canvas, frame: Surface, points: Floats, colour: str, dash
         if not (dashed and k % 2):
             at = np.union1d(ends, along[(along > ends[0]) & (along < ends[1])])
             piece = np.column_stack([np.interp(at, along, line[:, c]) for c in (0, 1)])
-            canvas.draw_path(frame, piece, colour)
+            if (piece.max(0) >= 0).all() and (piece.min(0) <= frame.get_size()).all():
+                canvas.draw_path(frame, piece, colour)
 
 
 def _strip(width: int) -> int:
