@@ -296,7 +296,7 @@ class View:
         """Draws the result of a game over the table."""
         width, height = self.canvas.size
         board = Surface((round(0.56 * width), round(0.4 * height)), pygame.SRCALPHA, 32)
-        pygame.draw.rect(board, (*pygame.Color(PAPER)[:3], 225), board.get_rect(), border_radius=height // 30)
+        pygame.draw.rect(board, (*pygame.Color(PAPER)[:3], 245), board.get_rect(), border_radius=height // 30)
         rows = ((labels.status(model), 0.26, INK), (labels.score(model), 0.17, LEVEL), (labels.END, 0.1, SOFT))
         for (text, size, colour), share in zip(rows, (0.28, 0.56, 0.8), strict=True):
             image = text_image(text, round(size * board.get_height()), colour, round(0.92 * board.get_width()))
