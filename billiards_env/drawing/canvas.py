@@ -7,6 +7,7 @@ they move smoothly. The paths are drawn on a copy of the table, frame by frame.
 
 from __future__ import annotations
 
+import copy
 import functools
 import itertools
 import math
@@ -76,8 +77,10 @@ class Canvas:
         looks: The look of each ball.
     """
 
-    def __init__(self, scene: Scene, width: int = 800, paper: str = PAPER, ink: str = INK) -> None:
-        """Prepares the drawing of a scene in frames of `width` pixels, with the colours around the table."""
+    def __init__(
+        self, scene: Scene, width: int = 800, paper: str = PAPER, ink: str = INK, palette: str = "colour_blind"
+    ) -> None:
+        """Prepares the drawing of a scene in frames of `width` pixels, with the colours around and of the balls."""
         width = whole("width", width, "frame_width")
         self.scene, self._paper, self._ink = scene, paper, ink
         width = width // 2 * 2
@@ -91,11 +94,25 @@ class Canvas:
         self.size = (width, height + height % 2)
         self._half = self.scale * np.array([length, breadth]) / 2
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
-        self.looks = looks(scene)
+        self.looks = looks(scene, palette)
         self._tray = tray(scene.n_balls, width, self._bar)
-        self._painter = Painter(self.looks, self.scale * np.array(scene.balls.radius))
+        self._reset()
+
+    def _reset(self) -> None:
+        """Discards the images of the balls, which depend on the scale."""
+        self._painter = Painter(self.looks, self.scale * np.array(self.scene.balls.radius))
         self._stamps: dict[tuple[int, int, int, int], Surface] = {}
         self._painted: dict[int, tuple[bytes, Surface]] = {}
+
+    def enlarged(self, size: tuple[int, int], zoom: float, point: ArrayLike) -> Canvas:
+        """Returns a canvas of `size` pixels with a point of the table, m, in its middle, `zoom` times as large."""
+        part = copy.copy(self)
+        part.__dict__.pop("table", None)
+        part.size, part.scale = size, zoom * self.scale
+        x, y = (part.scale * np.asarray(point)).tolist()
+        part._middle = size[0] / 2 - x, size[1] / 2 + y
+        part._reset()
+        return part
 
     def pixels_of(self, points: ArrayLike) -> Floats:
         """Converts points (..., 2), m, to (..., 2) pixels from the upper left corner of a frame."""
@@ -308,13 +325,18 @@ class Canvas:
             room = label.get_width() + 3 * place.radius  # a long text on the left moves the tray to the right
             middle = max(self.size[0] / 2, edge + room + place.half)
             texts.append((label, middle - place.half - place.radius - label.get_width()))
-            groove = self._groove
-            surface.blit(groove, (round(middle - groove.get_width() / 2), round(y - groove.get_height() / 2)))
-            for ball, x in zip(potted, place.x, strict=False):
-                image = self._tray_balls[ball]
-                surface.blit(image, (round(middle + x - image.get_width() / 2), round(y - image.get_height() / 2)))
+            self.draw_tray(surface, middle, potted)
         for image, x in texts:
             surface.blit(image, (round(x), round(y - 0.35 * size)))
+
+    def draw_tray(self, surface: Surface, middle: float, potted: Sequence[int] | NDArray[np.intp]) -> pygame.Rect:
+        """Draws the potted balls in their groove with its middle at x, pixels, and returns the place of the groove."""
+        y = self.size[1] - self._bar / 2
+        groove = surface.blit(self._groove, np.round((middle, y) - np.array(self._groove.get_size()) / 2).tolist())
+        for ball, x in zip(potted, self._tray.x, strict=False):
+            image = self._tray_balls[ball]
+            surface.blit(image, (round(middle + x - image.get_width() / 2), round(y - image.get_height() / 2)))
+        return groove
 
     @functools.cached_property
     def _groove(self) -> Surface:

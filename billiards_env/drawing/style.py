@@ -3,10 +3,11 @@
 `draw_table` describes a table as coloured polygons and `tray` places the potted balls. The plot, the frames and the
 page draw these descriptions.
 
-The ball colours are those of Okabe and Ito (2008), which colour-blind readers can distinguish, in the order of pool
-balls. The seventh is wine from Tol (2021) and the eighth is black. Balls 9 to 15 are striped, and each object ball of
-pool has its number, so no information depends on colour alone. Paths have lighter colours, which are visible on the
-cloth. The faces of the balls have marks that turn with the balls; `LIGHT` to `SHINE` shade them.
+The ball colours of the palette "colour_blind" are those of Okabe and Ito (2008), which colour-blind readers can
+distinguish, in the order of pool balls. The seventh is wine from Tol (2021) and the eighth is black. Those of the
+palette "realistic" are near the colours of real balls. Balls 9 to 15 are striped, and each object ball of pool has its
+number, so no information depends on colour alone. Paths have lighter colours, which are visible on the cloth. The faces
+of the balls have marks that turn with the balls; `LIGHT` to `SHINE` shade them.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.checks import one_of
 from billiards_env.scene import Scene
 from billiards_env.scene.outline import TOUCH, Circle, pieces, polygon, runs
 from billiards_env.scene.table import Pocket, Table
@@ -62,10 +64,29 @@ _PATHS = {
     "#1c1c1c": "#b8bfbc",
     "#7a4a1e": "#d9a066",
     "#c0281c": "#ff8a80",
+    "#1d4fb4": "#7fb2f5",
+    "#5b2a91": "#c3a1e8",
+    "#ee7623": "#ff9d5c",
+    "#0b6b3a": "#5fdca0",
+    "#7c1d2b": "#dd95a2",
 }
 _SNOOKER = ("#f0e442", "#009e73", "#7a4a1e", "#0072b2", "#eba6cb", "#1c1c1c")
 _RED, _YELLOW, _BLACK = "#c0281c", "#f0e442", "#1c1c1c"
 _CAROM = (_RED, _YELLOW)
+PALETTES: dict[str, dict[str, str]] = {
+    "colour_blind": {},
+    "realistic": {
+        "#f0e442": "#f6c714",
+        "#0072b2": "#1d4fb4",
+        "#d55e00": "#c0281c",
+        "#cc79a7": "#5b2a91",
+        "#e69f00": "#ee7623",
+        "#009e73": "#0b6b3a",
+        "#882255": "#7c1d2b",
+    },
+}
+"""The colours of the balls by palette, in place of those of "colour_blind"."""
+
 _DARK = ("#0072b2", "#882255", "#1c1c1c", "#7a4a1e", "#c0281c", GREY)
 
 KINDS = {
@@ -119,8 +140,9 @@ class Look(NamedTuple):
     dot: float = 0.0
 
 
-def looks(scene: Scene) -> tuple[Look, ...]:
-    """Returns the look of each ball, see `Balls.colours`; fixed balls are grey."""
+def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
+    """Returns the look of each ball in one of `PALETTES`, see `Balls.colours`; fixed balls are grey."""
+    one_of("palette", palette, tuple(PALETTES))
     n, colours = scene.n_balls - 1, scene.balls.colours
     carom = colours == "pool" and not scene.table.pockets and n <= 2
     if colours == "snooker":
@@ -142,6 +164,7 @@ def looks(scene: Scene) -> tuple[Look, ...]:
             if plain
             else ("", 0.0)
         )
+        fill = PALETTES[palette].get(fill, fill)
         balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i), *dots))
     return tuple(balls)
 

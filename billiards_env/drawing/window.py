@@ -1,11 +1,10 @@
-"""Windows that show frames, with pygame. With the environment variable SDL_VIDEODRIVER=dummy they are invisible."""
+"""Windows that show frames, with pygame. With SDL_VIDEODRIVER=dummy or offscreen they are invisible."""
 
 from __future__ import annotations
 
 import os
 
-import pygame
-
+from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import CHALK, CLOTH, GREY, INK
 from billiards_env.drawing.text import text_image
@@ -13,8 +12,23 @@ from billiards_env.drawing.text import text_image
 SLOWER_KEYS = (pygame.K_MINUS, pygame.K_KP_MINUS)
 FASTER_KEYS = (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS)
 
+INVISIBLE = ("dummy", "offscreen")
+"""The video drivers of SDL without a display."""
+
 LINE = 26
 """Height of the line under a film, pixels."""
+
+
+def open_display() -> None:
+    """Connects to the display; raises an OSError if there is none and SDL_VIDEODRIVER does not ask for that."""
+    pygame.display.init()
+    driver = pygame.display.get_driver()
+    if driver in INVISIBLE and os.environ.get("SDL_VIDEODRIVER") not in INVISIBLE:
+        pygame.display.quit()
+        raise OSError(
+            f"display = {driver!r}: expected one that shows a window (is DISPLAY or WAYLAND_DISPLAY set?); "
+            "SDL_VIDEODRIVER=dummy runs without a display"
+        )
 
 
 class Screen:
@@ -24,7 +38,7 @@ class Screen:
         """Opens a window of `size` (width, height), pixels."""
         for system in ("X11", "WAYLAND"):
             os.environ[f"SDL_VIDEO_{system}_WMCLASS"] = "billiards-env"  # the name of the application
-        pygame.display.init()
+        open_display()
         pygame.display.set_caption(title)
         pygame.display.set_icon(make_icon())
         pygame.display.set_mode(size, pygame.RESIZABLE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,15 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from billiards_env.checks import Range, number, one_of, real, whole
+from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.simulation import simulate
 
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""
+
+REAL_SCENES = {"pool": "real_pool"}
+"""The scenes of the window in place of the usual scenes of the games: they have jaws and throw."""
 
 MAKERS = {"policy": "agents.policy_player:policy"}
 """Makers of players that need the repository, by name."""
@@ -39,9 +44,15 @@ def make_parser() -> argparse.ArgumentParser:
         help="the players: human, random, geometric, search[:SHOTS], policy:RUN_FOLDER or module:function[:ARGUMENT] "
         "(default: all human)",
     )
+    add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: that of the game, with real_pool)")
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
+    add(
+        "--called", action="store_true", help="eight ball and straight pool: a potted ball counts only if it was called"
+    )
+    add("--choices", action="store_true", help="choices besides a shot: push out, hand back, replace")
+    add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
     add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
     add("--dt", type=number, default=DT, help="timestep of PIT, s (default: 1/60)")
@@ -50,11 +61,12 @@ def make_parser() -> argparse.ArgumentParser:
         "--save",
         type=Path,
         metavar="FILE",
-        help="the file that S writes; also saves on quitting (default for S: the loaded file or game.json)",
+        help="the file that S writes; also saves on quitting (default for S: the loaded file or a new game.json)",
     )
     add("--seed", type=int, help="seed of the rack and of the programs (default: random)")
     add("--speed", type=number, default=1.0, help="playback speed over real time (default: %(default)s)")
     add("--width", type=int, default=1080, help="width of the window, pixels (default: %(default)s)")
+    add("--palette", default="realistic", help=f"colours of the balls: {', '.join(PALETTES)} (default: %(default)s)")
     return parser
 
 
@@ -66,22 +78,31 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         ValueError: If the file does not hold a game, or an argument does not suit the game.
     """
     if args.load is not None:
-        for option in ("rules", "balls", "layout", "target", "mode"):
-            if getattr(args, option) is not None:
+        for option in ("rules", "scene", "balls", "layout", "target", "mode", "called", "miss"):
+            if all(getattr(args, option) is not off for off in (None, False)):
                 raise ValueError(f"--{option} with --load: expected only one of them, the saved game sets it")
         record = records.load(args.load)
         if not isinstance(record, records.GameRecord):
             raise ValueError(f"{args.load} holds a shot: expected a game")
         records.replay(record)  # raises if the result differs on this machine
         return record.history
+    if args.miss and not args.choices:
+        raise ValueError("--miss without --choices: expected both, the miss rule gives a choice")
     rules = args.rules or "eight_ball"
     one_of("rules", rules, tuple(RULES))
     game_rules, mode = RULES[rules], args.mode or "pic"
     balls = game_rules.n_object_balls[1] if args.balls is None else args.balls
-    scene = Scene.named(game_rules.scene, balls)
+    scene = Scene.named(args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene), balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
-    setup = Setup(rules, scene, n_players, args.target, mode, args.dt if mode == "pit" else None)
+    dt = args.dt if mode == "pit" else None
+    setup = Setup(rules, scene, n_players, args.target, mode, dt, called=args.called, miss=args.miss)
     return History(setup, opening(setup, rng, args.layout), ())
+
+
+def free_path(path: Path) -> Path:
+    """Returns a path, with a number if there is such a file, so that no other game is overwritten."""
+    numbered = (path.with_stem(f"{path.stem}-{k}") for k in itertools.count(2))
+    return next(one for one in itertools.chain((path,), numbered) if not one.exists())
 
 
 def compile_engines(scene: Scene, ghost_dt: float) -> None:
@@ -101,20 +122,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup, MAKERS, (HUMAN,)) for name in names]
+        from billiards_env.drawing.window import open_display
         from billiards_env.play.window import GameWindow, pygame
     except (ModuleNotFoundError, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
     try:
-        model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES))
-        save = args.save or args.load or Path("game.json")
+        model = begin(history, names, args.max_speed, args.dt, real("speed", args.speed, PACES), args.choices)
+        save = args.save or args.load or free_path(Path("game.json"))
+        one_of("palette", args.palette, tuple(PALETTES))
+        open_display()
         compile_engines(model.setup.scene, model.ghost_dt)
-        window = GameWindow(model, players, rng, save, args.width)
-    except (pygame.error, TypeError, ValueError) as error:
+        window = GameWindow(model, players, rng, save, args.width, args.palette)
+    except (pygame.error, OSError, TypeError, ValueError) as error:
         sys.exit(f"error: {error}")
-    print("Press H in the window for help.", flush=True)
+    print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None
     window.run()
-    if args.save is not None:
+    if args.save is not None or (window.interrupted and not window.saved):
         window.save()
         print(window.message)
 

@@ -13,7 +13,7 @@ Pixel = tuple[float, float]
 STEEPEST = 90.0
 """degrees. The elevation of the cue at the end of its scale."""
 
-LEAST_HEIGHT, MOST_HEIGHT = 36, 130
+LEAST_HEIGHT, MOST_HEIGHT = 36, 220
 """Pixels. Limits of the height of the row of controls."""
 
 

@@ -2,40 +2,10 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from billiards_env.play.model import HUMAN, Model
-
-KEYS = (
-    ("drag from the cue ball", "aim; the arrow's length is the speed"),
-    ("drag on the table", "aim at a point with the same speed"),
-    ("the white ball below", "drag the tip of the cue: english, follow and draw"),
-    ("double click on it, C", "level cue at the centre of the ball"),
-    ("ctrl + arrows", "move the tip of the cue; with shift by less"),
-    ("page up, page down", "raise and lower the cue by 5 degrees"),
-    ("left, right", "turn the aim by 1 degree; with shift 0.1"),
-    ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01"),
-    ("space, the button", "shoot; place the cue ball; continue"),
-    ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm"),
-    ("P", "move the cue ball in hand again"),
-    ("R", "replay the last shot"),
-    ("G", "ghost in replays: the same shot by the other engine"),
-    ("-, +", "show shots slower, faster"),
-    ("U or Z, Y", "undo, redo a person's shot"),
-    ("S", "save the game"),
-    ("N", "a new game, when one is over"),
-    ("H", "this help"),
-    ("Q, escape", "quit"),
-)
-"""Keys and mouse actions with their effects."""
-
-UNSAVED = (
-    ("The game is not saved.", ""),
-    ("S", "save and quit"),
-    ("Q", "quit without saving"),
-    ("any other key", "continue"),
-)
-"""The question before the window closes, as rows like those of `KEYS`."""
+from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
 """The text of the button in each phase; it is empty while a program thinks."""
@@ -44,22 +14,42 @@ END = "N: new game   R: replay   U: undo   S: save"
 """The keys after the end of a game."""
 
 _HINTS = {
-    "placing": "move: mouse, arrows   place: click, space   undo, redo: U Y   help: H",
-    "aiming": "aim: drag, arrows   english: drag on the white ball   shoot: space   undo, redo: U Y   help: H",
-    "thinking": "undo: U   save: S   quit: Q   help: H",
-    "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   help: H",
-    "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   help: H",
-    "over": "new game: N   undo, redo: U Y   replay: R   save: S   quit: Q   help: H",
+    "placing": "place: click, space   move: mouse, arrows   undo: U   keys: H   rules: F1",
+    "aiming": "aim: drag, arrows   fine: comma, period   zoom: F   shoot: space   undo: U   keys: H   rules: F1",
+    "thinking": "undo: U   save: S   quit: Q   keys: H   rules: F1",
+    "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   keys: H",
+    "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   keys: H",
+    "over": "new game: N   undo, redo: U Y   replay: R   save: S   quit: Q   keys: H",
 }
+
+_SNOOKER = ("yellow", "green", "brown", "blue", "pink", "black")
 
 
 def key_hint(model: Model) -> str:
     """Returns the keys of the model's phase, and in a replay the engines of the shown shots."""
+    if model.page:
+        return "close: space, escape"
     if model.phase != "replaying":
         return _HINTS[model.phase]
     shot, comparison = model.shown_shots
     runs = f"balls: {shot.engine}" + ("" if comparison is None else f"   rings: {comparison.engine}")
     return f"{runs}   {_HINTS[model.phase]}"
+
+
+def button(model: Model) -> str:
+    """Returns the text of the button: what space does."""
+    if model.phase == "aiming" and model.aim.call.kind != "shot":
+        return model.aim.call.kind.capitalize().replace("_", " ")
+    return BUTTONS.get(model.phase, "")
+
+
+def choice(model: Model) -> str:
+    """Returns the key of the next kind of call, if there are several."""
+    kinds = model.kinds
+    if len(kinds) == 1 or model.phase != "aiming":
+        return ""
+    following = kinds[(kinds.index(model.aim.call.kind) + 1) % len(kinds)]
+    return f"X: {following.replace('_', ' ')}"
 
 
 def player_name(model: Model, player: int) -> str:
@@ -71,27 +61,84 @@ def player_name(model: Model, player: int) -> str:
     return f"Player {player + 1} ({function.partition(':')[0] if '.' in module else module})"
 
 
+def ball_name(scene: Scene, ball: int) -> str:
+    """Returns the colour of a ball, or its number if it shows one."""
+    if scene.balls.colours == "snooker":
+        return _SNOOKER[ball - scene.n_balls] if ball >= scene.n_balls - 6 else "red"
+    if scene.balls.colours == "uk":
+        return "red" if ball < 8 else "yellow" if ball > 8 else "black"
+    return str(ball) if scene.table.pockets else ("white", "red", "yellow")[ball]
+
+
 def status(model: Model) -> str:
     """Returns the player whose turn it is and the present action."""
-    state = model.game.state
+    state, scene = model.game.state, model.setup.scene
     if model.phase in ("rolling", "replaying"):
         shooter = player_name(model, model.games[-2].state.player)
-        return shooter if model.pace == 1 else f"{shooter}   {model.pace:g} x"
+        parts = [shooter, cushions(model, model.clock), "" if model.pace == 1 else f"{model.pace:g} x"]
+        return "   ".join(filter(None, parts))
     if state.over:
         return "Nobody wins" if state.winner < 0 else f"{player_name(model, state.winner)} wins"
     player = player_name(model, state.player)
     if model.phase == "thinking":
         return f"{player} thinks" + (f"   {model.clock:.0f} s" if model.clock >= 1 else "")
     if model.phase == "placing":
-        return f"{player}: cue ball in hand" + (", behind the line" if state.in_hand == "behind" else "")
-    degrees = round(math.degrees(model.angle), 1) + 0.0  # converts -0 to 0
-    parts = [f"{player}: {model.speed:.2f} m/s, {degrees}°", first_ball_hint(model)]
-    return "   ".join(filter(None, parts))
+        behind = "in the D" if scene.table.d_radius else "behind the line"
+        return f"{player}: cue ball {behind if state.in_hand == 'behind' else 'anywhere'}"
+    kinds = {
+        "safety": f"safety, {on(model)}",
+        "push_out": "push out, any ball or none",
+        "hand_back": f"{player_name(model, (state.player - 1) % len(state.scores))} plays again",
+        "replace": "replace the balls",
+    }
+    return f"{player}: {kinds.get(model.aim.call.kind) or on(model)}"
+
+
+def on(model: Model) -> str:
+    """Returns which balls the player may touch first."""
+    setup, state = model.setup, model.game.state
+    scene, legal = setup.scene, sorted(setup.game_rules.legal(state, state.player))
+    first = ball_name(scene, legal[0])
+    if not setup.game_rules.pockets:
+        balls = " and ".join(ball_name(scene, ball) for ball in legal) + " first" * (len(legal) == 1)
+        return f"{ball_name(scene, model.cue)} cue ball, {balls}{', three cushions' * (setup.rules == 'three_cushion')}"
+    if setup.game_rules.has_spots:
+        chosen = f": {ball_name(scene, model.call.ball)}" if model.call.ball >= 0 else ""
+        if state.free_ball:
+            return f"free ball{chosen or ', any ball'}"
+        return f"on: a colour{chosen}" if state.colour else f"on: {first}"
+    if state.break_shot:
+        return "break"
+    if len(legal) == 1:
+        return f"on: the {first}"
+    if setup.rules != "eight_ball":
+        return "any ball"
+    if state.solids < 0:
+        return f"open table: any ball but the {ball_name(scene, 8)}"
+    groups = ("solids", "stripes") if first.isdigit() else ("reds", "yellows")
+    return groups[legal[0] > 8]
+
+
+def cushions(model: Model, time: float = np.inf) -> str:
+    """Returns how often the cue ball hits cushions before the second ball in three cushion, up to a time, s."""
+    if model.setup.rules != "three_cushion" or model.last_shot is None:
+        return ""
+    cue, events = model.games[-2].state.cue_balls[0], model.last_shot.shot.events
+    assert events is not None
+    own = events[((events["ball"] == cue) | ((events["kind"] == "ball_ball") & (events["other"] == cue)))]
+    count, touched = 0, set()
+    for _, kind, *balls in own[own["time"] <= time][["time", "kind", "ball", "other"]].tolist():
+        touched |= set(balls) - {cue} if kind == "ball_ball" else set()
+        if len(touched) > 1:
+            break
+        count += kind == "cushion"
+    return f"{count} cushion{'s' * (count != 1)}"
 
 
 def aim(model: Model) -> str:
-    """Returns the speed of the aim and the offset of the cue's tip."""
-    parts, (side, top) = [f"{model.speed:.2f} m/s"], model.tip
+    """Returns the speed and the direction of the aim, and the offset of the cue's tip."""
+    (side, top), degrees = model.aim.tip, round(np.degrees(model.aim.angle), 2) + 0.0  # converts -0 to 0
+    parts = [f"{model.aim.speed:.2f} m/s", f"{degrees:.2f}°"]
     parts += [f"{abs(side):.2f} R {'left' if side > 0 else 'right'}"] if round(side, 2) else []
     parts += [f"{abs(top):.2f} R {'follow' if top > 0 else 'draw'}"] if round(top, 2) else []
     return "   ".join(parts)
@@ -102,27 +149,21 @@ def score(model: Model) -> str:
     return " : ".join(map(str, model.game.state.scores)) if model.setup.target is not None else ""
 
 
-def first_ball_hint(model: Model) -> str:
-    """Returns which balls the player may touch first; empty if all object balls are legal."""
-    state = model.game.state
-    legal = model.setup.game_rules.legal(state, state.player)
-    if legal == state.object_balls:
-        return ""
-    if len(legal) == 1:
-        return f"first ball {min(legal)}"
-    if 8 not in legal and state.solids >= 0:
-        return "solids" if min(legal) < 8 else "stripes"
-    return f"not ball {', '.join(map(str, sorted(state.object_balls - legal)))}"
-
-
 def result(model: Model) -> str:
     """Returns the result of the last shot and the scores."""
     parts = []
     if model.last_shot is not None:
-        foul = model.last_shot.verdict.foul
+        verdict, scene = model.last_shot.verdict, model.setup.scene
         potted = [ball for ball in model.last_shot.facts.potted if ball != model.cue]
-        if foul:
-            parts.append(f"foul: {foul.replace('_', ' ')}")
+        kind = model.turns[-1].stroke.call.kind
+        if verdict.foul:
+            miss = " and a miss" * ("replace" in model.game.state.choices)
+            points = f", {verdict.penalty} points" * (verdict.penalty > 0)
+            parts.append(f"foul{miss}: {verdict.foul.replace('_', ' ')}{points}")
         elif potted:
-            parts.append(f"potted {', '.join(map(str, potted))}")
+            parts.append(f"potted {', '.join(ball_name(scene, ball) for ball in potted)}")
+        elif kind != "shot":
+            parts.append(kind.replace("_", " "))
+        else:
+            parts.append(cushions(model))
     return "   ".join(filter(None, [*parts, score(model)]))

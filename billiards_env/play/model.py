@@ -3,7 +3,7 @@
 The phases of a model are:
 
 * "placing": a person moves the cue ball in hand; `go` places it.
-* "aiming": a person sets the direction and the speed; `go` shoots.
+* "aiming": a person sets the direction and the speed, and may choose another call; `go` shoots.
 * "thinking": it is a program's turn; the window calls the program and then `shoot`. Its clock is the time since then.
 * "rolling": the shot is shown; `go` skips to its end.
 * "replaying": the last shot is shown again, optionally with the same shot by the other engine as a ghost, until `go`.
@@ -18,7 +18,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from billiards_env.drawing.orientation import VISIBLE, turning
 from billiards_env.drawing.pace import faster, slower
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import GameState, History, PlayedShot, Setup, Stroke, play
+from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, play
 from billiards_env.games.placement import Point, cue_ball_point
 from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
@@ -45,9 +45,39 @@ PACES = Range(1e-3, 1e3)
 LEAST_SPEED, USUAL_SPEED, BREAK_SHARE = 0.05, 2.0, 0.9
 """The slowest speed and the initial speed of an aim, m/s; the initial speed of a break over `max_speed`."""
 
-
 TIP_SHARE = 0.999
 """The largest offset of the cue's tip over that at which it slips."""
+
+NO_SHOT = ("hand_back", "replace")
+"""The kinds of calls without a shot."""
+
+
+class Aim(NamedTuple):
+    """What a person sets before a shot.
+
+    Attributes:
+        angle: Direction, radians from the x axis.
+        speed: m/s: that of the ball after a level stroke at its centre.
+        tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
+        elevation: Elevation of the cue, degrees.
+        place: Position of the cue ball in hand, m; None if it is not in hand.
+        call: The call; -1 for a ball and a pocket that the person has not chosen.
+    """
+
+    angle: float = 0.0
+    speed: float = USUAL_SPEED
+    tip: Point = (0.0, 0.0)
+    elevation: float = 0.0
+    place: Point | None = None
+    call: Call = NO_CALL
+
+
+class Turn(NamedTuple):
+    """A played stroke, with the aim of the person; that of other strokes is a level hit with the same velocity."""
+
+    stroke: Stroke
+    played: PlayedShot
+    aim: Aim
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -59,22 +89,19 @@ class Model:
         players: The name of each player; `HUMAN` for a person.
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
-        games: The state before each stroke, and the present one.
-        strokes: The strokes up to now.
-        undone: The strokes that were undone, each with the state after it, the next one first.
+        opening: The state before the first stroke.
+        choices: Whether a person has the choices of the game besides a shot, `RuleState.choices`.
+        turns: The strokes up to now.
+        undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.
-        angle: Direction of the aim, radians from the x axis.
-        speed: Speed of the aim, m/s: that of the ball after a level stroke at its centre.
-        tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
-        elevation: Elevation of the cue, degrees.
-        place: Position of the cue ball in hand, m; None if it is not in hand.
+        aim: The aim.
         preview: The preview of the aimed shot; None in other phases.
-        last_shot: The last shot; None before the first.
         comparison: The last shot by the other engine; None until the first replay.
         clock: Time within the shot that is shown, or time that a program has been thinking, s.
         pace: Playback speed over real time.
         ghost: Whether a replay shows `comparison`.
-        help: Whether the help is shown.
+        page: The page that covers the table: "keys", "rules" or "" for none.
+        zoom: Whether the ball that the aimed shot touches first is shown enlarged.
         faces: (n, 4) the present orientations of the balls; None for upright balls.
         first_faces: (n, 4) those at the start of the last shot.
     """
@@ -83,29 +110,41 @@ class Model:
     players: tuple[str, ...]
     max_speed: float
     ghost_dt: float
-    games: tuple[GameState, ...]
-    strokes: tuple[Stroke, ...] = ()
-    undone: tuple[tuple[Stroke, GameState], ...] = ()
+    opening: GameState
+    choices: bool = False
+    turns: tuple[Turn, ...] = ()
+    undone: tuple[Turn, ...] = ()
     phase: str = "thinking"
-    angle: float = 0.0
-    speed: float = USUAL_SPEED
-    tip: Point = (0.0, 0.0)
-    elevation: float = 0.0
-    place: Point | None = None
+    aim: Aim = dataclasses.field(default_factory=Aim)
     preview: Preview | None = None
-    last_shot: PlayedShot | None = None
     comparison: ShotResult | None = None
     clock: float = 0.0
     pace: float = 1.0
     ghost: bool = True
-    help: bool = False
+    page: str = ""
+    zoom: bool = False
     faces: NDArray[np.float64] | None = None
     first_faces: NDArray[np.float64] | None = None
 
     @property
+    def games(self) -> tuple[GameState, ...]:
+        """The state before each stroke, and the present one."""
+        return self.opening, *(turn.played.game for turn in self.turns)
+
+    @property
     def game(self) -> GameState:
         """The present state of the game."""
-        return self.games[-1]
+        return self.turns[-1].played.game if self.turns else self.opening
+
+    @property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """The strokes up to now."""
+        return tuple(turn.stroke for turn in self.turns)
+
+    @property
+    def last_shot(self) -> PlayedShot | None:
+        """The last shot; None before the first."""
+        return self.turns[-1].played if self.turns else None
 
     @property
     def cue(self) -> int:
@@ -115,19 +154,35 @@ class Model:
     @property
     def cue_position(self) -> Point:
         """The position of that ball, m."""
-        x, y = self.game.positions[self.cue].tolist() if self.place is None else self.place
+        x, y = self.game.positions[self.cue].tolist() if self.aim.place is None else self.aim.place
         return x, y
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of calls that the player has, "shot" first."""
+        state = self.game.state
+        return ("shot", *(("safety",) if state.called else ()), *(state.choices if self.choices else ()))
+
+    @property
+    def call(self) -> Call:
+        """The call of the aimed stroke. In called shots it is the aimed ball and pocket if none was chosen."""
+        call, aimed, state = self.aim.call, self.preview, self.game.state
+        if not state.called or state.break_shot or call.kind != "shot" or aimed is None:
+            return call
+        return Call(call.ball if call.ball >= 0 else aimed.ball, call.pocket if call.pocket >= 0 else aimed.pocket)
 
     @property
     def stroke(self) -> Stroke:
         """The aimed stroke."""
+        if self.aim.call.kind in NO_SHOT:
+            return Stroke((0.0, 0.0), call=self.aim.call)
+        angle, speed, (side, top), elevation, place, _ = self.aim
         if not self.has_spin:
-            velocity = self.speed * math.cos(self.angle), self.speed * math.sin(self.angle)
-            return Stroke(velocity=velocity, place=self.place)
-        scene, (side, top) = self.setup.scene, self.tip
+            return Stroke((speed * math.cos(angle), speed * math.sin(angle)), place, call=self.call)
+        scene = self.setup.scene
         level = strike(scene, 1.0, 0.0).velocity[0]
-        made = strike(scene, self.speed / level, self.angle, side, top, math.radians(self.elevation))
-        return Stroke(velocity=tuple(made.velocity.tolist()), spin=tuple(made.spin.tolist()), place=self.place)
+        made = strike(scene, speed / level, angle, side, top, math.radians(elevation))
+        return Stroke(tuple(made.velocity.tolist()), place, tuple(made.spin.tolist()), self.call)
 
     @property
     def has_spin(self) -> bool:
@@ -137,7 +192,7 @@ class Model:
     @property
     def history(self) -> History:
         """The game up to now."""
-        return History(self.setup, self.games[0], self.strokes)
+        return History(self.setup, self.opening, self.strokes)
 
     @property
     def shown_shots(self) -> tuple[ShotResult, ShotResult | None]:
@@ -151,7 +206,14 @@ class Model:
         return max(shot.time for shot in self.shown_shots if shot is not None)
 
 
-def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt: float, pace: float = 1.0) -> Model:
+def begin(
+    history: History,
+    players: tuple[str, ...],
+    max_speed: float,
+    ghost_dt: float,
+    pace: float = 1.0,
+    choices: bool = False,
+) -> Model:
     """Returns the model of a new or continued game; `Model` describes the arguments.
 
     Raises:
@@ -163,20 +225,17 @@ def begin(history: History, players: tuple[str, ...], max_speed: float, ghost_dt
     pace = real("pace", pace, PACES)
     if len(players) != setup.n_players:
         raise ValueError(f"players = {', '.join(players)}: expected {setup.n_players} players")
-    games, last_shot = [history.opening], None
+    model = Model(setup, players, max_speed, ghost_dt, history.opening, choices, pace=pace)
     for stroke in history.strokes:
-        last_shot = play(setup, games[-1], stroke)
-        games.append(last_shot.game)
-    return _next_turn(
-        Model(setup, players, max_speed, ghost_dt, tuple(games), history.strokes, last_shot=last_shot, pace=pace)
-    )
+        model = shoot(model, stroke)
+    return _next_turn(model)
 
 
 def tick(model: Model, seconds: float) -> Model:
-    """Returns the model `seconds` later; the same object if nothing changes. The help stops a shown shot."""
+    """Returns the model `seconds` later; the same object if nothing changes. A page stops a shown shot."""
     if model.phase == "thinking":
         return dataclasses.replace(model, clock=model.clock + seconds)
-    if model.phase not in ("rolling", "replaying") or model.help:
+    if model.phase not in ("rolling", "replaying") or model.page:
         return model
     if model.clock + model.pace * seconds < model.duration:
         return dataclasses.replace(model, clock=model.clock + model.pace * seconds)
@@ -187,19 +246,19 @@ def tick(model: Model, seconds: float) -> Model:
     return model if model.clock == model.duration else dataclasses.replace(model, clock=model.duration)
 
 
-def shoot(model: Model, stroke: Stroke) -> Model:
-    """Plays a stroke in phase "aiming" or "thinking", and returns the model in phase "rolling".
+def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
+    """Plays a stroke, of a person with its aim, and returns the model in phase "rolling".
 
     Raises:
         ValueError: As `games.play` does.
     """
-    played = play(model.setup, model.game, stroke)
+    if aim is None:
+        (x, y), place, _, call = stroke
+        aim = Aim(math.atan2(y, x), math.hypot(x, y), place=place, call=call)
     return dataclasses.replace(
         model,
-        games=(*model.games, played.game),
-        strokes=(*model.strokes, stroke),
+        turns=(*model.turns, Turn(stroke, play(model.setup, model.game, stroke), aim)),
         undone=(),
-        last_shot=played,
         comparison=None,
         phase="rolling",
         preview=None,
@@ -211,19 +270,20 @@ def shoot(model: Model, stroke: Stroke) -> Model:
 def _next_turn(model: Model) -> Model:
     """Returns the model at the start of the next turn; the first aim is full on the nearest legal ball."""
     state = model.game.state
-    model = dataclasses.replace(model, place=None, preview=None, clock=0.0, tip=(0.0, 0.0), elevation=0.0)
+    model = dataclasses.replace(model, aim=Aim(speed=_first_speed(model)), preview=None, clock=0.0)
     if state.over:
         return dataclasses.replace(model, phase="over")
     if model.players[state.player] != HUMAN:
         return dataclasses.replace(model, phase="thinking")
     if state.in_hand != "no":
         head_spot = model.setup.scene.table.head_x, 0.0
-        return move_to(dataclasses.replace(model, phase="placing", speed=_first_speed(model)), head_spot)
-    return _with_aim(model, _first_angle(model), _first_speed(model))
+        return move_to(dataclasses.replace(model, phase="placing"), head_spot)
+    return _aimed(model, angle=_first_angle(model))
 
 
 def _first_speed(model: Model) -> float:
-    if model.game.state.break_shot and model.setup.game_rules.pockets:
+    rules = model.setup.game_rules
+    if model.game.state.break_shot and rules.pockets and not rules.has_spots:
         return BREAK_SHARE * model.max_speed
     return min(USUAL_SPEED, model.max_speed)
 
@@ -236,10 +296,13 @@ def _first_angle(model: Model) -> float:
     return math.atan2(y, x)
 
 
-def _with_aim(model: Model, angle: float, speed: float) -> Model:
-    speed = min(max(speed, LEAST_SPEED), model.max_speed)
-    model = dataclasses.replace(model, phase="aiming", angle=math.remainder(angle, math.tau), speed=speed)
-    return dataclasses.replace(model, preview=make_preview(model.setup, model.game, model.stroke))
+def _aimed(model: Model, **changes: Any) -> Model:
+    """Returns the model in phase "aiming" with changes of the aim, and its preview."""
+    aim = model.aim._replace(**changes)
+    speed = min(max(aim.speed, LEAST_SPEED), model.max_speed)
+    aim = aim._replace(angle=math.remainder(aim.angle, math.tau), speed=speed)
+    model = dataclasses.replace(model, phase="aiming", aim=aim._replace(call=NO_CALL), preview=None)
+    return dataclasses.replace(model, aim=aim, preview=make_preview(model.setup, model.game, model.stroke))
 
 
 def _only(phase: str) -> Callable[[Callable[..., Model]], Callable[..., Model]]:
@@ -260,7 +323,7 @@ def move_to(model: Model, point: Point) -> Model:
     """Moves the cue ball in hand to the free point nearest to a point, m."""
     positions, state, _ = model.game
     point = cue_ball_point(model.setup.scene, positions, state, point)
-    return dataclasses.replace(model, place=point)
+    return dataclasses.replace(model, aim=model.aim._replace(place=point))
 
 
 def move_by(model: Model, offset: Point) -> Model:
@@ -271,26 +334,26 @@ def move_by(model: Model, offset: Point) -> Model:
 @_only("aiming")
 def turn_aim(model: Model, degrees: float) -> Model:
     """Turns the aim counterclockwise."""
-    return _with_aim(model, model.angle + math.radians(degrees), model.speed)
+    return _aimed(model, angle=model.aim.angle + math.radians(degrees))
 
 
 @_only("aiming")
 def change_speed(model: Model, change: float) -> Model:
     """Increases the speed of the shot by `change`, m/s."""
-    return _with_aim(model, model.angle, model.speed + change)
+    return _aimed(model, speed=model.aim.speed + change)
 
 
 @_only("aiming")
 def set_speed(model: Model, share: float) -> Model:
     """Sets the speed of the shot to a share of the fastest."""
-    return _with_aim(model, model.angle, share * model.max_speed)
+    return _aimed(model, speed=share * model.max_speed)
 
 
 @_only("aiming")
 def look_at(model: Model, point: Point) -> Model:
     """Aims at a point, m, with the same speed."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
-    return _with_aim(model, math.atan2(dy, dx), model.speed)
+    return _aimed(model, angle=math.atan2(dy, dx))
 
 
 @_only("aiming")
@@ -298,7 +361,7 @@ def aim_at(model: Model, point: Point) -> Model:
     """Moves the tip of the aiming arrow to a point, m."""
     dx, dy = np.subtract(point, model.cue_position).tolist()
     radius = model.setup.scene.balls.radius[model.cue]
-    return _with_aim(model, math.atan2(dy, dx), (math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
+    return _aimed(model, angle=math.atan2(dy, dx), speed=(math.hypot(dx, dy) - ARROW_START * radius) / ARROW)
 
 
 @_only("aiming")
@@ -307,12 +370,12 @@ def set_tip(model: Model, side: float, top: float) -> Model:
     if not model.has_spin:
         return model
     tip = on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset)
-    return _with_aim(dataclasses.replace(model, tip=tip), model.angle, model.speed)
+    return _aimed(model, tip=tip)
 
 
 def move_tip(model: Model, side: float, top: float) -> Model:
     """Moves the cue's tip by an offset to the left and up, in ball radii."""
-    return set_tip(model, *np.add(model.tip, (side, top)).tolist())
+    return set_tip(model, *np.add(model.aim.tip, (side, top)).tolist())
 
 
 @_only("aiming")
@@ -320,24 +383,44 @@ def set_elevation(model: Model, degrees: float) -> Model:
     """Sets the elevation of the cue."""
     if not model.has_spin:
         return model
-    elevation = min(max(degrees, 0.0), STEEPEST)
-    return _with_aim(dataclasses.replace(model, elevation=elevation), model.angle, model.speed)
+    return _aimed(model, elevation=min(max(degrees, 0.0), STEEPEST))
 
 
 @_only("aiming")
 def level(model: Model) -> Model:
     """Levels the cue and moves its tip to the centre of the ball."""
-    return _with_aim(dataclasses.replace(model, tip=(0.0, 0.0), elevation=0.0), model.angle, model.speed)
+    return _aimed(model, tip=(0.0, 0.0), elevation=0.0)
+
+
+@_only("aiming")
+def next_kind(model: Model) -> Model:
+    """Selects the next kind of call that the player has."""
+    kinds = model.kinds
+    kind = kinds[(kinds.index(model.aim.call.kind) + 1) % len(kinds)]
+    return dataclasses.replace(model, aim=model.aim._replace(call=Call(kind=kind)))
+
+
+@_only("aiming")
+def next_called(model: Model, name: str) -> Model:
+    """Calls the next "ball" that may be touched first, or the next "pocket", if the game has such a call."""
+    state, call = model.game.state, model.aim.call
+    balls = model.setup.game_rules.legal(state, state.player) if state.called or state.colour or state.free_ball else ()
+    pockets = range(len(model.setup.scene.table.pockets)) if state.called else ()
+    possible = sorted({"ball": balls, "pocket": pockets}[name])
+    if call.kind != "shot" or not possible:
+        return model
+    following = next((one for one in possible if one > getattr(model.call, name)), possible[0])
+    return dataclasses.replace(model, aim=model.aim._replace(call=call._replace(**{name: following})))
 
 
 def go(model: Model) -> Model:
-    """Places the cue ball, shoots, skips to the end of the shot, ends the replay, or closes the help."""
-    if model.help:
-        return toggle_help(model)
-    if model.phase == "placing":
-        return _with_aim(model, _first_angle(model), model.speed)
+    """Places the cue ball, shoots, skips to the end of the shot, ends the replay, or closes a page."""
+    if model.page:
+        return toggle_page(model, model.page)
     if model.phase == "aiming":
-        return shoot(model, model.stroke)
+        return shoot(model, model.stroke, model.aim)
+    if model.phase == "placing":
+        return _aimed(model, angle=_first_angle(model))
     if model.phase == "rolling":
         return tick(model, math.inf)
     return _next_turn(model) if model.phase == "replaying" else model
@@ -346,39 +429,32 @@ def go(model: Model) -> Model:
 @_only("aiming")
 def place(model: Model) -> Model:
     """Takes the cue ball in hand again."""
-    return model if model.place is None else dataclasses.replace(model, phase="placing", preview=None)
+    return model if model.aim.place is None else dataclasses.replace(model, phase="placing", preview=None)
 
 
 def undo(model: Model) -> Model:
-    """Returns the model before the last shot of a person; unchanged if there is no such shot."""
-    for k in range(len(model.strokes) - 1, -1, -1):
+    """Returns the model before the last shot of a person, with the aim of this shot; unchanged if there is none."""
+    for k in range(len(model.turns) - 1, -1, -1):
         if model.players[model.games[k].state.player] == HUMAN:
-            undone = (*zip(model.strokes[k:], model.games[k + 1 :], strict=True), *model.undone)
-            return _restored(model, model.games[: k + 1], model.strokes[:k], undone)
+            return _restored(model, model.turns[:k], model.turns[k:] + model.undone)
     return model
 
 
 def redo(model: Model) -> Model:
     """Returns the model at the next turn of a person, after undone strokes; unchanged if there are none."""
     while model.undone:
-        (stroke, game), *undone = model.undone
-        model = _restored(model, (*model.games, game), (*model.strokes, stroke), tuple(undone))
+        model = _restored(model, model.turns + model.undone[:1], model.undone[1:])
         if model.phase != "thinking":
             break
     return model
 
 
-def _restored(
-    model: Model,
-    games: tuple[GameState, ...],
-    strokes: tuple[Stroke, ...],
-    undone: tuple[tuple[Stroke, GameState], ...],
-) -> Model:
-    """Returns the model at the start of a turn of the past."""
-    last_shot = play(model.setup, games[-2], strokes[-1]) if strokes else None
-    return _next_turn(
-        dataclasses.replace(model, games=games, strokes=strokes, undone=undone, last_shot=last_shot, comparison=None)
-    )
+def _restored(model: Model, turns: tuple[Turn, ...], undone: tuple[Turn, ...]) -> Model:
+    """Returns the model at the start of a turn of the past, with the aim of the undone stroke of a person."""
+    model = _next_turn(dataclasses.replace(model, turns=turns, undone=undone, comparison=None))
+    if model.phase not in ("placing", "aiming") or not undone or undone[0].aim.call.kind in NO_SHOT:
+        return model
+    return _aimed(model, **undone[0].aim._asdict())
 
 
 def replay(model: Model) -> Model:
@@ -397,9 +473,14 @@ def toggle_ghost(model: Model) -> Model:
     return dataclasses.replace(model, ghost=not model.ghost)
 
 
-def toggle_help(model: Model) -> Model:
-    """Shows or hides the help."""
-    return dataclasses.replace(model, help=not model.help)
+def toggle_page(model: Model, page: str) -> Model:
+    """Shows or hides the page "keys" or "rules"."""
+    return dataclasses.replace(model, page="" if model.page == page else page)
+
+
+def toggle_zoom(model: Model) -> Model:
+    """Shows the ball that the aimed shot touches first enlarged, or not."""
+    return dataclasses.replace(model, zoom=not model.zoom)
 
 
 def slow_down(model: Model) -> Model:

@@ -34,7 +34,7 @@ class Panel:
 
     def draw(self, frame: pygame.Surface, model: Model) -> None:
         """Draws the controls for a model; those that have no effect are faint."""
-        key = model.phase, model.tip, model.elevation, model.speed, model.max_speed
+        key = model.phase, model.aim, model.kinds, model.max_speed
         if key != self._key:
             self._key, self._image = key, self._paint(model)
         frame.blit(self._image, (round(self._row.x), round(self._row.y)))
@@ -46,18 +46,19 @@ class Panel:
         ball, elevation, speed, button = (self._zoomed(box) for box in places)
         radius = ball.width / 2
         large.blit(_face(round(radius), model.setup.scene.cue.miscue_offset), ball)
-        tip = ball.centerx - model.tip[0] * radius, ball.centery - model.tip[1] * radius
+        (side, top), height = model.aim.tip, model.aim.elevation
+        tip = ball.centerx - side * radius, ball.centery - top * radius
         pygame.draw.circle(large, "#274f7d", tip, 0.19 * radius)
         pygame.draw.circle(large, "#5a92cc", tip, 0.15 * radius)
 
         pygame.draw.rect(large, GROOVE, elevation, border_radius=elevation.width // 2)
-        filled = elevation.height * model.elevation / STEEPEST
+        filled = elevation.height * height / STEEPEST
         bar = pygame.Rect(elevation.x, round(elevation.bottom - filled), elevation.width, round(filled))
         pygame.draw.rect(large, LEVEL, bar, border_radius=elevation.width // 2)
         _draw_knob(large, elevation.centerx, elevation.bottom - filled, 0.62 * elevation.width)
 
         pygame.draw.rect(large, GROOVE, speed, border_radius=speed.height // 2)
-        filled = speed.width * model.speed / model.max_speed
+        filled = speed.width * model.aim.speed / model.max_speed
         large.blit(_speeds(speed.size), speed, (0, 0, round(filled), speed.height))
         _draw_knob(large, speed.x + filled, speed.centery, 0.62 * speed.height)
 
@@ -78,12 +79,13 @@ class Panel:
 
         box, x = places.elevation, places.elevation.x + 2.7 * places.elevation.width
         write("cue", x, box.y + 0.2 * box.height, SOFT, 0.17, 3 * box.width)
-        write(f"{model.elevation:.0f}\u00b0", x, box.y + 0.8 * box.height, INK, 0.17, 3 * box.width)
+        write(f"{height:.0f}\u00b0", x, box.y + 0.8 * box.height, INK, 0.17, 3 * box.width)
         box = places.speed
         write(labels.aim(model), box.x + box.width / 2, box.y - 0.19 * row.height, SOFT, 0.17, box.width)
         box = places.shoot
         middle = box.x + box.width / 2, box.y + box.height / 2
-        write(labels.BUTTONS.get(model.phase, ""), *middle, INK, 0.3, 0.86 * box.width)
+        write(labels.button(model), *middle, INK, 0.3, 0.86 * box.width)
+        write(labels.choice(model), middle[0], row.y + 0.9 * row.height, LEVEL, 0.2, box.width)
         return image
 
     def _zoomed(self, box: Box) -> pygame.Rect:

@@ -27,12 +27,14 @@ class Preview(NamedTuple):
         cue: (p, 2) m, the path of the cue ball from there to its next contact with a ball, a cushion or a pocket, or
             to its rest; empty if it touches no ball.
         struck: (q, 2) m, the same path of the ball that it touches.
+        pocket: The pocket in whose direction this ball leaves, or -1.
     """
 
     path: Floats
     ball: int
     cue: Floats
     struck: Floats
+    pocket: int = -1
 
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
@@ -49,7 +51,11 @@ def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
         later = _contacts(recording, one, CONTACTS)["time"]
         later = later[later > time]
         after.append(_path(recording, one, time, float(later[0]) if len(later) else recording.time))
-    return Preview(_path(recording, cue, 0.0, time), ball, *after)
+    left, struck = after
+    ways = np.reshape([(pocket.x, pocket.y) for pocket in setup.scene.table.pockets], (-1, 2)) - struck[0]
+    cosines = ways @ (struck[1] - struck[0]) / np.hypot(*ways.T)
+    pocket = int(cosines.argmax()) if len(ways) else -1
+    return Preview(_path(recording, cue, 0.0, time), ball, left, struck, pocket)
 
 
 def _contacts(recording: Recording, ball: int, kinds: tuple[str, ...]) -> NDArray[np.void]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -19,32 +20,41 @@ from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
 from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
-from billiards_env.play.labels import UNSAVED
 from billiards_env.play.model import Model, begin, shoot, tick
+from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
 
-COMMANDS = {
-    pygame.K_c: actions.level,
-    pygame.K_SPACE: actions.go,
-    pygame.K_RETURN: actions.go,
-    pygame.K_KP_ENTER: actions.go,
-    pygame.K_p: actions.place,
-    pygame.K_u: actions.undo,
-    pygame.K_r: actions.replay,
-    pygame.K_g: actions.toggle_ghost,
-    pygame.K_h: actions.toggle_help,
-    pygame.K_y: actions.redo,
-    pygame.K_z: actions.undo,
-    **dict.fromkeys(SLOWER_KEYS, actions.slow_down),
-    **dict.fromkeys(FASTER_KEYS, actions.speed_up),
+COMMANDS: dict[int, tuple[Any, ...]] = {
+    pygame.K_c: (actions.level,),
+    pygame.K_SPACE: (actions.go,),
+    pygame.K_RETURN: (actions.go,),
+    pygame.K_KP_ENTER: (actions.go,),
+    pygame.K_p: (actions.place,),
+    pygame.K_u: (actions.undo,),
+    pygame.K_r: (actions.replay,),
+    pygame.K_g: (actions.toggle_ghost,),
+    pygame.K_f: (actions.toggle_zoom,),
+    pygame.K_h: (actions.toggle_page, "keys"),
+    pygame.K_F1: (actions.toggle_page, "rules"),
+    pygame.K_x: (actions.next_kind,),
+    pygame.K_b: (actions.next_called, "ball"),
+    pygame.K_k: (actions.next_called, "pocket"),
+    pygame.K_y: (actions.redo,),
+    pygame.K_z: (actions.undo,),
+    **dict.fromkeys(SLOWER_KEYS, (actions.slow_down,)),
+    **dict.fromkeys(FASTER_KEYS, (actions.speed_up,)),
 }
+"""The action of each key, with its arguments."""
 
 ARROWS = {pygame.K_LEFT: (-1, 0), pygame.K_RIGHT: (1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
 
 DEGREES, METRES_PER_SECOND, METRES, RADII = 1.0, 0.1, 0.01, 0.05
 """Changes of the aim, the speed, the cue ball in hand and, with control, the tip of the cue by an arrow key; a tenth of
 them with shift."""
+
+FINE = {pygame.K_COMMA: 0.01, pygame.K_PERIOD: -0.01}
+"""Changes of the aim, degrees; a tenth of them with shift."""
 
 ELEVATIONS = {pygame.K_PAGEUP: 5.0, pygame.K_PAGEDOWN: -5.0}
 """Changes of the elevation of the cue, degrees."""
@@ -71,18 +81,29 @@ class GameWindow:
         model: The state of the game.
         open: False after the user has quit.
         ask: Whether quitting asks first if the game is not saved; True by default.
+        interrupted: Whether Ctrl-C or SIGTERM has closed the window.
         asking: Whether the question is shown.
         message: The result of the last command, such as saving.
     """
 
     def __init__(
-        self, model: Model, players: Sequence[Player | None], rng: np.random.Generator, save: Path, width: int
+        self,
+        model: Model,
+        players: Sequence[Player | None],
+        rng: np.random.Generator,
+        save: Path,
+        width: int,
+        palette: str = "realistic",
     ) -> None:
-        """Opens a window of `width` pixels; a person is None in `players`, and "S" saves to the path `save`."""
+        """Opens a window of `width` pixels with balls in the colours of `palette`, one of `style.PALETTES`.
+
+        A person is None in `players`, and "S" saves to the path `save`.
+        """
+        self.interrupted = False
         self.model, self.open, self.message = model, True, ""
         self.ask, self.asking = True, False
         self._players, self._rng, self._save, self._saved = players, rng, save, model.strokes
-        self._view = View(model.setup.scene, width)
+        self._view = View(model.setup.scene, width, palette)
         self._screen = Screen(self._view.size, f"Billiards: {model.setup.rules.replace('_', ' ')}")
         pygame.key.set_repeat(300, 30)
         # The part that the mouse drags: a control, "arrow", "table" or nothing
@@ -93,16 +114,27 @@ class GameWindow:
         self._frame = self._view.draw(model)
 
     def run(self) -> None:
-        """Plays until the window is closed."""
+        """Plays until the window is closed. Ctrl-C and SIGTERM close it without a question."""
+        before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             while self.open:
                 self.frame()
         finally:
             self.close()
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _interrupt(self, *_: Any) -> None:
+        self.open, self.interrupted = False, True
 
     def close(self) -> None:
         """Closes the window."""
         self._screen.close()
+
+    @property
+    def saved(self) -> bool:
+        """Whether all strokes are saved."""
+        return self.model.strokes == self._saved
 
     def pixels_of(self, point: ArrayLike) -> NDArray[np.float64]:
         """Returns the pixels (2,) of a point (2,), m, from the upper left corner."""
@@ -165,13 +197,13 @@ class GameWindow:
 
     def _quit(self) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""
-        self.open = self.asking = self.ask and not self.asking and self.model.strokes != self._saved
+        self.open = self.asking = self.ask and not self.asking and not self.saved
 
     def _answer(self, key: int) -> None:
         """Handles a key after the question whether to save."""
         if key == pygame.K_s:
             self.save()
-            self.open = self.model.strokes != self._saved
+            self.open = not self.saved
         elif key == pygame.K_q:
             self.open = False
         self.asking = False
@@ -188,8 +220,8 @@ class GameWindow:
                 self.asking = False
         elif event.type == pygame.KEYDOWN:
             self.message = ""
-            if event.key == pygame.K_ESCAPE and self.model.help:
-                self._do(actions.toggle_help)
+            if event.key == pygame.K_ESCAPE and self.model.page:
+                self._do(actions.toggle_page, self.model.page)
             elif event.key in (pygame.K_q, pygame.K_ESCAPE):
                 self._quit()
             elif event.key == pygame.K_s:
@@ -197,11 +229,15 @@ class GameWindow:
             elif event.key == pygame.K_n and self.model.phase == "over":
                 self._new_game()
             elif event.key in ELEVATIONS:
-                self._do(actions.set_elevation, self.model.elevation + ELEVATIONS[event.key])
+                self._do(actions.set_elevation, self.model.aim.elevation + ELEVATIONS[event.key])
+            elif event.key in FINE:
+                self._do(actions.turn_aim, FINE[event.key] * _share(event.mod))
             elif event.key in ARROWS:
                 self._move(*ARROWS[event.key], event.mod)
             elif event.key in COMMANDS:
-                self._do(COMMANDS[event.key])
+                self._do(*COMMANDS[event.key])
+            elif event.unicode == "?":
+                self._do(actions.toggle_page, "rules")
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self.message = ""
             self._press(event.pos)
@@ -211,14 +247,18 @@ class GameWindow:
             self._drag(event.pos)
             self._do(actions.move_to, self._view.point_of(event.pos))
         elif event.type == pygame.MOUSEWHEEL:
-            self._do(actions.change_speed, METRES_PER_SECOND * event.y)
+            share = _share(pygame.key.get_mods())
+            if self.model.zoom:
+                self._do(actions.turn_aim, FINE[pygame.K_COMMA] * share * event.y)
+            else:
+                self._do(actions.change_speed, METRES_PER_SECOND * share * event.y)
 
     def _press(self, pixel: tuple[int, int]) -> None:
         """Handles the left button: it presses a control, aims, places the cue ball or continues."""
         control = self._view.controls.at(pixel)
         if control == "shoot" and self.model.phase == "over":
             self._new_game()
-        elif self.model.help or control == "shoot" or (self.model.phase != "aiming" and control is None):
+        elif self.model.page or control == "shoot" or (self.model.phase != "aiming" and control is None):
             self._do(actions.go)
         elif self.model.phase == "aiming":
             double = control == "ball" and time.monotonic() - self._clicked < DOUBLE_CLICK
@@ -250,14 +290,14 @@ class GameWindow:
         """Starts a game with the same settings; the old one is no longer saved."""
         model = self.model
         history = History(model.setup, opening(model.setup, self._rng), ())
-        self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace)
+        self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace, model.choices)
 
     def _do(self, action: Callable[..., Model], *args: Any) -> None:
         self.model = action(self.model, *args)
 
     def _move(self, x: int, y: int, modifiers: int) -> None:
         """Handles an arrow key that points along (x, y)."""
-        share = 0.1 if modifiers & pygame.KMOD_SHIFT else 1.0
+        share = _share(modifiers)
         if modifiers & pygame.KMOD_CTRL:
             self._do(actions.move_tip, -RADII * share * x, RADII * share * y)
         elif self.model.phase == "placing":
@@ -273,8 +313,8 @@ class GameWindow:
         if model.phase != "aiming":
             return False
         radius = model.setup.scene.balls.radius[model.cue]
-        along = np.array([math.cos(model.angle), math.sin(model.angle)])
-        tip = np.array(model.cue_position) + (ARROW * model.speed + ARROW_START * radius) * along
+        along = np.array([math.cos(model.aim.angle), math.sin(model.aim.angle)])
+        tip = np.array(model.cue_position) + (ARROW * model.aim.speed + ARROW_START * radius) * along
         ball, tip = (float(np.hypot(*(self.pixels_of(p) - pixel))) for p in (model.cue_position, tip))
         return ball < self._view.canvas.scale * radius + GRIP or tip < GRIP
 
@@ -282,3 +322,8 @@ class GameWindow:
         """Returns whether a pixel is on the playing surface."""
         table, (x, y) = self.model.setup.scene.table, self._view.point_of(pixel)
         return abs(x) <= table.length / 2 and abs(y) <= table.width / 2
+
+
+def _share(modifiers: int) -> float:
+    """Returns the share of a step that a key takes with its modifiers."""
+    return 0.1 if modifiers & pygame.KMOD_SHIFT else 1.0

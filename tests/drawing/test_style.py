@@ -10,6 +10,7 @@ from billiards_env.drawing.style import (
     CUSHION,
     CUSHION_EDGE,
     MARKING,
+    PALETTES,
     POCKET,
     RAIL_EDGE,
     cushion_names,
@@ -151,8 +152,25 @@ def test_snooker_and_uk_balls_have_the_colours_of_their_game():
     assert not any(look.striped for look in looks(Scene.named("snooker")) + looks(Scene.named("uk_pool")))
 
 
-def test_paths_contrast_with_the_cloth():
-    for look in looks(Scene.named("pool", 15)) + looks(Scene.named("carom")) + looks(Scene.named("snooker")):
+def test_the_colours_of_a_palette_differ():
+    for palette in PALETTES:
+        for scene, n in (("pool", 8), ("snooker", None), ("carom", None)):
+            fills = [look.fill for look in looks(Scene.named(scene, n), palette)]
+            assert len(set(fills)) == {"pool": 9, "snooker": 8, "carom": 3}[scene]
+    realistic = looks(Scene.named("pool", 7), "realistic")
+    red, green, blue = (int(realistic[3].fill[k : k + 2], 16) for k in (1, 3, 5))
+    assert red > 3 * max(green, blue)  # the 3 is red
+    with pytest.raises(ValueError, match="palette = 'real': expected one of"):
+        looks(Scene.named("pool"), "real")
+
+
+@pytest.mark.parametrize("palette", PALETTES)
+def test_paths_contrast_with_the_cloth(palette):
+    for look in (
+        look
+        for name, n in (("pool", 15), ("carom", 2), ("snooker", 21))
+        for look in looks(Scene.named(name, n), palette)
+    ):
         assert (luminance(look.path) + 0.05) / (luminance(CLOTH) + 0.05) > 3
 
 

@@ -14,12 +14,12 @@ os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 def make_model():
     """A function that returns the model of a game for two players, from the opening or from given positions."""
 
-    def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), **kwargs):
+    def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, **kwargs):
         balls = RULES[rules].n_object_balls[1] if positions is None else len(positions) - 1
         setup = Setup(rules, Scene.named(RULES[rules].scene, balls), len(players), **kwargs)
         table = (
             opening(setup, np.random.default_rng(0)) if positions is None else custom_opening(setup, positions, state)
         )
-        return begin(History(setup, table, ()), players, 8.0, 1 / 60)
+        return begin(History(setup, table, ()), players, 8.0, 1 / 60, choices=choices)
 
     return make

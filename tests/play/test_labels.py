@@ -1,19 +1,75 @@
+from typing import Any
+
+import pytest
+
+from billiards_env.games import RULES
 from billiards_env.play import labels
-from billiards_env.play.model import go, replay, toggle_ghost, turn_aim
+from billiards_env.play.model import (
+    change_speed,
+    go,
+    look_at,
+    next_called,
+    next_kind,
+    replay,
+    tick,
+    toggle_ghost,
+    turn_aim,
+)
+from billiards_env.play.pages import rules_page
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
+SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
+CAROM = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
 
 
-def test_the_hint_names_the_legal_balls(make_model):
-    for state, hint in (
-        ({"break_shot": True}, ""),
-        ({}, "not ball 8"),
-        ({"solids": 0}, "solids"),
-        ({"solids": 1}, "stripes"),
-        ({"solids": 0, "on_table": [0, 8, 9, 10]}, "first ball 8"),
-    ):
-        assert labels.first_ball_hint(make_model("eight_ball", EIGHT, state)) == hint
-    assert labels.first_ball_hint(make_model("nine_ball", EIGHT[:10], {"on_table": [0, 4, 7, 9]})) == "first ball 4"
+@pytest.mark.parametrize(
+    ("rules", "state", "words"),
+    [
+        ("eight_ball", {"break_shot": True}, "break"),
+        ("eight_ball", {}, "open table: any ball but the 8"),
+        ("eight_ball", {"solids": 0}, "solids"),
+        ("eight_ball", {"solids": 1}, "stripes"),
+        ("eight_ball", {"solids": 0, "on_table": [0, 8, 9, 10]}, "on: the 8"),
+        ("nine_ball", {"on_table": [0, 4, 7, 9]}, "on: the 4"),
+        ("straight", {}, "any ball"),
+        ("snooker", {"break_shot": True}, "on: red"),
+        ("snooker", {"colour": True}, "on: a colour"),
+        ("snooker", {"on_table": [0, *range(17, 22)]}, "on: green"),
+        ("snooker", {"free_ball": True}, "free ball, any ball"),
+        ("snooker", {"in_hand": "behind"}, "cue ball in the D"),
+        ("nine_ball", {"in_hand": "behind"}, "cue ball behind the line"),
+        ("nine_ball", {"in_hand": "anywhere"}, "cue ball anywhere"),
+        ("carom", {}, "white cue ball, red and yellow"),
+        ("three_cushion", {"cue_balls": [2, 0]}, "yellow cue ball, white and red, three cushions"),
+        ("three_cushion", {"break_shot": True}, "white cue ball, red first, three cushions"),
+    ],
+)
+def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
+    balls = {"snooker": SNOOKER, "nine_ball": EIGHT[:10], "carom": CAROM, "three_cushion": CAROM}.get(rules, EIGHT)
+    assert labels.status(make_model(rules, balls, state)) == f"Player 1: {words}"
+
+
+def test_the_prompt_has_the_calls_and_the_choices(make_model):
+    assert labels.on(next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball")) == "on: a colour: yellow"
+    model = make_model("eight_ball", EIGHT, called=True)
+    assert (labels.button(model), labels.choice(model)) == ("Shoot", "X: safety")
+    model = next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
+    assert labels.status(model) == "Player 1: push out, any ball or none"
+    assert (labels.button(model), labels.choice(model)) == ("Push out", "X: shot")
+
+
+def test_cushions_are_counted(make_model):
+    start = change_speed(make_model("three_cushion", CAROM), 4.0)
+    counts = set()
+    for degrees in range(0, 360, 5):
+        model: Any = go(turn_aim(start, degrees))
+        touched = model.last_shot.facts.touched
+        if len(touched) == 2:
+            counts.add(touched[1][1])
+            assert labels.cushions(model).split()[0] == str(touched[1][1])
+    assert len(counts) > 1
+    model = go(look_at(make_model("three_cushion", [[0.0, 0.3], *CAROM[1:]]), (0.0, 0.5)))
+    assert labels.status(tick(model, 0.3)) == "Player 1   1 cushion"
 
 
 def test_the_result_of_a_shot(make_model):
@@ -23,14 +79,20 @@ def test_the_result_of_a_shot(make_model):
     assert labels.result(potted) == "potted 1   1 : 0"
     missed = go(go(turn_aim(potted, 90.0)))
     assert labels.result(missed) == "foul: no hit   0 : 0"
-    foul = go(go(turn_aim(make_model("nine_ball", EIGHT[:10]), 180.0)))
-    assert labels.result(foul).startswith("foul: ")
+    snooker = go(go(look_at(make_model("snooker", SNOOKER, {}, choices=True, miss=True), (0.3, -0.5))))
+    assert labels.result(snooker) == "foul and a miss: no hit, 4 points   0 : 4"
+
+
+def test_each_game_has_a_page_of_rules(make_model):
+    assert all(len(rules_page(make_model(rules).setup, choices=False)) > 2 for rules in RULES)
+    snooker = rules_page(make_model("snooker", miss=True).setup, choices=True)
+    assert {"choice", "miss"} <= {row[0] for row in snooker}
+    assert "calls" in dict(rules_page(make_model("straight", called=True).setup, choices=False))
 
 
 def test_each_player_has_a_label(make_model):
     model = make_model(positions=EIGHT[:3], players=("human", "search:500", "mine.players:geometric"))
     assert [labels.player_name(model, i) for i in range(3)] == ["Player 1", "Player 2 (search)", "Player 3 (geometric)"]
-    assert labels.status(model).startswith("Player 1: 2.00 m/s")
 
 
 def test_a_replay_shows_the_engines(make_model):
@@ -40,5 +102,4 @@ def test_a_replay_shows_the_engines(make_model):
 
 
 def test_minus_zero_is_not_shown(make_model):
-    model = make_model(positions=[*EIGHT[:1], [0.5, -1e-9]])
-    assert "   0.0°" in labels.status(model).replace("m/s, ", "   ")
+    assert labels.aim(make_model(positions=[*EIGHT[:1], [0.5, -1e-9]])) == "2.00 m/s   0.00°"

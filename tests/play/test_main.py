@@ -1,19 +1,24 @@
 import re
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 pytest.importorskip("pygame")
 
 from billiards_env import Scene, simulate
+from billiards_env.drawing.style import PALETTES, looks
 from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, Stroke, records
 from billiards_env.play import window as windows
 from billiards_env.play.__main__ import MAKERS, compile_engines, main, make_history, make_parser
 from billiards_env.play.model import HUMAN, go, shoot
 from billiards_env.players.strategies import STRATEGIES
+from billiards_env.scene import SCENES
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 
@@ -50,9 +55,13 @@ def history(*arguments, seed=0):
     return make_history(make_parser().parse_args(arguments), np.random.default_rng(seed))
 
 
-def test_the_default_game():
+def test_the_default_games():
     setup = history().setup
     assert (setup.rules, setup.n_players, setup.mode, setup.scene.n_balls) == ("eight_ball", 2, "pic", 16)
+    for rules, scene in (("eight_ball", "real_pool"), ("nine_ball", "real_pool"), ("snooker", "snooker")):
+        setup = history("--rules", rules).setup
+        assert setup.scene == Scene.named(scene, setup.scene.n_balls - 1)
+    assert history("--scene", "uk_pool").setup.scene == Scene.named("uk_pool")
 
 
 def test_arguments_describe_the_game():
@@ -70,12 +79,45 @@ def test_the_seed_determines_the_rack():
 
 
 def test_a_window_is_opened(frames, capsys):
-    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--seed", "1"])
+    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--choices"])
     (shown,) = frames
     assert shown.count == 3
     assert (shown.model.max_speed, shown.model.pace, shown.model.players) == (3.0, 0.5, ("human", "random"))
-    assert shown.ask
+    assert (shown.ask, shown.model.choices) == (True, True)
+    assert shown._view.canvas.looks == looks(Scene.named("pool", 9), "realistic")
     assert "saved" not in capsys.readouterr().out
+
+
+def test_the_rules_have_options():
+    assert history("--rules", "straight", "--called").setup.called
+    assert history("--rules", "snooker", "--choices", "--miss").setup.miss
+
+
+def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
+    def frame(self):
+        self.model = go(self.model)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(windows.GameWindow, "frame", frame)
+    monkeypatch.chdir(tmp_path)
+    Path("game.json").write_text("another game")
+    main(["--rules", "carom"])
+    saved = records.load(Path("game-2.json"))
+    assert isinstance(saved, records.GameRecord)
+    assert len(saved.strokes) == 1
+    assert Path("game.json").read_text() == "another game"
+
+
+def test_without_a_display_there_is_no_window(monkeypatch, frames):
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    monkeypatch.setattr("pygame.display.init", lambda: None)
+    monkeypatch.setattr("pygame.display.get_driver", lambda: "offscreen")
+    message = "display = 'offscreen': expected one that shows a window"
+    with pytest.raises(SystemExit, match=f"^error: {message}"):
+        main(["--rules", "carom"])
+    with pytest.raises(OSError, match=message):
+        gym.make("Billiards-v0", render_mode="human").reset(seed=0)
+    assert frames == []
 
 
 def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, capsys):
@@ -117,6 +159,12 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
         (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
+        (["--load", "SAVED", "--called"], "--called with --load"),
+        (["--load", "SAVED", "--target", "0"], "--target with --load"),
+        (["--rules", "carom", "--called"], "called = True with rules 'carom': expected False"),
+        (["--rules", "snooker", "--miss"], "--miss without --choices"),
+        (["--scene", "real_pol"], r"scene = 'real_pol': .* \(did you mean 'real_pool'\?\)"),
+        (["--rules", "carom", "--palette", "realist"], "palette = 'realist': expected one of 'colour_blind'"),
         (["--load", "SAVED", "--players", "human,human,human"], "players = human, human, human: expected 2"),
         (["--load", "SHOT"], "holds a shot: expected a game"),
         (["--width", "3"], "width = 3"),
@@ -147,7 +195,7 @@ def test_help_lists_the_values_of_each_option(capsys):
         main(["--help"])
     shown = set(re.findall(r"\w+", capsys.readouterr().out))
     layouts = {name for rules in RULES.values() for name in rules.layouts}
-    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, HUMAN} <= shown
+    assert {*RULES, *layouts, *MODES, *STRATEGIES, *MAKERS, *SCENES, *PALETTES, HUMAN} <= shown
 
 
 def test_without_pygame_the_error_names_the_package_to_install():

@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env import Scene, simulate, strike
 from billiards_env.drawing.pace import PACES
-from billiards_env.games import History, Setup, Stroke, custom_opening, play
+from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play
 from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
@@ -21,6 +21,8 @@ from billiards_env.play.model import (
     look_at,
     move_by,
     move_to,
+    next_called,
+    next_kind,
     place,
     redo,
     replay,
@@ -31,7 +33,7 @@ from billiards_env.play.model import (
     speed_up,
     tick,
     toggle_ghost,
-    toggle_help,
+    toggle_page,
     turn_aim,
     undo,
 )
@@ -39,6 +41,7 @@ from billiards_env.play.preview import make_preview
 from billiards_env.scene import Physics
 
 STRAIGHT = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
+NINE = [[0.0, 0.0], *([-1.0 + 0.12 * i, -0.5] for i in range(9))]
 INTO_THE_CORNER = [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]]
 
 
@@ -84,27 +87,27 @@ def test_a_shot_from_the_cue_ball_in_hand_to_the_next_player(make_model):
 def test_the_first_aim_is_full_on_the_nearest_legal_ball(make_model):
     balls = [[0.0, 0.0], *([-1.0 + 0.1 * i, 0.5] for i in range(9))]
     model = make_model("nine_ball", balls)
-    assert model.angle == math.atan2(0.5, -1.0)
+    assert model.aim.angle == math.atan2(0.5, -1.0)
     model = make_model("straight", [*balls[:1], [0.4, -0.3], [0.8, 0.0]])
-    assert model.angle == math.atan2(-0.3, 0.4)
+    assert model.aim.angle == math.atan2(-0.3, 0.4)
 
 
 def test_arrow_keys_change_direction_and_speed(make_model):
     model = after(make_model(positions=STRAIGHT), (turn_aim, 10.0), (change_speed, 0.5))
-    assert math.degrees(model.angle) == pytest.approx(10.0)
-    assert model.speed == pytest.approx(2.5)
-    assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.angle), 2.5 * math.sin(model.angle)))
-    assert after(model, (change_speed, 100.0)).speed == model.max_speed
-    assert after(model, (change_speed, -100.0)).speed == LEAST_SPEED
+    assert math.degrees(model.aim.angle) == pytest.approx(10.0)
+    assert model.aim.speed == pytest.approx(2.5)
+    assert model.stroke.velocity == pytest.approx((2.5 * math.cos(model.aim.angle), 2.5 * math.sin(model.aim.angle)))
+    assert after(model, (change_speed, 100.0)).aim.speed == model.max_speed
+    assert after(model, (change_speed, -100.0)).aim.speed == LEAST_SPEED
 
 
 def test_the_arrow_follows_the_mouse(make_model):
     model = make_model(positions=STRAIGHT)
     r = model.setup.scene.balls.radius[0]
     model = after(model, (aim_at, (-0.4, 0.09 * 3.0 + 1.4 * r)))
-    assert model.angle == math.pi / 2
-    assert model.speed == pytest.approx(3.0)
-    assert after(model, (aim_at, (-0.4, 0.0))).speed == LEAST_SPEED
+    assert model.aim.angle == math.pi / 2
+    assert model.aim.speed == pytest.approx(3.0)
+    assert after(model, (aim_at, (-0.4, 0.0))).aim.speed == LEAST_SPEED
 
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
@@ -165,10 +168,12 @@ def test_the_preview_ends_at_the_first_contact_of_the_engine(make_model, mode):
 def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
     plain = after(make_model(positions=STRAIGHT), (look_at, (0.4, 0.03)))
     turned = after(plain, (set_tip, -0.4, 0.2), (set_elevation, 10.0))
-    assert (turned.angle, turned.speed) == (plain.angle, plain.speed)
+    assert (turned.aim.angle, turned.aim.speed) == (plain.aim.angle, plain.aim.speed)
     assert not np.allclose(turned.preview.path[:50], plain.preview.path[:50], atol=1e-4)
-    scene, (side, top) = turned.setup.scene, turned.tip
-    made = strike(scene, turned.speed / strike(scene, 1.0, 0.0).velocity[0], turned.angle, side, top, math.radians(10))
+    scene, (side, top) = turned.setup.scene, turned.aim.tip
+    made = strike(
+        scene, turned.aim.speed / strike(scene, 1.0, 0.0).velocity[0], turned.aim.angle, side, top, math.radians(10)
+    )
     shot = simulate(scene, STRAIGHT, made, record=True)
     assert shot.events is not None
     times = shot.events["time"][shot.events["kind"] == "ball_ball"]
@@ -179,11 +184,11 @@ def test_the_preview_has_the_throw_and_the_spin_of_the_engine(make_model):
 
 def test_the_tip_of_the_cue_does_not_slip(make_model):
     model = after(make_model(positions=STRAIGHT), (set_tip, 0.9, -1.2))
-    assert math.hypot(*model.tip) == pytest.approx(0.5, rel=2e-3)
-    assert model.tip[0] / model.tip[1] == pytest.approx(-0.75)
-    assert after(model, (set_elevation, 200.0)).elevation == 90.0
-    assert after(model, level).tip == (0.0, 0.0)
-    assert after(model, go, go).tip == (0.0, 0.0)  # the next turn begins with a level cue
+    assert math.hypot(*model.aim.tip) == pytest.approx(0.5, rel=2e-3)
+    assert model.aim.tip[0] / model.aim.tip[1] == pytest.approx(-0.75)
+    assert after(model, (set_elevation, 200.0)).aim.elevation == 90.0
+    assert after(model, level).aim.tip == (0.0, 0.0)
+    assert after(model, go, go).aim.tip == (0.0, 0.0)  # the next turn begins with a level cue
 
 
 def test_scenes_without_spin_have_no_english():
@@ -223,26 +228,26 @@ def test_the_preview_uses_the_cue_ball_of_the_player(make_model):
     assert model.preview.ball == 0
 
 
-def test_go_skips_to_the_end_of_a_shot(make_model):
-    one = after(make_model(positions=STRAIGHT), go)
-    two = after(one, go)
-    assert two.phase in ("aiming", "placing")
-    assert same(one, two)
-
-
 def test_undo_and_the_same_stroke_reproduce_the_bits(make_model):
     model = after(make_model("nine_ball"), go, (turn_aim, 0.3))
     done = after(model, go, go)
     undone = after(done, undo)
-    assert undone.phase == "placing"
     assert undone.strokes == ()
     assert undone.last_shot is None
-    again = shoot(undone, done.strokes[0])
-    assert same(again, done)
+    assert same(after(undone, go), done)
     two = after(done, go, go)
     back = after(two, undo)
     assert same(back, done)
     assert (back.last_shot.shot.positions == done.last_shot.shot.positions).all()
+
+
+def test_undo_keeps_the_aim_of_the_shot(make_model):
+    start = after(make_model("nine_ball"), (move_to, (-0.8, 0.1)), go, (turn_aim, 0.31), (set_tip, 0.2, -0.3))
+    undone = after(start, go, go, undo)
+    assert (undone.aim, undone.stroke) == (start.aim, start.stroke)
+    loaded = begin(after(start, go).history, start.players, 8.0, 1 / 60)
+    assert after(loaded, undo).aim.place == start.aim.place
+    assert after(loaded, undo).stroke.velocity == pytest.approx(start.stroke.velocity)
 
 
 def test_redo_restores_what_was_undone(make_model):
@@ -290,7 +295,7 @@ def test_undo_returns_to_the_last_shot_of_a_person(make_model):
 )
 def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
     model = after(make_model(positions=STRAIGHT, **mode), (turn_aim, 1.0), go, go)
-    before = model.angle, model.phase
+    before = model.aim.angle, model.phase
     model = after(model, replay)
     shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
@@ -302,7 +307,7 @@ def test_a_replay_shows_the_shot_of_the_other_engine(make_model, mode, ghost):
     assert tick(model, 1e9).phase == "replaying"  # the end remains visible
     assert tick(model, 1e9).clock == max(shot.time, comparison.time)
     back = after(tick(model, 1e9), go)
-    assert (back.angle, back.phase) == before
+    assert (back.aim.angle, back.phase) == before
     assert after(tick(model, 1.0), replay).clock == 0.0
 
 
@@ -319,9 +324,9 @@ def test_nothing_changes_while_nothing_moves(make_model):
     end = tick(after(model, go, go, replay), 1e9)
     assert end.phase == "replaying"
     assert tick(end, 1.0) is end
-    helped = after(model, go, toggle_help)
+    helped = after(model, go, (toggle_page, "keys"))
     assert tick(helped, 1.0) is helped  # the shot is not shown behind the help
-    assert tick(after(helped, toggle_help), 0.1).clock == 0.1
+    assert tick(after(helped, (toggle_page, "keys")), 0.1).clock == 0.1
 
 
 def test_a_game_that_is_over_has_no_further_shot(make_model):
@@ -346,8 +351,47 @@ def test_a_game_is_continued_from_its_history(make_model):
         begin(model.history, ("human",) * 3, 8.0, 1 / 60)
 
 
-def test_go_closes_the_help(make_model):
-    model = after(make_model(positions=STRAIGHT), toggle_help)
-    assert model.help
-    closed = after(model, go)
-    assert (closed.help, closed.phase) == (False, "aiming")
+def test_the_aimed_ball_and_pocket_are_called(make_model):
+    model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3]], called=True)
+    model, pockets = after(model, (look_at, (0.5, 0.3))), model.setup.scene.table.pockets
+    ball, pocket, _ = model.stroke.call
+    assert (ball, pockets[pocket].x > 1, pockets[pocket].y > 0.6) == (1, True, True)
+    other = after(model, (next_called, "ball"), (next_called, "pocket"))
+    assert other.stroke.call == Call(2, (pocket + 1) % 6)
+    safety = after(other, next_kind)
+    assert safety.stroke.call == Call(kind="safety")
+    assert after(safety, (next_called, "ball")) is safety
+    assert after(safety, next_kind).call == model.call
+    model = make_model("straight", STRAIGHT)
+    assert after(model, (next_called, "ball"), (next_called, "pocket"), next_kind).call == NO_CALL
+
+
+def test_a_push_out_is_handed_back(make_model):
+    state = {"choices": ["push_out"]}
+    model = make_model("nine_ball", NINE, state, choices=True)
+    assert make_model("nine_ball", NINE, state).kinds == ("shot",)
+    pushed = after(model, (look_at, (0.3, 0.6)), next_kind, go)
+    assert (pushed.last_shot.facts.first, pushed.last_shot.verdict.foul) == ((), "")
+    model = after(pushed, go)
+    assert (model.game.state.player, model.kinds) == (1, ("shot", "hand_back"))
+    back = after(model, next_kind, go, go)
+    assert (back.game.state.player, back.phase) == (0, "aiming")
+    assert (back.game.positions == model.game.positions).all()
+    assert after(back, undo).aim.call == NO_CALL
+
+
+def test_the_balls_are_replaced_after_a_miss(make_model):
+    start = after(make_model("snooker", choices=True, miss=True), go, (look_at, (-2.0, 0.0)))
+    model = after(start, go, go)
+    assert model.kinds == ("shot", "hand_back", "replace")
+    model = after(model, next_kind, next_kind, go, go)
+    assert model.game.state.player == 0
+    assert (model.game.positions[1:] == start.game.positions[1:]).all()
+
+
+def test_a_colour_is_nominated(make_model):
+    opening = make_model("snooker").game.positions.copy()
+    opening[0] = [-0.5, 0.3]
+    model = after(make_model("snooker", opening, {"colour": True}), *[(next_called, "ball")] * 4)
+    assert model.stroke.call == Call(ball=19)
+    assert after(make_model("snooker", opening), (next_called, "ball")).call == NO_CALL  # a red is on

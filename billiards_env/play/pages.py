@@ -1,0 +1,102 @@
+"""The pages that cover the table: the keys, the rules of the games, and the question before the window closes.
+
+A page is rows of two texts.
+"""
+
+from __future__ import annotations
+
+from billiards_env.games import Setup
+
+Page = tuple[tuple[str, str], ...]
+
+KEYS: Page = (
+    ("drag from the cue ball", "aim; the arrow's length is the speed"),
+    ("drag on the table", "aim at a point with the same speed"),
+    ("left, right", "turn the aim by 1 degree; with shift 0.1"),
+    ("comma, period", "turn the aim by 0.01 degrees; with shift 0.001"),
+    ("F", "enlarge the object ball; the wheel then turns the aim by 0.01 degrees"),
+    ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01"),
+    ("the white ball below", "drag the tip of the cue: english, follow and draw"),
+    ("ctrl + arrows", "move the tip of the cue; with shift by less"),
+    ("double click on it, C", "level cue at the centre of the ball"),
+    ("page up, page down", "raise and lower the cue by 5 degrees"),
+    ("space, the button", "shoot; place the cue ball; continue"),
+    ("mouse, arrows", "move a cue ball in hand by 1 cm; with shift 1 mm"),
+    ("P", "move the cue ball in hand again"),
+    ("B, K", "call the next ball, the next pocket"),
+    ("X", "the next choice: safety, push out, hand back, replace"),
+    ("U or Z, Y", "undo and redo a person's shot; the aim of the shot is kept"),
+    ("R, G", "replay the last shot; with or without the other engine as rings"),
+    ("-, +", "show shots slower, faster"),
+    ("S, N, Q", "save the game; a new game when one is over; quit"),
+    ("H, F1", "these keys; the rules of the game"),
+)
+"""Keys and mouse actions with their effects."""
+
+UNSAVED: Page = (
+    ("The game is not saved.", ""),
+    ("S", "save and quit"),
+    ("Q", "quit without saving"),
+    ("any other key", "continue"),
+)
+"""The question before the window closes."""
+
+_FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion hit afterwards")
+_TURN = ("turn", "a player continues after a legal pot")
+_POINT = ("point", "the cue ball of the player, white or yellow, touches both other balls; the player continues")
+_RULES: dict[str, Page] = {
+    "eight_ball": (
+        ("to win", "pot all balls of your group, then the 8"),
+        ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),
+        _TURN,
+        _FOUL,
+        ("after a foul", "cue ball anywhere; after a foul on the break behind the line"),
+        ("to lose", "pot the 8 too early or on a foul; on the break it is spotted"),
+    ),
+    "nine_ball": (
+        ("to win", "pot the 9 on a legal shot; any ball may be potted"),
+        ("on", "the lowest ball must be touched first"),
+        ("break", "pot a ball, or drive four balls to a cushion"),
+        _TURN,
+        _FOUL,
+        ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose"),
+    ),
+    "straight": (
+        ("to win", "score the target with a point for each ball; without one, most points in a rack"),
+        ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),
+        _TURN,
+        _FOUL,
+        ("after a foul", "1 point is lost; after a potted cue ball it is in hand behind the line"),
+        ("with a target", "14 balls are racked again; three fouls in a row lose 15 points more"),
+    ),
+    "snooker": (
+        ("to win", "have most points when the black is potted last"),
+        ("order", "a red, then a colour, in turns; at the end the colours by value"),
+        ("values", "red 1, yellow 2, green 3, brown 4, blue 5, pink 6, black 7"),
+        _TURN,
+        ("foul", "cue ball potted, no ball or a wrong ball hit first, wrong ball potted"),
+        ("after a foul", "the other player scores 4 to 7 points; a potted cue ball is in hand in the D"),
+        ("free ball", "who is snookered after a foul may play any ball as the ball on"),
+    ),
+    "carom": (("to win", "score the target"), _POINT),
+    "three_cushion": (
+        ("to win", "score the target"),
+        _POINT,
+        ("cushions", "the cue ball hits three or more before it touches the second ball"),
+    ),
+}
+_CALLS = ("calls", "only the called ball in the called pocket counts; a safety ends the turn")
+_CHOICES = {
+    "nine_ball": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
+    "snooker": ("choice", "after a foul the next player may hand the shot back"),
+}
+_MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
+
+
+def rules_page(setup: Setup, choices: bool) -> Page:
+    """Returns the rules of a game, with or without its choices besides a shot."""
+    title = (setup.rules.replace("_", " ").capitalize(), f"to {setup.target} points" if setup.target else "")
+    rows = (title, *_RULES.get(setup.rules, ()), *((_CALLS,) if setup.called else ()))
+    if choices and setup.rules in _CHOICES:
+        rows += (_CHOICES[setup.rules],)
+    return rows + ((_MISS,) if setup.miss else ())
