@@ -99,6 +99,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
     add("--max-time", type=number, help="time at which the shot ends, s")
+    text = "run the shot with these timesteps too, s; a page draws one of them, and its slider chooses which"
+    add("--timesteps", type=number, nargs="+", default=[], metavar="DT", help=text)
     _add_out(parser)
 
 
@@ -136,12 +138,15 @@ def simulate(args: argparse.Namespace) -> None:
         aim = positions[min(1, scene.n_balls - 1)] - positions[0]
         velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
     options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
-    shot = simulation.simulate(scene, positions, velocity, spins=args.spin, record=True, **options)
+    start = {"scene": scene, "positions": positions, "velocities": velocity, "spins": args.spin, "record": True}
+    shot = simulation.simulate(**start, **options)
+    others = [{**options, "mode": "pit", "dt": dt} for dt in args.timesteps]
+    compare = [simulation.simulate(**start, **other) for other in others]
     print(shot)
     for path in args.out:
         if path.suffix == ".json":
             shot.save(path)
-        _write(shot, path)
+        _write(shot, path, compare)
 
 
 def replay(args: argparse.Namespace) -> None:
@@ -195,12 +200,14 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
         check_path(path, path.suffix)
 
 
-def _write(shot: ShotResult, path: Path) -> None:
-    """Writes a shot to a file in the format of its suffix."""
+def _write(shot: ShotResult, path: Path, compare: Sequence[ShotResult] = ()) -> None:
+    """Writes a shot to a file in the format of its suffix. A page also has the other runs of the shot, `compare`."""
     if path.suffix in PICTURES:
         figure: Any = shot.plot().figure
         figure.savefig(path, dpi=150)
-    elif path.suffix != ".json":  # a page or a film
+    elif path.suffix == ".html":
+        shot.to_html(path, compare=compare)
+    elif path.suffix != ".json":  # a film
         getattr(shot, f"to_{path.suffix[1:]}")(path)
     print(f"wrote {path}")
 
