@@ -381,7 +381,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
                 "unfinished",
                 "compared at",
                 "error",
-                "90 %",
+                "90%",
                 "shots",
             ),
             sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),

@@ -68,7 +68,7 @@ def make_page(recording: Recording, compare: Sequence[Recording] = (), title: st
     for run in compare:
         check_pair(recording, run)
     if title is None:
-        title = f"{_name(recording)}: {len(recording.events)} events, the shot lasts {recording.time:.2f} s"
+        title = f"{_name(recording)}: {len(recording.events)} events, shot lasts {recording.time:.2f} s"
         title = title[0].upper() + title[1:]
     scene, view = recording.scene, _view(recording.scene.table)
     tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)
