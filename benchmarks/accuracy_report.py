@@ -144,7 +144,7 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
             axes.annotate(label, at, fontsize=8.5, ha=side, va="bottom", color="#444444")
             axes.plot([at[0]] * 2, [_error(scene, row), at[1]], ":", color="#888888", linewidth=0.8)
         axes.set_title(f"{name}, {_when(scene)}", fontsize=11)
-        axes.set_ylim(FLOOR / 3, 60)
+        axes.set_ylim(FLOOR / 3, 600)
         axes.grid(alpha=0.3)
     for axes in panels[::2]:
         axes.set_ylabel("median error (m)")

@@ -209,7 +209,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "ladder": table(
             ("recipe", "before PPO", "success by seed", "mean over seeds", "minutes"), [step(r) for r in results]
         ),
-        "time": f"PPO takes {minutes:.0f} minutes of one core in total.",
+        "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
         "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The trained policy pots the ball on "
         f"{as_percent(over_seeds(policies))} of new layouts. Most of this is geometry: the network chooses among pots "
         f"that geometry finds, and without any training it already pots the ball on {as_percent(over_seeds(untrained))}. "

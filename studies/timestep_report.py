@@ -104,7 +104,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
     return {
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
-        "time": f"`{result['study']}`: {minutes:.0f} minutes of one core in total.",
+        "time": f"- `{result['study']}`: {minutes:.0f} minutes on one core",
     }
 
 

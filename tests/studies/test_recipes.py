@@ -212,7 +212,7 @@ def test_the_row_of_a_recipe_has_its_size_its_time_and_its_success():
     players = [f"{10.0 * (k + 1):.1f}%" for k in range(len(PLAYERS))]
     assert row(result) == ("pot", "2.5", "1.5", "90.0%, 80.0%", mean, "1.50", "3.0%", *players)
     assert step(result) == ("pot", as_percent(over_seeds([0.5, 0.6])), "90.0%, 80.0%", mean, "1.5")
-    assert blocks({"results": [result, result]})["time"].startswith("PPO takes 6 minutes of one core")
+    assert blocks({"results": [result, result]})["time"].startswith("All these trainings together take 6 minutes")
 
 
 def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_path):
