@@ -264,11 +264,11 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "shots": table(
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
-        "calls_of": "The table has the time of one call that plays one shot of the first case above, and how much more that "
-        f"is than the time of a shot in a batch: the median of the passes of {N_SINGLES:,} calls, and the fastest pass.",
+        "calls_of": "The table has the time of a call that plays one shot of the first case above, and how much more "
+        f"that is than the time of a shot in a batch: the median of the passes of {N_SINGLES:,} calls, and the fastest one.",
         "calls": table(("call", "us/call", "more", "fastest, us/call", "more"), calls),
-        "growth_of": f"The table has {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the table. From "
-        f"{MANY_BALLS} balls on the engine uses the cells, and a heap for its events.",
+        "growth_of": f"These shots are {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the "
+        f"table. From {MANY_BALLS} balls on the engine uses the cells, and a heap for its events.",
         "growth": table(("disks", "events", "us/event"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "

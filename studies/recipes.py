@@ -212,9 +212,9 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
         "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The trained policy pots the ball on "
         f"{as_percent(over_seeds(policies))} of new layouts. Most of this is geometry: the network chooses among pots "
-        f"that geometry finds, and without any training it already pots the ball on {as_percent(over_seeds(untrained))}. "
-        f"Random shots pot it on {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search "
-        f"that simulates 1,000 shots for each layout pots it on {first['players']['search:1000']['success_rate']:.1%}. "
+        f"that geometry finds, and before any training it already pots {as_percent(over_seeds(untrained))} of the "
+        f"balls. Random shots pot it on {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a "
+        f"search that simulates 1,000 shots for each layout pots it on {first['players']['search:1000']['success_rate']:.1%}. "
         f"The first two numbers are means over {len(policies)} seeds with their 95% intervals.",
     }
 

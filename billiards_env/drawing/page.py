@@ -58,8 +58,8 @@ def make_page(recording: Recording, compare: Sequence[Recording] = (), title: st
     """Returns the page of a shot.
 
     The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
-    steps of the turning. Another run of the shot, from `compare`, is drawn as rings; a slider chooses it from several. The
-    title is by default the engine with the number of events and the duration. All inserted text is escaped.
+    steps of the turning. A run of `compare` is drawn as rings; a slider chooses it from several. The title is by
+    default the engine with the number of events and the duration. All inserted text is escaped.
 
     Raises:
         ValueError: If one of `compare` has other balls or another table.
@@ -95,12 +95,13 @@ def notebook_output(recording: Recording, compare: Sequence[Recording] = ()) -> 
     """Returns the page of `make_page` in an iframe whose height follows its width without a script."""
     width, height, _ = _view(recording.scene.table)
     page, ratio = html.escape(make_page(recording, compare)), height / width
+    controls = CONTROLS + COMPARED * bool(compare)
     more = f"clamp(0px, ({NARROW}px - 100%) * 1000, {LIST}px)"  # the events are under the table of a narrow page
     side = f"clamp(0px, (100% - {NARROW - 1}px) * 1000, {SIDE}px)"
     table = f"min({LARGEST}px, {ratio:.4f} * (100% - 24px - {side}))"
     return (
         '<div style="max-width: 1100px">'
-        f'<div style="position: relative; padding-bottom: calc({CONTROLS + COMPARED * bool(compare)}px + {table} + {more})">'
+        f'<div style="position: relative; padding-bottom: calc({controls}px + {table} + {more})">'
         f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" '
         'style="position: absolute; inset: 0; width: 100%; height: 100%; border: 0"></iframe></div></div>'
     )

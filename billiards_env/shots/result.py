@@ -78,7 +78,7 @@ class ShotResult:
         cushions: (n,) int32: number of cushion contacts of each ball.
         cushions_before_hit: (n,) int32: number of cushion contacts that the cue ball had when it first touched the
             ball, -1 if it did not touch it.
-        n_contact_rule: Number of acts of the contact-time rule (see `engine.contact_rule`), which ends sequences of
+        n_contact_rule: Number of times the contact-time rule acted (see `engine.contact_rule`), which ends sequences of
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
