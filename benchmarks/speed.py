@@ -265,7 +265,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
         "calls_of": "The table has the time of a call that plays one shot of the first case above, and how much more "
-        f"that is than the time of a shot in a batch: the median of the passes of {N_SINGLES:,} calls, and the fastest one.",
+        f"that is than a shot takes in a batch: the median of the passes of {N_SINGLES:,} calls, and the fastest one.",
         "calls": table(("call", "us/call", "more", "fastest, us/call", "more"), calls),
         "growth_of": f"These shots are {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the "
         f"table. From {MANY_BALLS} balls on the engine uses the cells, and a heap for its events.",

@@ -213,8 +213,8 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The trained policy pots the ball on "
         f"{as_percent(over_seeds(policies))} of new layouts. Most of this is geometry: the network chooses among pots "
         f"that geometry finds, and before any training it already pots {as_percent(over_seeds(untrained))} of the "
-        f"balls. Random shots pot it on {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a "
-        f"search that simulates 1,000 shots for each layout pots it on {first['players']['search:1000']['success_rate']:.1%}. "
+        f"balls. Random shots pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a "
+        f"search of 1,000 shots for each layout {first['players']['search:1000']['success_rate']:.1%}. "
         f"The first two numbers are means over {len(policies)} seeds with their 95% intervals.",
     }
 
