@@ -273,7 +273,7 @@ def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
         curves = np.array([[100 * point.success for point in _curve(run)] for run in result["runs"]])
         steps = np.array([point.steps for point in _curve(result["runs"][0])]) / 1e6
         means = [over_seeds(column.tolist()) for column in curves.T]
-        label = f"{result['recipe']}: {as_percent(over_seeds(curves[:, -1] / 100))}"
+        label = f"{result['recipe']}: {as_percent(over_seeds((curves[:, -1] / 100).tolist()))}"
         (line,) = axes.plot(steps, [m["mean"] for m in means], linewidth=2, label=label)
         if len(curves) > 1:
             low, high = np.array([m["interval"] for m in means]).T.clip(0, 100)
