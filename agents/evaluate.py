@@ -117,7 +117,7 @@ def _print(run_dir: Path, result: Mapping[str, Any]) -> None:
             )
         )
     title = f"{result['policy']['episodes']:,} episodes on new layouts, without exploration (seed {result['seed']})"
-    print_table(title, ("player", "success", "95 % interval", "score", "95 % interval", "reward"), rows)
+    print_table(title, ("player", "success", "95% interval", "score", "95% interval", "reward"), rows)
     print(f"written to {run_dir / 'evaluation.json'}\n")
     this = ("-m", "agents.evaluate", str(run_dir))
     commands = {"film": (*this, "--film", f"{run_dir.resolve().name}.mp4"), "watch": (*this, "--show")}

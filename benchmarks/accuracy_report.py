@@ -70,7 +70,7 @@ def levels(scenes: dict[str, Any]) -> str:
 
 
 def enough(scenes: dict[str, Any]) -> str:
-    """Returns the table of the largest timesteps with 99 % right outcomes, and their run times."""
+    """Returns the table of the largest timesteps with 99% right outcomes, and their run times."""
     lines = []
     for name, scene in scenes.items():
         for fix in PIT_STYLES:
@@ -82,7 +82,7 @@ def enough(scenes: dict[str, Any]) -> str:
                 row = coarsest_from(rows, [r[key] <= 1 - ENOUGH for r in rows])
                 finest = rows[-1]
                 line += (
-                    [f"none ({100 * (1 - finest[key]):.1f} % at 1/{finest['steps_per_second']} s)", ""]
+                    [f"none ({100 * (1 - finest[key]):.1f}% at 1/{finest['steps_per_second']} s)", ""]
                     if row is None
                     else [f"1/{row['steps_per_second']} s", ratio(row["time_over_pic"])]
                 )
@@ -124,8 +124,8 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
     """Draws run time against error, one panel per scene."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.5, 6), dpi=95, layout="constrained")
-    *panels, key = figure.subplots(2, 4, sharey=True).flat
+    figure = Figure(figsize=(8.4, 10.5), dpi=110, layout="constrained")
+    *panels, key = figure.subplots(4, 2, sharey=True).flat
     for (name, scene), axes in zip(result["scenes"].items(), panels, strict=True):
         curves = [(_pit(scene, fix), style) for fix, style in PIT_STYLES.items()]
         for rows, style in (*curves, ([_pic(scene)], PIC_STYLE)):
@@ -133,14 +133,14 @@ def draw_pareto(result: dict[str, Any], path: Path) -> None:
         pit = _pit(scene, "push_apart")
         for row, side in ((pit[0], "left"), (pit[len(pit) // 2], "center"), (pit[-1], "right")):
             at, label = (row["us_per_shot"], 4), f"1/{row['steps_per_second']} s"
-            axes.annotate(label, at, fontsize=7.5, ha=side, va="bottom", color="#444444")
+            axes.annotate(label, at, fontsize=8.5, ha=side, va="bottom", color="#444444")
             axes.plot([at[0]] * 2, [_error(scene, row), at[1]], ":", color="#888888", linewidth=0.8)
-        axes.set_title(f"{name}, {_when(scene)}", fontsize=10)
-        axes.set_ylim(FLOOR / 3, 60)
+        axes.set_title(f"{name}, {_when(scene)}", fontsize=11)
+        axes.set_ylim(FLOOR / 3, 600)
         axes.grid(alpha=0.3)
-    for axes in (panels[0], panels[4]):
-        axes.set_ylabel("median error of the positions (m)")
-    for axes in panels[3:]:
+    for axes in panels[::2]:
+        axes.set_ylabel("median error (m)")
+    for axes in panels[-2:]:
         axes.set_xlabel("run time (us per shot)")
     key.axis("off")
     for label, style in (("PIC", PIC_STYLE), *((f"PIT, {fix}", style) for fix, style in PIT_STYLES.items())):

@@ -359,7 +359,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
             left=4,
         ),
-        "batch": "In one call for all shots, billiards-env takes "
+        "batch": "If one call runs all shots, billiards-env takes "
         + "; ".join(f"{times} a shot with {laws}" for laws, times in batch.items())
         + " (1 object ball and 15-ball break).",
         "machine": machine_line(result["machine"]) + (f"; {versions}" if versions else ""),

@@ -173,7 +173,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "condition": lambda s: f"{s['median_condition_m']:.2g} m",
         "error": lambda s: f"{s['median_error_m']:.1e} m",
         "ratio": lambda s: f"{s['median_ratio']:.2f}",
-        "99 %": lambda s: f"{s['p99_ratio']:.1f}",
+        "99%": lambda s: f"{s['p99_ratio']:.1f}",
         "largest": lambda s: f"{s['max_ratio']:.1f}",
     }
     rows = [(kind, *(cell(s) for cell in columns.values())) for kind, s in result["kinds"].items()]

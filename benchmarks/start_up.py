@@ -100,7 +100,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     rows = [(name, f"{value:.2f}", f"{count[name]}") for name, value in result["median_seconds"].items()]
     return {
         "machine": machine_line(result["machine"]),
-        "how": "New processes; medians of the number of starts in the last column.",
+        "how": "Times are medians; the last column is the number of starts.",
         "times": table(("what", "s", "starts"), rows),
     }
 

@@ -110,6 +110,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
     add("--max-time", type=number, help="time at which the shot ends, s")
+    text = "run the shot with these timesteps too, s; a page draws one of them, and its slider chooses which"
+    add("--timesteps", type=number, nargs="+", default=[], metavar="DT", help=text)
     _add_out(parser)
 
 
@@ -185,12 +187,15 @@ def simulate(args: argparse.Namespace) -> None:
         positions = np.reshape(args.positions, (-1, 2))
     velocity, spin = _cue_ball(args, scene, positions)
     options = {"mode": args.mode, "dt": args.dt, "fix": args.fix, "max_time": args.max_time}
-    shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
+    start = {"scene": scene, "positions": positions, "velocities": velocity, "spins": spin, "record": True}
+    shot = simulation.simulate(**start, **options)
+    others = [{**options, "mode": "pit", "dt": dt} for dt in args.timesteps]
+    compare = [simulation.simulate(**start, **other) for other in others]
     print(shot)
     for path in args.out:
         if path.suffix == ".json":
             shot.save(path)
-        _write(shot, path)
+        _write(shot, path, compare)
 
 
 def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
@@ -292,12 +297,14 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
         check_path(path, path.suffix)
 
 
-def _write(shot: ShotResult, path: Path) -> None:
-    """Writes a shot to a file in the format of its suffix."""
+def _write(shot: ShotResult, path: Path, compare: Sequence[ShotResult] = ()) -> None:
+    """Writes a shot to a file in the format of its suffix. A page also has the other runs of the shot, `compare`."""
     if path.suffix in PICTURES:
         figure: Any = shot.plot().figure
         figure.savefig(path, dpi=150)
-    elif path.suffix != ".json":  # a page or a film
+    elif path.suffix == ".html":
+        shot.to_html(path, compare=compare)
+    elif path.suffix != ".json":  # a film
         getattr(shot, f"to_{path.suffix[1:]}")(path)
     print(f"wrote {path}")
 

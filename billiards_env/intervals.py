@@ -1,4 +1,4 @@
-"""95 % confidence intervals of a share, of a mean of many values and of a mean of a few values."""
+"""95% confidence intervals of a share, of a mean of many values and of a mean of a few values."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-_Z = 1.959963984540054  # two-sided 95 % quantile of the standard normal distribution
+_Z = 1.959963984540054  # two-sided 95% quantile of the standard normal distribution
 # The quantile 0.975 of Student's t distribution for 1, 2, ... degrees of freedom.
 _T = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131)
 _T += (2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042)
 
 
 def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
-    """Returns the 95 % confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
+    """Returns the 95% confidence interval of a success rate (Wilson 1927, JASA 22(158), 209-212).
 
     Args:
         successes: The number of successes, 0 to `episodes`.
@@ -35,7 +35,7 @@ def wilson_interval(successes: int, episodes: int) -> tuple[float, float]:
 
 
 def mean_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """Returns the 95 % confidence interval of a mean, by the central limit theorem.
+    """Returns the 95% confidence interval of a mean, by the central limit theorem.
 
     It needs at least some dozens of values, and not nearly all of them may be equal.
 
@@ -72,7 +72,7 @@ def t_quantile(freedom: int) -> float:
 
 
 def over_seeds(values: Sequence[float]) -> dict[str, Any]:
-    """Returns the mean over seeds and its 95 % interval (Student). The interval is None for a single seed.
+    """Returns the mean over seeds and its 95% interval (Student). The interval is None for a single seed.
 
     Example:
         >>> over_seeds([0.5, 0.6, 0.7])["interval"]
@@ -86,7 +86,7 @@ def over_seeds(values: Sequence[float]) -> dict[str, Any]:
 
 
 def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
-    """Returns the mean of a minus the mean of b, and its 95 % interval (Student, two samples of equal variance).
+    """Returns the mean of a minus the mean of b, and its 95% interval (Student, two samples of equal variance).
 
     Args:
         a: One value for each seed.
@@ -109,7 +109,7 @@ def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
 
 
 def as_percent(value: Mapping[str, Any]) -> str:
-    """Returns a share and its interval, from `over_seeds`, as text. The interval is limited to 0 to 100 %.
+    """Returns a share and its interval, from `over_seeds`, as text. The interval is limited to 0 to 100%.
 
     Example:
         >>> as_percent({"mean": 0.93, "interval": [0.85, 1.01]})

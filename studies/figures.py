@@ -173,28 +173,26 @@ def _coriolis(degrees: float) -> np.ndarray:
     return np.array((ahead, side)) / math.hypot(ahead, side)
 
 
-VIEWS: dict[str, tuple[tuple[int, int], tuple[float, float], float, tuple[int, int]]] = {
-    "missed_collision": ((1, 2), (0.02, 0.018), 0.31, (1, 4)),
-    "penetration": ((3, 4), (-0.045, 0.018), 0.18, (2, 7)),
-    "multiple_collisions": ((6, 5), (0.80, 0.005), 0.14, (3, 8)),
-    "wrong_bounce": ((8, 7), (-0.045, -0.09), 0.18, (2, 7)),
+VIEWS: dict[str, tuple[tuple[float, float], float, tuple[int, int]]] = {
+    "missed_collision": ((0.02, 0.018), 0.31, (1, 4)),
+    "penetration": ((-0.045, 0.018), 0.18, (2, 7)),
+    "multiple_collisions": ((0.80, 0.005), 0.14, (3, 8)),
+    "wrong_bounce": ((-0.045, -0.09), 0.18, (2, 7)),
 }
-"""For each failure of `studies.failures`: the figures of Warkari and Jamsandekar (PIT, PIC), the centre and half
-the height of the view, m, and the first and the last timestep."""
+"""For each failure of `studies.failures`: the centre and half the height of the view, m, and the first and the last
+timestep."""
 
 
 def failures() -> Figure:
     """Returns a figure of the failures of a timestep: PIT on the left, PIC on the right, to scale."""
     figure = Figure(figsize=(9, 11), dpi=110, facecolor="white", layout="constrained")
-    for row, (name, (numbers, centre, half, ends)) in zip(figure.subplots(len(VIEWS), 2), VIEWS.items(), strict=True):
+    for row, (name, (centre, half, ends)) in zip(figure.subplots(len(VIEWS), 2), VIEWS.items(), strict=True):
         case = FAILURES[name]
         start = case.scene, case.positions, case.velocities
         stepped = simulate(*start, mode="pit", dt=case.dt, record=True)
-        for ax, shot, engine, number in zip(
-            row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), numbers, strict=True
-        ):
+        for ax, shot, engine in zip(row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), strict=True):
             _draw_failure(ax, case, shot, centre, half, ends)
-            ax.set_title(f"Fig. {number}: {case.title}, {engine}", fontsize=10, color=INK, loc="left")
+            ax.set_title(f"{case.title}, {engine}", fontsize=12, color=INK, loc="left")
     return figure
 
 

@@ -186,12 +186,13 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
         "ladder": table(
             ("recipe", "before PPO", "success by seed", "mean over seeds", "minutes"), [step(r) for r in results]
         ),
-        "time": f"PPO takes {minutes:.0f} minutes of one core in total.",
-        "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The policy then pots the ball on "
-        f"{as_percent(over_seeds(policies))} of new layouts (mean of {len(policies)} seeds, 95 % interval), and "
-        f"before the training on {as_percent(over_seeds(untrained))}, by geometry. Random shots pot it on "
-        f"{np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a search that simulates 1,000 "
-        f"shots on {first['players']['search:1000']['success_rate']:.1%}.",
+        "time": f"All these trainings together take {minutes:.0f} minutes on one core.",
+        "summary": f"`make train` trains for {_seconds(first):.0f} s on one core. The trained policy pots the ball on "
+        f"{as_percent(over_seeds(policies))} of new layouts. Most of this is geometry: the network chooses among pots "
+        f"that geometry finds, and before any training it already pots {as_percent(over_seeds(untrained))} of the "
+        f"balls. Random shots pot {np.mean([run['random']['success_rate'] for run in first['runs']]):.1%}, and a "
+        f"search of 1,000 shots for each layout {first['players']['search:1000']['success_rate']:.1%}. "
+        f"The first two numbers are means over {len(policies)} seeds with their 95% intervals.",
     }
 
 
@@ -237,25 +238,25 @@ def step(result: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def draw(results: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draws the learning curve of each seed, their mean and its 95 % interval."""
+    """Draws the learning curve of each seed, their mean and its 95% interval."""
     use_own_font()
     figure = Figure(figsize=(9, 4.6), dpi=110, layout="constrained")
     axes = figure.add_subplot()
     for result in results:
-        curves = np.array([[point.success for point in _curve(run)] for run in result["runs"]])
+        curves = np.array([[100 * point.success for point in _curve(run)] for run in result["runs"]])
         steps = np.array([point.steps for point in _curve(result["runs"][0])]) / 1e6
         means = [over_seeds(column.tolist()) for column in curves.T]
-        label = f"{result['recipe']}: {as_percent(means[-1])}"
+        label = f"{result['recipe']}: {as_percent(over_seeds((curves[:, -1] / 100).tolist()))}"
         (line,) = axes.plot(steps, [m["mean"] for m in means], linewidth=2, label=label)
         if len(curves) > 1:
-            low, high = np.array([m["interval"] for m in means]).T.clip(0, 1)
+            low, high = np.array([m["interval"] for m in means]).T.clip(0, 100)
             axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
         for curve in curves:
             axes.plot(steps, curve, color=line.get_color(), linewidth=0.6, alpha=0.7)
-    axes.set(xlabel="million shots", ylabel="success without exploration, unseen layouts", ylim=(0, 1.02))
+    axes.set(xlabel="million shots", ylabel="success on new layouts (%)", ylim=(0, 102))
     axes.grid(alpha=0.3)
-    title = "mean of the seeds, its 95 % interval\nthin: each seed"
-    figure.legend(title=title, loc="outside right upper", fontsize=8, title_fontsize=8, frameon=False)
+    title = "mean of the seeds, its 95% interval\nthin: each seed"
+    figure.legend(title=title, loc="outside right upper", fontsize=9, title_fontsize=9, frameon=False)
     save(figure, path)
 
 

@@ -1,6 +1,6 @@
 """Summarizes a study of timesteps: means over the seeds, tables and the figure.
 
-The mean over the policies of a world has Student's 95 % interval over the few seeds of the training. The layouts are
+The mean over the policies of a world has Student's 95% interval over the few seeds of the training. The layouts are
 the same for all policies.
 """
 
@@ -100,7 +100,7 @@ def blocks(result: Mapping[str, Any]) -> dict[str, str]:
     minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
     return {
         **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
-        "time": f"`{result['study']}`: {minutes:.0f} minutes of one core in total.",
+        "time": f"- `{result['study']}`: {minutes:.0f} minutes on one core",
     }
 
 
@@ -127,7 +127,7 @@ def draw(result: Mapping[str, Any], path: Path) -> None:
     axes.set_xticks(range(len(worlds)), worlds)
     axes.set(xlabel="timestep of the training (s)", ylabel="success (%)", ylim=(0.0, None))
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=9)
     save(figure, path)
 
 

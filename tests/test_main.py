@@ -1,4 +1,5 @@
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -65,6 +66,18 @@ def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
     path = tmp_path / f"shot.{suffix}"
     main(["simulate", "--max-time", "1/10", "--out", str(path)])
     assert path.read_bytes().startswith(start)
+
+
+def test_a_page_has_a_slider_for_the_timesteps(capsys, tmp_path):
+    page = tmp_path / "steps.html"
+    lines(capsys, *SHOT, "--timesteps", "1/60", "1/240", "--out", str(page))
+    (data,) = re.findall(r'<script id="data" type="application/json">(.*?)</script>', page.read_text())
+    engines = [run["label"] for run in json.loads(data)["runs"]]
+    assert engines == [
+        "exact engine (PIC)",
+        "fixed timestep (PIT), dt = 16.67 ms",
+        "fixed timestep (PIT), dt = 4.167 ms",
+    ]
 
 
 def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):

@@ -256,7 +256,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         digits = 3 if k < 2 else 1
         for shot, found in zip(SNOOKER, result["snooker"], strict=True):
             value = shot.measured[k]
-            relative = f"{100 * (found[k] / value - 1):+.0f} %" if k < 2 else ""
+            relative = f"{100 * (found[k] / value - 1):+.0f}%" if k < 2 else ""
             snooker.append(
                 [
                     name,

@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import os
+from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
@@ -18,11 +19,10 @@ from billiards_env.drawing.recording import Recording, check_pair
 from billiards_env.files import check_path, replacing
 from billiards_env.scene.table import Table
 
-SIDE, CONTROLS, LIST, NARROW, LARGEST = 296, 172, 225, 760, 640
-"""Pixels: the width of the events next to the table, the heights of all controls and of the events under the table, the
-width from which the events are next to the table, and the largest height of a table in a notebook. page.html has the
-same layout."""
-
+SIDE, CONTROLS, COMPARED, LIST, NARROW, LARGEST = 344, 172, 66, 225, 760, 640
+"""Pixels: the width of the events next to the table, the heights of all controls, of those for another run and of the
+events under the table, the width from which the events are next to the table, and the largest height of a table in a
+notebook. page.html has the same layout."""
 
 FACE = {
     "chalk": style.CHALK,
@@ -45,7 +45,7 @@ FACE = {
 
 
 def write_page(
-    path: str | os.PathLike[str], recording: Recording, compare: Recording | None, title: str | None
+    path: str | os.PathLike[str], recording: Recording, compare: Sequence[Recording], title: str | None
 ) -> None:
     """Writes the page of `make_page` to a file."""
     target = check_path(path, ".html")
@@ -54,23 +54,22 @@ def write_page(
         temporary.write_text(page, encoding="utf-8")
 
 
-def make_page(recording: Recording, compare: Recording | None = None, title: str | None = None) -> str:
+def make_page(recording: Recording, compare: Sequence[Recording] = (), title: str | None = None) -> str:
     """Returns the page of a shot.
 
     The browser computes the positions and the orientations at any time from the pieces of the trajectories and the
-    steps of the turning. Another run of the shot, `compare`, is drawn as rings. The title is by default the engine with
-    the number of events and the duration. All inserted text is escaped.
+    steps of the turning. A run of `compare` is drawn as rings; a slider chooses it from several. The title is by
+    default the engine with the number of events and the duration. All inserted text is escaped.
 
     Raises:
-        ValueError: If `compare` has other balls or another table.
+        ValueError: If one of `compare` has other balls or another table.
     """
-    runs = [recording]
-    if compare is not None:
-        check_pair(recording, compare)
-        runs.append(compare)
+    runs = [recording, *compare]
+    for run in compare:
+        check_pair(recording, run)
     if title is None:
-        title = f"{recording.label}: {len(recording.events)} events in {recording.time:.2f} s"
-        title += "" if compare is None else f"; rings: {compare.label}"
+        title = f"{_name(recording)}: {len(recording.events)} events, shot lasts {recording.time:.2f} s"
+        title = title[0].upper() + title[1:]
     scene, view = recording.scene, _view(recording.scene.table)
     tray, looks = style.tray(scene.n_balls, *view[::2]), style.looks(scene)
     data = {
@@ -92,16 +91,17 @@ def make_page(recording: Recording, compare: Recording | None = None, title: str
     return before.replace("{{title}}", html.escape(title)) + text.replace("<", "\\u003c") + after
 
 
-def notebook_output(recording: Recording) -> str:
-    """Returns the page of a shot in an iframe whose height follows its width without a script."""
+def notebook_output(recording: Recording, compare: Sequence[Recording] = ()) -> str:
+    """Returns the page of `make_page` in an iframe whose height follows its width without a script."""
     width, height, _ = _view(recording.scene.table)
-    page, ratio = html.escape(make_page(recording)), height / width
+    page, ratio = html.escape(make_page(recording, compare)), height / width
+    controls = CONTROLS + COMPARED * bool(compare)
     more = f"clamp(0px, ({NARROW}px - 100%) * 1000, {LIST}px)"  # the events are under the table of a narrow page
     side = f"clamp(0px, (100% - {NARROW - 1}px) * 1000, {SIDE}px)"
     table = f"min({LARGEST}px, {ratio:.4f} * (100% - 24px - {side}))"
     return (
         '<div style="max-width: 1100px">'
-        f'<div style="position: relative; padding-bottom: calc({CONTROLS}px + {table} + {more})">'
+        f'<div style="position: relative; padding-bottom: calc({controls}px + {table} + {more})">'
         f'<iframe title="A shot" srcdoc="{page}" sandbox="allow-scripts" '
         'style="position: absolute; inset: 0; width: 100%; height: 100%; border: 0"></iframe></div></div>'
     )
@@ -113,12 +113,17 @@ def _view(table: Table) -> tuple[float, float, float]:
     return table.length + 2 * rail, table.width + 2 * rail + strip, strip
 
 
+def _name(recording: Recording) -> str:
+    """Returns the label of a recording with the meaning of its abbreviation."""
+    return recording.label.replace("PIC", "exact engine (PIC)").replace("PIT", "fixed timestep (PIT)")
+
+
 def _run(recording: Recording) -> dict[str, Any]:
     paths = recording.trajectory
     lasts = np.minimum(paths.duration, recording.time)
     rows = np.column_stack((paths.start, lasts, paths.position, paths.velocity, paths.acceleration))
     return {
-        "label": recording.label,
+        "label": _name(recording),
         "time": recording.time,
         "pieces": [rows[paths.ball == i].tolist() for i in range(recording.scene.n_balls)],
         "gone": [t if math.isfinite(t) else None for t in recording.gone.tolist()],

@@ -323,7 +323,7 @@ def draw_map(
     share = np.bincount(index.ravel(), minlength=len(kinds)) / index.size
     handles = [
         Rectangle(
-            (0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f} %"
+            (0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f}%"
         )
         for (colour, text), part in zip(styles, share, strict=True)
     ]

@@ -30,7 +30,7 @@ from billiards_env.scene import Scene
 from billiards_env.shots.strikes import Strike
 
 ACTIONS = {"velocity": 2, "strike": 5}
-"""The kinds of actions, with the number of numbers of each."""
+"""The kinds of actions, with the length of each."""
 
 # Columns of an action, after X and Y.
 SIDE, TOP, ELEVATION = 2, 3, 4

@@ -60,7 +60,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     |-----|------------------------------------------------------------------------------|-----|-----|
     | 2   | Offset of the tip to the left of the centre / offset at which the tip slips  | -1  | 1   |
     | 3   | Offset of the tip above the centre / offset at which the tip slips           | -1  | 1   |
-    | 4   | Elevation of the cue / 90 degrees; a negative number is a level cue          | -1  | 1   |
+    | 4   | Elevation of the cue / 90 degrees; below 0 the cue is level                  | -1  | 1   |
 
     If the offset is longer than 1, the tip slips (a miscue). `billiards_env.strike` describes the motion of the ball,
     and `scene.cue` has the constants of the cue.

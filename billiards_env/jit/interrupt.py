@@ -49,7 +49,7 @@ _MODULE, _FUNCTION = raise_if_stopped.__module__, raise_if_stopped.__name__
 def _look(context: Any, module: Any) -> Any:
     """Returns the LLVM function that `interrupted` calls, and defines it if the module does not contain it.
 
-    It is not inlined: in a loop it would occupy registers, which made a timestep of PIT 40 % slower.
+    It is not inlined: in a loop it would occupy registers, which made a timestep of PIT 40% slower.
     """
     pointer, number, nothing = cgutils.voidptr_t, ir.IntType(32), ir.VoidType()
     look = cgutils.get_or_insert_function(module, ir.FunctionType(cgutils.bool_t, []), "billiards_env_look")

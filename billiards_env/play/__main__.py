@@ -95,7 +95,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     scene = Scene.named(args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene), balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     dt = args.dt if mode == "pit" else None
-    setup = Setup(rules, scene, n_players, args.target, mode, dt, called=args.called, miss=args.miss)
+    setup = Setup(rules, scene, n_players, args.target, mode, dt, call_shot=args.called, miss=args.miss)
     return History(setup, opening(setup, rng, args.layout), ())
 
 

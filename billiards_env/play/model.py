@@ -161,13 +161,13 @@ class Model:
     def kinds(self) -> tuple[str, ...]:
         """The kinds of calls that the player has, "shot" first."""
         state = self.game.state
-        return ("shot", *(("safety",) if state.called else ()), *(state.choices if self.choices else ()))
+        return ("shot", *(("safety",) if state.call_shot else ()), *(state.choices if self.choices else ()))
 
     @property
     def call(self) -> Call:
         """The call of the aimed stroke. In called shots it is the aimed ball and pocket if none was chosen."""
         call, aimed, state = self.aim.call, self.preview, self.game.state
-        if not state.called or state.break_shot or call.kind != "shot" or aimed is None:
+        if not state.call_shot or state.break_shot or call.kind != "shot" or aimed is None:
             return call
         return Call(call.ball if call.ball >= 0 else aimed.ball, call.pocket if call.pocket >= 0 else aimed.pocket)
 
@@ -402,10 +402,14 @@ def next_kind(model: Model) -> Model:
 
 @_only("aiming")
 def next_called(model: Model, name: str) -> Model:
-    """Calls the next "ball" that may be touched first, or the next "pocket", if the game has such a call."""
-    state, call = model.game.state, model.aim.call
-    balls = model.setup.game_rules.legal(state, state.player) if state.called or state.colour or state.free_ball else ()
-    pockets = range(len(model.setup.scene.table.pockets)) if state.called else ()
+    """Calls the next "ball" that may be called or nominated, or the next "pocket", if the game has such a call."""
+    state, call, rules = model.game.state, model.aim.call, model.setup.game_rules
+    balls = frozenset()
+    if state.call_shot:
+        balls = rules.callable(state, state.player)
+    elif state.colour or state.free_ball:
+        balls = rules.legal(state, state.player)
+    pockets = range(len(model.setup.scene.table.pockets)) if state.call_shot else ()
     possible = sorted({"ball": balls, "pocket": pockets}[name])
     if call.kind != "shot" or not possible:
         return model

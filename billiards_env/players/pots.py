@@ -1,4 +1,4 @@
-"""Pots by geometry on many tables in one call: their aims, their speeds, and the cue ball's path after the hit.
+"""Finds pots by geometry, on many tables in one call: the aims, the speeds, and the cue ball's path after the hit.
 
 A pot is a way to send one object ball into one pocket: directly, or off one cushion (a bank). By default banks are
 found only on tables without a direct pot. Shots in which the cue ball meets a cushion before the object ball are not

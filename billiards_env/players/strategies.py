@@ -1,8 +1,9 @@
 """Strategies: the choice of a shot by a player without training.
 
 * "random" plays a random action.
-* "geometric" plays the best direct pot or, without one, the best pot off one cushion (`billiards_env.players.pots`).
-  Without a pot it plays a full hit on the nearest target at the largest speed. It does not use the engine.
+* "geometric" plays the best direct pot or, if there is none, the best pot off one cushion
+  (`billiards_env.players.pots`). If there is no pot at all, it plays a full hit on the nearest target at the largest
+  speed. It does not use the engine.
 * "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
 
 A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball over the largest speed,
@@ -67,12 +68,12 @@ Strategy = Callable[[Situation, np.random.Generator], Floats]
 
 
 def random(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns an action whose numbers are uniform between -1 and 1."""
+    """Returns an action of uniform random numbers between -1 and 1."""
     return rng.uniform(-1.0, 1.0, situation.action_size)
 
 
 def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
-    """Returns the best pot, or a full hit on the nearest target if there is no pot; the cue is level and central."""
+    """Returns the best pot, or a full hit on the nearest target if there is no pot, with a level cue and no english."""
     pots = situation.pots()
     velocity = pots.speed[0] / situation.max_speed * pots.direction[0] if len(pots.speed) else full_hit(situation)
     return with_numbers(velocity, situation.action_size)

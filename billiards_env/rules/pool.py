@@ -170,8 +170,8 @@ def nine_ball(state, legal, facts, call):
     after potting any ball on a legal shot (WPA 2.5). After a foul the next player has the cue ball in hand anywhere. A
     nine ball potted with a foul or a push out is spotted; other balls remain potted (WPA 2.6, 2.7). A break that pots
     no ball and drives fewer than four balls to a cushion is a foul (WPA 2.3). After a legal break the next shot may be
-    a push out: it need not touch a ball or a cushion, the turn passes, and the next player may hand the shot back (WPA
-    2.4). With two players, the third consecutive foul loses (WPA 2.8, 6.14).
+    a push out: it need not touch a ball or a cushion, the turn passes, and the next player may make the same player
+    shoot again (WPA 2.4). With two players, the third consecutive foul loses (WPA 2.8, 6.14).
     """
     nine, foul = facts.potted & NINE, standard_foul(facts, legal)
     if call.kind == PUSH_OUT and foul != SCRATCH:

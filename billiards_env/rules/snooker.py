@@ -135,8 +135,8 @@ def snooker(state, legal, facts, call):
     is spotted (3.3). After the last red and the colour that follows it, the colours are potted in the order of their
     values. A foul ends the turn, and the other player scores the largest of 4, the value of the ball on, and the values
     of wrong balls that were touched first or potted (3.10). Colours potted on a foul are spotted, reds are not. The
-    next player may hand the shot back. The first pot or foul on the last black ends the frame; after a tie the black is
-    spotted, and the cue ball is in hand (3.4).
+    next player may make the offender shoot again. The first pot or foul on the last black ends the frame; after a tie
+    the black is spotted, and the cue ball is in hand (3.4).
     """
     on, free = nominated(state, facts, call)
     value, foul = least_value(state, on), foul_of(facts, on, free)

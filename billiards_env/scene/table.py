@@ -9,7 +9,7 @@ The default table is a rectangle. `Table.named` returns a table with the cushion
 table           field                 source
 ==============  ====================  ================================================================================
 default         length, width         2.54 x 1.27 m: WPA equipment specifications (2001), 9-foot table, 100 x 50 in
-                cushion_height        WPA: the nose of the cushion at 63.5 % of the ball's diameter (2.25 in)
+                cushion_height        WPA: the nose of the cushion at 63.5% of the ball's diameter (2.25 in)
 six_pockets     radius                half the WPA mouths of 4 9/16 in (corners; 4.5 to 4.625) and 5 1/16 in (sides; 5
                                       to 5.125)
 "pool_9ft"      length, width, mouth  as above
@@ -22,11 +22,11 @@ and             angle                 WPA: cut angles of 142 and 104 degrees bet
                 8-foot length, width  2.3368 x 1.1684 m: WPA, 92 x 46 in
 "pool_7ft"      all                   pooltool 0.6.0, its table "7-foot Showood"
 "snooker_12ft"  length, width         3.569 x 1.778 m: WPBSA, Official Rules of Snooker
-                cushion_height        70 % of the ball's diameter (52.5 mm): Mathavan, Jackson and Parkin (2010)
+                cushion_height        70% of the ball's diameter (52.5 mm): Mathavan, Jackson and Parkin (2010)
                 head_string, D        WPBSA: baulk line 737 mm from the cushion, D of radius 292 mm
                 all others            pooltool, its snooker table (2026)
 "uk_7ft"        length, width         1.8288 x 0.9144 m: BAPTO, a "7 x 4 ft" table, 6 x 3 ft between the noses
-                cushion_height        63.5 % of the ball's diameter (2 in), as on pool tables
+                cushion_height        63.5% of the ball's diameter (2 in), as on pool tables
                 mouth                 BAPTO: 1.6 times the ball's diameter (2 in)
                 head_string           WEPF: baulk line at a fifth of the length
                 all others            the jaws of "snooker_12ft", scaled with the diameter of the ball

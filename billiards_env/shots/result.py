@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,7 +78,7 @@ class ShotResult:
         cushions: (n,) int32: number of cushion contacts of each ball.
         cushions_before_hit: (n,) int32: number of cushion contacts that the cue ball had when it first touched the
             ball, -1 if it did not touch it.
-        n_contact_rule: Number of acts of the contact-time rule (see `engine.contact_rule`), which ends sequences of
+        n_contact_rule: Number of times the contact-time rule acted (see `engine.contact_rule`), which ends sequences of
             impacts of balls that friction presses together. It is 0 in nearly all shots with a few balls, and positive
             in most breaks of 15 balls.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
@@ -241,23 +241,28 @@ class ShotResult:
         write_mp4(path, recording, fps, width, other)
 
     def to_html(
-        self, path: str | os.PathLike[str], *, title: str | None = None, compare: ShotResult | None = None
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str | None = None,
+        compare: ShotResult | Sequence[ShotResult] | None = None,
     ) -> None:
         """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
 
         Args:
             path: The file. Its name must end in ".html" and its folder must exist.
             title: The page's heading; None for the engine, the number of events and the duration.
-            compare: Another run of the shot, drawn as rings.
+            compare: Another run of the shot, drawn as rings. A slider chooses it from a sequence of runs.
 
         Raises:
-            ValueError: If a shot was not recorded, or `compare` has other balls or another table.
+            ValueError: If a shot was not recorded, or a run of `compare` has other balls or another table.
             OSError: If the file cannot be written.
         """
-        recording, other = self.recording("to_html"), _recording(compare, "to_html")
+        recording, runs = self.recording("to_html"), compare if isinstance(compare, Sequence) else (compare,)
+        others = [other for run in runs if (other := _recording(run, "to_html"))]
         from billiards_env.drawing.page import write_page
 
-        write_page(path, recording, other, title)
+        write_page(path, recording, others, title)
 
     def _repr_html_(self) -> str | None:
         """Returns the page of `to_html` for a notebook, or None if the shot was not recorded or is very long."""

@@ -178,10 +178,47 @@ def test_the_other_run_can_be_hidden(player, pit):
     x, y = pit.at(4.0)[2]
     ring = pixel(player, x + 0.0283, y)
     assert ring == pytest.approx(rgb(looks(pit.scene)[2].path), abs=30)
-    assert "Rings: PIT, dt = 16.67 ms" in text(player, "#other")
+    assert "Rings: fixed timestep (PIT), dt = 16.67 ms" in text(player, "#other")
     player.click("#rings")
     assert pixel(player, x + 0.0283, y) == pytest.approx(rgb(CLOTH), abs=6)
     assert re.fullmatch(r"Furthest apart: ball \d, [\d.]+ mm", text(player, "#apart"))
+
+
+def test_a_slider_chooses_the_timestep(tab, shot, pit, tmp_path):
+    finer = simulate(shot.scene, shot.at(0), [-2.6777, -0.8187], mode="pit", dt=1 / 240, record=True)
+    shot.to_html(tmp_path / "steps.html", compare=[pit, finer])
+    tab.goto((tmp_path / "steps.html").as_uri())
+    for one, label in ((pit, "dt = 16.67 ms"), (finer, "dt = 4.167 ms")):
+        assert label in text(tab, "#other")
+        assert tab.evaluate("billiards.duration") == max(shot.time, one.time)
+        tab.evaluate("billiards.seek(4.0)")
+        far = 1000 * np.hypot(*(one.at(4.0) - shot.at(4.0)).T)
+        assert text(tab, "#apart") == f"Furthest apart: ball {far.argmax()}, {float(f'{far.max():.3g}'):g} mm"
+        tab.focus("#step")
+        tab.keyboard.press("ArrowRight")
+
+
+def test_the_slider_is_hidden_for_one_timestep(player):
+    assert player.evaluate("document.querySelector('#steps').getClientRects().length") == 0
+
+
+def test_events_at_nearly_the_same_time_have_microseconds(tab, tmp_path):
+    scene = Scene.named("ideal", 2)
+    shot = simulate(scene, [[0.0, 0.0], [0.1, 0.0], [0.157155, 0.0]], [1.0, 0.0], record=True, max_time=0.5)
+    shot.to_html(tmp_path / "row.html")
+    tab.goto((tmp_path / "row.html").as_uri())
+    listed = tab.evaluate("[...document.querySelectorAll('#events time')].map(one => one.textContent)")
+    assert listed == ["0.042850 s", "0.042855 s"]
+
+
+def test_nothing_is_cut(browser, shot, pit, tmp_path):
+    shot.to_html(tmp_path / "shot.html", compare=[pit, pit])
+    for width in (420, 1280):
+        page = browser.new_page(viewport={"width": width, "height": 800})
+        page.goto((tmp_path / "shot.html").as_uri())
+        wide = "[...document.querySelectorAll('h1, p, label, li')].filter(one => one.scrollWidth > one.clientWidth)"
+        assert page.evaluate(f"{wide}.map(one => one.textContent)") == []
+        page.close()
 
 
 def test_dark_and_light(player):
@@ -213,7 +250,7 @@ def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
     tab.goto((tmp_path / "notebook.html").as_uri())
     assert tab.evaluate("document.querySelector('iframe').getBoundingClientRect().width") > 600
     inner = tab.frames[1]
-    assert text(inner, "h1") == "PIC: 14 events in 5.27 s"
+    assert text(inner, "h1") == "Exact engine (PIC): 14 events, shot lasts 5.27 s"
     inner.evaluate("billiards.seek(1.0)")
     assert np.abs(at(inner, 0, 1.0) - shot.at(1.0)).max() < 1e-9
     assert pixel(inner, *shot.at(1.0)[0]) == [255, 255, 255]
@@ -247,7 +284,7 @@ def test_inserted_text_is_escaped(tab, shot, tmp_path):
 
 
 def test_the_page_is_one_file_without_links(shot, pit):
-    page = make_page(shot.recording(), pit.recording(), "</script><b>")
+    page = make_page(shot.recording(), [pit.recording()], "</script><b>")
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert page.count("</script>") == 2
     assert "<b>" not in page

@@ -51,7 +51,7 @@ def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):
 
 def test_the_prompt_has_the_calls_and_the_choices(make_model):
     assert labels.on(next_called(make_model("snooker", SNOOKER, {"colour": True}), "ball")) == "on: a colour: yellow"
-    model = make_model("eight_ball", EIGHT, called=True)
+    model = make_model("eight_ball", EIGHT, call_shot=True)
     assert (labels.button(model), labels.choice(model)) == ("Shoot", "X: safety")
     model = next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
     assert labels.status(model) == "Player 1: push out, any ball or none"
@@ -87,7 +87,7 @@ def test_each_game_has_a_page_of_rules(make_model):
     assert all(len(rules_page(make_model(rules).setup, choices=False)) > 2 for rules in RULES)
     snooker = rules_page(make_model("snooker", miss=True).setup, choices=True)
     assert {"choice", "miss"} <= {row[0] for row in snooker}
-    assert "calls" in dict(rules_page(make_model("straight", called=True).setup, choices=False))
+    assert "calls" in dict(rules_page(make_model("straight", call_shot=True).setup, choices=False))
 
 
 def test_each_player_has_a_label(make_model):

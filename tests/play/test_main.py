@@ -89,7 +89,7 @@ def test_a_window_is_opened(frames, capsys):
 
 
 def test_the_rules_have_options():
-    assert history("--rules", "straight", "--called").setup.called
+    assert history("--rules", "straight", "--called").setup.call_shot
     assert history("--rules", "snooker", "--choices", "--miss").setup.miss
 
 

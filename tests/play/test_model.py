@@ -352,7 +352,7 @@ def test_a_game_is_continued_from_its_history(make_model):
 
 
 def test_the_aimed_ball_and_pocket_are_called(make_model):
-    model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3]], called=True)
+    model = make_model("straight", [[-0.3, 0.0], [0.5, 0.3], [0.5, -0.3]], call_shot=True)
     model, pockets = after(model, (look_at, (0.5, 0.3))), model.setup.scene.table.pockets
     ball, pocket, _ = model.stroke.call
     assert (ball, pockets[pocket].x > 1, pockets[pocket].y > 0.6) == (1, True, True)

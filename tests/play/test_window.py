@@ -182,7 +182,7 @@ def test_fine_aim(shown):
 
 
 def test_calls_by_keyboard(make_model, window):
-    shown = window(make_model(positions=BALLS, called=True))
+    shown = window(make_model(positions=BALLS, call_shot=True))
     plain = press(shown)
     assert (press(shown, pygame.K_b, pygame.K_k) != plain).any()  # the rings move
     assert shown.model.stroke.call.ball == 2

@@ -56,8 +56,7 @@ def test_the_window_shows_an_aimed_shot_after_one_stroke():
 
 def test_the_views_of_the_failures_contain_all_balls_and_contacts():
     assert list(figures.VIEWS) == list(FAILURES)
-    assert sorted(number for numbers, *_ in figures.VIEWS.values() for number in numbers) == list(range(1, 9))
-    for name, (_, centre, half, (first, last)) in figures.VIEWS.items():
+    for name, (centre, half, (first, last)) in figures.VIEWS.items():
         case = FAILURES[name]
         start = case.scene, case.positions, case.velocities
         for shot in (simulate(*start, mode="pit", dt=case.dt, record=True), simulate(*start, record=True)):
