@@ -328,7 +328,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "unfinished",
         "compared at",
         "error",
-        "90 %",
+        "90%",
         "shots",
     )
     short, long = [], []
