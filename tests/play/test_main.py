@@ -161,7 +161,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
         (["--load", "SAVED", "--called"], "--called with --load"),
         (["--load", "SAVED", "--target", "0"], "--target with --load"),
-        (["--rules", "carom", "--called"], "called = True with rules 'carom': expected False"),
+        (["--rules", "carom", "--called"], "call_shot = True with rules 'carom': expected False"),
         (["--rules", "snooker", "--miss"], "--miss without --choices"),
         (["--scene", "real_pol"], r"scene = 'real_pol': .* \(did you mean 'real_pool'\?\)"),
         (["--rules", "carom", "--palette", "realist"], "palette = 'realist': expected one of 'colour_blind'"),

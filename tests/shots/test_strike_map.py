@@ -67,7 +67,7 @@ def test_a_map_is_drawn_with_a_colour_for_each_outcome(chances):
     axes = chances.plot()
     texts = [text.get_text() for text in axes.get_legend().get_texts()]
     assert len(texts) == len(np.unique(chances.pocket))
-    assert sum(float(text.split()[-2]) for text in texts) == pytest.approx(100.0, abs=0.2)
+    assert sum(float(text.split()[-1].rstrip("%")) for text in texts) == pytest.approx(100.0, abs=0.2)
     assert axes.xaxis_inverted()  # the left of the ball is on the left
     assert "left" in axes.get_xlabel()
     _, own = pyplot.subplots()
