@@ -1,13 +1,13 @@
 """The derivative of recorded shots: one pass over the log, forwards or backwards.
 
-`trace` computes the states before and after each event from the log. Then `push_lanes` multiplies changes of the start by
-the derivative of each flight and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies changes of the end
-by the transposes in reverse order (vectors times the Jacobian). Both use `_apply_event`, whose lanes are the changes
-themselves forwards, and the unit vectors backwards. Memory is linear in the number of events.
+`trace` computes the states before and after each event from the log. Then `push_lanes` multiplies changes of the start
+by the derivative of each flight and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies adjoints of
+the end by the transposes in reverse order (vectors times the Jacobian). Both use `_apply_event`. Its lanes are the
+changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
-The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the numbers
-of the scene in the order of the columns of `physics.derivatives`. The outputs are (x, y, vx, vy, wx, wy, wz) of each ball
-at a time, and (time, x, y) of each event.
+The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
+numbers of the scene in the order of the columns of `physics.derivatives`. The outputs are (x, y, vx, vy, wx, wy, wz) of
+each ball at a time, and (time, x, y) of each event.
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ from billiards_env.physics.derivatives import (
     pocket_lane,
     push_of,
     rates_of,
+    rates_on,
     roll_end_lane,
     settle_lane,
     slide_end_lane,
@@ -74,11 +75,14 @@ from billiards_env.physics.derivatives import (
 )
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
+    IDEAL,
     POCKET_X,
     POCKET_Y,
-    POTTED,
+    REST,
     ROLLING,
+    SLIDING,
     SLIDING_AND_ROLLING,
+    SPINNING,
     T0,
     T0_LO,
     UX,
@@ -174,6 +178,15 @@ def _flight(segments, piece, until, scene):
     row = segment[SEGMENT_ROW:]
     dt = since(until, Time(row[T0], row[T0_LO]))
     return flight_of(row, int(segment[SEGMENT_PHASE]), dt, scene.numbers)
+
+
+@inlined
+def _rates(segments, piece, state, scene, tape):
+    """Returns the `Rates` of a state on a piece."""
+    row, begun = segments[piece, SEGMENT_ROW:], tape.after[piece]
+    if begun[DVX] != row[VX] or begun[DVY] != row[VY]:  # between impacts at one instant
+        return rates_of(state, scene.numbers)
+    return rates_on(row, int(segments[piece, SEGMENT_PHASE]), state, scene.numbers)
 
 
 @inlined
@@ -275,23 +288,25 @@ def _copy_state(row, state):
     state[DUX], state[DUY], state[DWZ] = row[UX], row[UY], row[WZ]
 
 
-@kernel
+@inlined
 def _apply_event(e, count, events, segments, scene, is_sphere, tape):
     """Changes the first `count` lanes by event e and the flights of its balls before it."""
     numbers, lanes, piece = scene.numbers, tape.lanes, tape.first[e]
     kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
     i, other = int(events[e, BALL]), int(events[e, OTHER])
     before, after = tape.before[piece], tape.after[piece]
-    flight = _flight(segments, tape.previous[piece], now, scene)
-    phase = int(segments[piece, SEGMENT_PHASE])
-    after_rates = rates_of(after, numbers)
+    last, phase = tape.previous[piece], int(segments[piece, SEGMENT_PHASE])
+    flight = _flight(segments, last, now, scene)
+    after_rates = _rates(segments, piece, after, scene, tape)
     if kind == BALL_BALL:
         a, b = before, tape.before[piece + 1]
         second = _flight(segments, tape.previous[piece + 1], now, scene)
         impact = impact_of(a, b, i, other, is_sphere, scene)
         push = push_of(scene.ball_friction, impact)
-        before_i, before_j, after_j = rates_of(a, numbers), rates_of(b, numbers), rates_of(tape.after[piece + 1], numbers)
-        last_phase = int(segments[piece + 1, SEGMENT_PHASE])
+        before_i = _rates(segments, last, a, scene, tape)
+        before_j = _rates(segments, tape.previous[piece + 1], b, scene, tape)
+        after_j = _rates(segments, piece + 1, tape.after[piece + 1], scene, tape)
+        other_phase = int(segments[piece + 1, SEGMENT_PHASE])
         meets = impact.wn < 0.0
         for c in range(count):
             lane = lanes[c]
@@ -302,7 +317,7 @@ def _apply_event(e, count, events, segments, scene, is_sphere, tape):
             else:
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
-            settle_lane(lane, BALL_WIDTH, last_phase, numbers)
+            settle_lane(lane, BALL_WIDTH, other_phase, numbers)
     elif kind == BALL_CUSHION:
         radius = scene.radius[i]
         wall = wall_at(before, other, radius, scene.outline)
@@ -315,7 +330,7 @@ def _apply_event(e, count, events, segments, scene, is_sphere, tape):
             radius * before[DWZ],
         )
         law = cushion_law(motion, radius, tape.table, scene)
-        before_rates = rates_of(before, numbers)
+        before_rates = _rates(segments, last, before, scene, tape)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
@@ -336,7 +351,7 @@ def _apply_event(e, count, events, segments, scene, is_sphere, tape):
             settle_lane(lane, 0, phase, numbers)
 
 
-@kernel
+@inlined
 def _apply_end(i, count, until, segments, scene, tape):
     """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
     piece, numbers, state = tape.current[i], scene.numbers, tape.state
@@ -444,14 +459,39 @@ def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, ti
 
 
 @inlined
-def _unit_lanes(balls, kind, constants, tape):
-    """Sets the lanes to the unit vectors of a number of balls and, if `constants`, of the constants of an event.
+def _ball_columns(at, phase, begin, count, motion, column):
+    """Appends the columns of a ball that can change in a phase to the first `count` columns of the unit vectors.
+
+    Args:
+        at: The first column of the ball.
+        phase: The phase.
+        begin: The first of its columns to append; 2 leaves out the position.
+        count: Number of columns so far.
+        motion: `Numbers.motion`.
+        column: `Tape.column`.
+
+    Returns:
+        The number of columns.
+    """
+    for j in range(begin, BALL_WIDTH):
+        if j >= DUX and motion != SLIDING_AND_ROLLING:
+            continue
+        needed = REST
+        if motion != IDEAL and j >= DVX:  # the first phase that has this column, see `settle_lane`
+            needed = ROLLING if j < DUX else (SLIDING if j < DWZ else SPINNING)
+        if phase >= needed:
+            column[count] = at + j
+            count += 1
+    return count
+
+
+@inlined
+def _unit_lanes(balls, kind, count, constants, tape):
+    """Sets the lanes to the unit vectors of `count` columns and, if `constants`, of the constants of an event.
 
     Returns their number.
     """
-    column, count = tape.column, balls * BALL_WIDTH
-    for j in range(count):
-        column[j] = j
+    column = tape.column
     if constants:
         for s in range(balls):
             column[count], column[count + 1] = D_RADIUS + s, D_INV_MASS + s
@@ -462,16 +502,17 @@ def _unit_lanes(balls, kind, constants, tape):
             if flies or (begin <= j < last and (kind in (BALL_BALL, BALL_CUSHION))):
                 column[count] = j
                 count += 1
+    width = LANE_WIDTH if constants else balls * BALL_WIDTH  # the constants are zero otherwise
     for c in range(count):
         lane = tape.lanes[c]
-        for j in range(LANE_WIDTH):
+        for j in range(width):
             lane[j] = 0.0
         lane[column[c]] = 1.0
     return count
 
 
 @inlined
-def _pull(count, n, i, other, marks, tape, adjoint, sums):
+def _pull(count, n, i, other, begin, marked, marks, tape, adjoint, sums):
     """Multiplies adjoints by the lanes of one ball or of two.
 
     Args:
@@ -479,7 +520,9 @@ def _pull(count, n, i, other, marks, tape, adjoint, sums):
         n: Number of balls.
         i: The first ball.
         other: The second ball; -1 for none.
-        marks: (k, 3) float64, the adjoints of the results of the event.
+        begin: The first column of the first ball that the lanes change.
+        marked: Whether the results of the event have adjoints.
+        marks: (k, 3) float64, these adjoints.
         tape: The `Tape`.
         adjoint: (k, n, 7) float64, changed in place.
         sums: (k, 9 n + 14) float64; the parts of the constants are added.
@@ -489,14 +532,20 @@ def _pull(count, n, i, other, marks, tape, adjoint, sums):
         a, b = adjoint[k, i], adjoint[k, max(other, 0)]
         for c in range(count):
             lane, total = lanes[c], 0.0
-            for j in range(3):
-                total += marks[k, j] * lane[D_TIME + j]
+            if marked:
+                for j in range(3):
+                    total += marks[k, j] * lane[D_TIME + j]
             for j in range(BALL_WIDTH):
                 total += a[j] * lane[j]
             if other >= 0:
                 for j in range(BALL_WIDTH):
                     total += b[j] * lane[BALL_WIDTH + j]
             pulled[c] = total
+        for j in range(begin, BALL_WIDTH):
+            a[j] = 0.0
+        if other >= 0:
+            for j in range(BALL_WIDTH):
+                b[j] = 0.0
         for c in range(count):
             at = column[c]
             if at < BALL_WIDTH:
@@ -509,6 +558,12 @@ def _pull(count, n, i, other, marks, tape, adjoint, sums):
                 sums[k, BALL_INPUTS * (i if at == D_INV_MASS else other) + 8] += pulled[c]
             else:
                 sums[k, BALL_INPUTS * n + at - D_NUMBERS] += pulled[c]
+
+
+@inlined
+def _phase_before(piece, segments, tape):
+    """Returns the phase of the ball before a piece begins."""
+    return int(segments[tape.previous[piece], SEGMENT_PHASE])
 
 
 @inlined
@@ -546,7 +601,8 @@ def pull_lanes(
     arrays = SceneArrays(scene[0][0], *scene[1:])
     n, count, most = len(arrays.radius), outputs.shape[1], at_events.shape[2]
     tape = _empty_tape(begin, end, first, bounds, n, MOST_LANES)
-    nothing, marks, pending = np.zeros((count, 3)), np.zeros((count, 3)), 0
+    marks, motion, pending = np.zeros((count, 3)), arrays.numbers.motion, 0
+    tape.lanes[:] = 0.0
     for k in range(begin, end):
         at, after = bounds[k - first], bounds[k - first + 1]
         log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
@@ -562,9 +618,11 @@ def pull_lanes(
             done += 1
         for i in range(n):
             if not _is_zero(i, adjoint):
-                lanes = _unit_lanes(1, -1, constants, tape)
+                phase = int(paths[tape.current[i], SEGMENT_PHASE])
+                lanes = _ball_columns(0, phase, DVX, 0, motion, tape.column)
+                lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _apply_end(i, lanes, times[k], paths, arrays, tape)
-                _pull(lanes, n, i, -1, nothing, tape, adjoint, sums)
+                _pull(lanes, n, i, -1, DVX, False, marks, tape, adjoint, sums)
         for e in range(done - 1, -1, -1):
             kind, i = int(log[e, KIND]), int(log[e, BALL])
             j = int(log[e, OTHER]) if kind == BALL_BALL else -1
@@ -576,18 +634,25 @@ def pull_lanes(
                         marked = marked or marks[c, d] != 0.0
             if not marked and _is_zero(i, adjoint) and (j < 0 or _is_zero(j, adjoint)):
                 continue
-            lanes = _unit_lanes(1 if j < 0 else 2, kind, constants, tape)
+            piece, begin_at = tape.first[e], 0 if kind <= BALL_POCKET or marked else DVX
+            lanes = _ball_columns(0, _phase_before(piece, paths, tape), begin_at, 0, motion, tape.column)
+            if j >= 0:
+                phase = _phase_before(piece + 1, paths, tape)
+                lanes = _ball_columns(BALL_WIDTH, phase, 0, lanes, motion, tape.column)
+            lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
             _apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
-            _pull(lanes, n, i, j, marks if marked else nothing, tape, adjoint, sums)
+            _pull(lanes, n, i, j, begin_at, marked, marks, tape, adjoint, sums)
             pending += lanes
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0
         for i in range(n):
             if not _is_zero(i, adjoint):
-                lanes = _unit_lanes(1, -1, constants, tape)
+                phase = int(paths[i, SEGMENT_PHASE])
+                lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
+                lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _start(i, lanes, paths, arrays, tape.lanes)
-                _pull(lanes, n, i, -1, nothing, tape, adjoint, sums)
+                _pull(lanes, n, i, -1, 0, False, marks, tape, adjoint, sums)
             for c in range(count):
                 for d in range(BALL_WIDTH):
                     sums[c, BALL_INPUTS * i + d] = adjoint[c, i, d]

@@ -219,10 +219,10 @@ def _compliant_friction(slip, mu, grip, per_mu, e, numbers):
 
 @kernel
 def _compliant_velocity(x, e, omega):
-    """Returns the tangential velocity after a compliant impact with a stick, and its derivatives with respect to x, e
-    and omega, see `physics.compliance`.
+    """Returns the tangential velocity after a compliant impact with a stick, and its derivatives by x, e and omega.
 
-    The velocity does not depend on the end of the stick in first order, so that time counts as constant.
+    See `physics.compliance`. The velocity does not depend on the end of the stick in first order, so that time counts
+    as constant.
     """
     beta, h = 3.5, 3.5 / (omega * omega)
     start, stretch, velocity = begin_stick(x, e, omega)
@@ -230,9 +230,7 @@ def _compliant_velocity(x, e, omega):
     sin, cos = sine_cosine(omega * (t - start))
     sin_n, cos_n = sine_cosine(release_phase(t, e))
     # One more Newton step: the derivatives need more digits of the time than the velocity.
-    t -= (velocity * sin / omega - stretch * cos - h * sin_n) / (
-        velocity * cos + stretch * omega * sin - h * cos_n / e
-    )
+    t -= (velocity * sin / omega - stretch * cos - h * sin_n) / (velocity * cos + stretch * omega * sin - h * cos_n / e)
     sin, cos = sine_cosine(omega * (t - start))
     sin_n, cos_n = sine_cosine(release_phase(t, e))
     by_x, by_e, by_omega = 0.0, 0.0, 0.0
@@ -331,8 +329,10 @@ def _fill(is_mathavan, motion, sin, cos, e, table, numbers):
 
 @kernel
 def _fill_table(motion, sin, cos, e, table, numbers):
-    """Writes the derivative of `mathavan.integrate_impact` with respect to its velocities, `sin`, the two coefficients
-    of friction and the restitution, by differences of fourth order. Its relative error is about 1e-4.
+    """Writes the derivative of `mathavan.integrate_impact` by differences of fourth order.
+
+    The columns are its velocities, `sin`, the two coefficients of friction and the restitution. The relative error is
+    about 1e-4.
     """
     vn, vt, un, ut, rwz = motion
     for c in range(9):

@@ -1,7 +1,7 @@
 """The derivatives of the laws: how a small change of the balls passes through a flight or an event.
 
-A lane is a row of numbers: one direction of change of one or two balls, and of the constants of the scene. Each function
-`*_lane` below is the derivative of a law. It is a linear map that changes a lane in place. The coefficients of the map
+A lane is a row of numbers: one direction of change of one or two balls, and of the constants of the scene. Each
+function `*_lane` below is the derivative of a law. It is a linear map that changes a lane in place. Its coefficients
 belong to the motion without the change; they are computed once for an event and used for all lanes.
 
 The state of a ball in a lane is (x, y, vx, vy, ux, uy, wz) at a fixed time. An event changes it by the saltation matrix
@@ -23,6 +23,7 @@ from billiards_env.physics.state import (
     AY,
     FREE,
     IDEAL,
+    LASTS,
     POCKET_X,
     POCKET_Y,
     POTTED,
@@ -91,11 +92,9 @@ def flight_of(row, phase, dt, numbers):
     """Returns the `Flight` of a ball with a row of `State.rows` for `dt` seconds."""
     ex, ey, turn = 0.0, 0.0, 0.0
     if phase == SLIDING:
-        size = norm(row[UX], row[UY])
-        ex, ey, turn = row[UX] / size, row[UY] / size, numbers.slide * dt / size
+        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (3.5 * row[LASTS])
     elif phase == ROLLING:
-        size = norm(row[VX], row[VY])
-        ex, ey, turn = row[VX] / size, row[VY] / size, numbers.roll * dt / size
+        ex, ey, turn = -row[AX] / numbers.roll, -row[AY] / numbers.roll, dt / row[LASTS]
     if numbers.motion == IDEAL and phase != POTTED:
         phase = FREE
     lost = numbers.spin_decay * dt
@@ -165,8 +164,17 @@ class Rates(NamedTuple):
 
 
 @inlined
+def rates_on(row, phase, state, numbers):
+    """Returns the `Rates` of a state (7,) on a piece of a path, with its row of `State.rows` and its phase."""
+    ax, ay = row[AX], row[AY]
+    turns = 3.5 if phase == SLIDING else 0.0
+    spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
+    return Rates(state[DVX], state[DVY], ax, ay, turns * ax, turns * ay, spin)
+
+
+@kernel
 def rates_of(state, numbers):
-    """Returns the `Rates` of a state (7,)."""
+    """Returns the `Rates` of a state (7,) from the law of motion."""
     vx, vy = state[DVX], state[DVY]
     ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0
     v, u = norm(vx, vy), norm(state[DUX], state[DUY])

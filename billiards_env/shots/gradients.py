@@ -7,9 +7,9 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 * each number of `Physics` that enters the motion, (),
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
-Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times" (l,)
-and "event_positions" (l, 2) of the l events up to this time. SI units. For a batch all arrays have a leading axis m, and l
-is the largest number of events of a shot; the derivatives of events that a shot does not have are zero.
+Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
+(l,) and "event_positions" (l, 2). The units are SI units. The derivatives of events after this time are zero. For a
+batch all arrays have a leading axis m, and l is the largest number of events of a shot.
 
 A velocity is changed at a constant spin, and a spin at a constant velocity. A radius changes at constant positions,
 velocities and spins; the table and its pockets do not change. Friction stops a ball at rest as soon as it moves, so
@@ -81,9 +81,9 @@ class Nonsmooth(NamedTuple):
 
     Attributes:
         event: Its index; -1 for the start of the shot, or if there is none.
-        reason: "" if there is none, "grazing" (a contact without speed of approach), "simultaneous" (impacts of a ball at
-            one instant: their order matters), "rule" (an act of the contact-time rule), "lip" (a ball grazes the circle of
-            a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
+        reason: "" if there is none, "grazing" (a contact without speed of approach), "simultaneous" (impacts of a ball
+            at one instant: their order matters), "rule" (an act of the contact-time rule), "lip" (a ball grazes the
+            circle of a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
     """
 
     event: Any
@@ -136,7 +136,9 @@ class _Inputs(NamedTuple):
         one_of("by", name, (*_BALL_INPUTS, *self.numbers, "strike"))
         if name == "strike":
             if self.strike is None:
-                raise ValueError("strike = None with an input 'strike': expected (speed, heading, side, top, elevation)")
+                raise ValueError(
+                    "strike = None with an input 'strike': expected (speed, heading, side, top, elevation)"
+                )
             return (5,)
         if name in self.numbers:
             return ()
@@ -361,7 +363,9 @@ def jacobian(
     rows, cols = math.prod(left), math.prod(right)
     if cols <= rows:
         unit = np.broadcast_to(np.eye(cols).reshape(cols, *right), (m, cols, *right))
-        outputs, at_events, _ = _push(record, times[:, None], known.push(by, unit), _most_events(record, (of,)), threads)
+        outputs, at_events, _ = _push(
+            record, times[:, None], known.push(by, unit), _most_events(record, (of,)), threads
+        )
         found = np.moveaxis(_chosen(of, outputs[:, 0], at_events).reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))

@@ -342,7 +342,9 @@ def simulate_batch(
     run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
     parts = None
     if record:
-        parts = _run_recorded(lambda begin, end, log: run_shots(begin, end, arrays, limit, max_events, plain, log), shots, threads)
+        parts = _run_recorded(
+            lambda begin, end, log: run_shots(begin, end, arrays, limit, max_events, plain, log), shots, threads
+        )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict() | {"status": np.array(STATUS, dtype=object)[shots.status]}
