@@ -146,20 +146,17 @@ class _Inputs(NamedTuple):
         width = () if isinstance(column, int) else (column.stop - column.start,)
         return (self.scene.n_balls, *width)
 
-    def push(self, name: str, change: Floats) -> Floats:
-        """Returns changes of the inputs of the engine, (m, k, 9 n + 14), by those of an input, (m, k, ...)."""
+    def push(self, name: str, change: Floats, inputs: Floats) -> None:
+        """Adds to changes of the inputs of the engine, (m, k, 9 n + 14), those by changes of an input, (m, k, ...)."""
         n = self.scene.n_balls
-        result = np.zeros((*change.shape[:2], BALL_INPUTS * n + NUMBER_INPUTS))
-        balls = result[..., : BALL_INPUTS * n].reshape(*change.shape[:2], n, BALL_INPUTS)
+        balls = inputs[..., : BALL_INPUTS * n].reshape(*inputs.shape[:2], n, BALL_INPUTS)  # a view
         if name == "strike":
             assert self.strike is not None
-            balls[:, :, 0, 2:7] = np.einsum("mij,mkj->mki", self.strike, change)
+            balls[:, :, 0, 2:7] += np.einsum("mij,mkj->mki", self.strike, change)
         elif name in self.numbers:
-            result[..., BALL_INPUTS * n :] = change[..., None] * self.numbers[name]
+            inputs[..., BALL_INPUTS * n :] += change[..., None] * self.numbers[name]
         else:
-            balls[..., _BALL_INPUTS[name]] = change * self.by_mass() if name == "mass" else change
-        result[..., : BALL_INPUTS * n] = balls.reshape(*change.shape[:2], -1)
-        return result
+            balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
 
     def pull(self, name: str, adjoint: Floats) -> Floats:
         """Returns the adjoint of an input, (m, k, ...), for those of the inputs of the engine, (m, k, 9 n + 14)."""
@@ -233,8 +230,8 @@ def _output_shape(record: Record, name: str) -> tuple[int, ...]:
     return (_most_events(record, (name,)) if name in _EVENT_OUTPUTS else record.scene.n_balls, *width)
 
 
-def _for_all(record: Record, run: Callable[..., Any], threads: int | None) -> None:
-    """Calls `run(begin, end, first, scene, is_sphere, events, segments, bounds)` on pieces of the shots."""
+def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arrays: Any) -> None:
+    """Calls `push_lanes` or `pull_lanes` on pieces of the shots; `arrays` are its last arguments."""
     scene = record.scene
     fields, is_sphere = scene_fields(scene), scene.balls.shape == "sphere"
     begins = [part.begin for part in record.parts]
@@ -244,7 +241,7 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None) -> No
         while begin < end:
             part = record.parts[k]
             until = min(end, part.end)
-            run(begin, until, part.begin, fields, is_sphere, part.events, part.segments, part.bounds)
+            run(begin, until, part.begin, fields, is_sphere, part.events, part.segments, part.bounds, *arrays)
             begin, k = until, k + 1
 
     parallel_for(work, len(record.time), threads)
@@ -257,7 +254,7 @@ def _push(
     m, k = inputs.shape[:2]
     outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, columns.BALL_WIDTH))
     at_events, found = np.empty((m, k, most, 3)), np.empty((m, 2), np.int64)
-    _for_all(record, lambda *part: push_lanes(*part, times, inputs, outputs, at_events, found), threads)
+    _for_all(record, push_lanes, threads, times, inputs, outputs, at_events, found)
     return outputs, at_events, found
 
 
@@ -267,7 +264,7 @@ def _pull(
     """Calls `pull_lanes`. Returns its result."""
     m, k, n = outputs.shape[:3]
     inputs, found = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS)), np.empty((m, 2), np.int64)
-    _for_all(record, lambda *part: pull_lanes(*part, times, outputs, at_events, constants, inputs, found), threads)
+    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, inputs, found)
     return inputs
 
 
@@ -306,10 +303,10 @@ def jvp(
     known, m, names = _inputs(record, strike), len(record.time), _names("of", of)
     if not isinstance(tangents, Mapping) or not tangents:
         raise ValueError(f"tangents = {short(tangents)}: expected a mapping from names of inputs to arrays")
-    inputs = 0.0
+    inputs = np.zeros((m, 1, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
     for name, value in tangents.items():
         change = _given("tangents", name, value, m, known.shape(name))
-        inputs = inputs + known.push(name, change[:, None])
+        known.push(name, change[:, None], inputs)
     for name in names:
         one_of("of", name, OUTPUTS)
     times = _times(record, t)[:, None]
@@ -363,9 +360,9 @@ def jacobian(
     rows, cols = math.prod(left), math.prod(right)
     if cols <= rows:
         unit = np.broadcast_to(np.eye(cols).reshape(cols, *right), (m, cols, *right))
-        outputs, at_events, _ = _push(
-            record, times[:, None], known.push(by, unit), _most_events(record, (of,)), threads
-        )
+        inputs = np.zeros((m, cols, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+        known.push(by, unit, inputs)
+        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, (of,)), threads)
         found = np.moveaxis(_chosen(of, outputs[:, 0], at_events).reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))

@@ -289,7 +289,7 @@ class ShotResult:
         if self.trajectory is None or self.scene is None or self._log is None:
             raise ValueError(f"shot.{method}: expected a shot of simulate(..., mode='pic', record=True)")
         ball, phase, rows = self.trajectory
-        segments = np.column_stack((ball, phase, rows))
+        segments: Floats = np.column_stack((ball, phase, rows)).astype(np.float64)
         bounds = np.array([(0, 0), (len(self._log), len(rows))])
         return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
 

@@ -1,7 +1,7 @@
 """Finite differences of shots of the 50-digit simulator."""
 
-import contextlib
 import dataclasses
+from unittest import mock
 
 import mpmath
 import numpy as np
@@ -55,15 +55,10 @@ def aimed(scene, seed):
     return places, velocities
 
 
-@contextlib.contextmanager
 def changed_world(change):
     """Lets the 50-digit simulator use `change(world)` in place of each world."""
     plain = World.of
-    World.of = classmethod(lambda cls, scene, digits: change(plain(scene, digits)))
-    try:
-        yield
-    finally:
-        World.of = plain
+    return mock.patch.object(World, "of", lambda scene, digits: change(plain(scene, digits)))
 
 
 def changed_constant(name, tangent, scene):
@@ -94,6 +89,8 @@ def changed_constant(name, tangent, scene):
 def directional_differences(scene, start, name, tangent, max_time):
     """Returns one-sided differences of all outputs of `shots.gradients` along a tangent of one input.
 
+    The events are in the order of their balls.
+
     Args:
         scene: The scene.
         start: Positions (n, 2), velocities (n, 2) and spins (n, 3).
@@ -116,10 +113,9 @@ def directional_differences(scene, start, name, tangent, max_time):
                 return found(run(scene, *values.values(), max_time=max_time))
 
         def found(shot):
-            places = [
-                next(piece for piece in shot.segments[e.ball] if piece.start == e.time).position for e in shot.events
-            ]
-            times = [e.time for e in shot.events]
+            events = sorted(shot.events, key=lambda e: e.ball)  # those of one ball keep their order
+            pieces = [min(shot.segments[e.ball], key=lambda piece, e=e: abs(piece.start - e.time)) for e in events]
+            places, times = [piece.position for piece in pieces], [e.time for e in events]
             return {
                 "positions": shot.positions,
                 "velocities": shot.velocities,

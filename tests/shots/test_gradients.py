@@ -39,14 +39,16 @@ def start_of(scene, seed):
     places, velocities = aimed(scene, seed)
     spins = np.zeros((scene.n_balls, 3))
     if scene.physics.motion == "sliding":
-        spins[0] = np.random.default_rng(seed).normal(0.0, (20.0, 20.0, 40.0))
+        spins[0] = np.random.default_rng(seed).normal(0.0, (4.0, 4.0, 20.0))
     return places, velocities, spins
 
 
-def recorded(scene, start, **options):
+def recorded(scene, start, **options) -> Any:
     """Returns the recorded shot of a start."""
     spins = start[2] if scene.physics.motion == "sliding" else None
-    return simulate(scene, start[0], start[1], spins=spins, record=True, **options)
+    shot = simulate(scene, start[0], start[1], spins=spins, record=True, **options)
+    assert shot.events is not None
+    return shot
 
 
 def tangent_of(name, scene, rng):
@@ -86,7 +88,7 @@ def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
     scene = SCENES[name]
     start, rng = start_of(scene, seed), np.random.default_rng(seed)
     whole = recorded(scene, start)
-    late = 0.45 * whole.time
+    late = 0.6 * whole.time
     shot = recorded(scene, start, max_time=late)
     assert shot.nonsmooth() == (-1, "")
     assert (shot.events["kind"] == "ball_ball").any()
@@ -94,6 +96,8 @@ def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
         tangent = tangent_of(key, scene, rng)
         expected = directional_differences(scene, start, key, tangent, late)
         found = shot.jvp({key: tangent}, OUTPUTS)
+        order = np.argsort(shot.events["ball"], kind="stable")
+        found |= {output: found[output][order] for output in ("event_times", "event_positions")}
         for output in OUTPUTS:
             size = np.abs(expected[output]).max()
             np.testing.assert_allclose(
@@ -218,6 +222,7 @@ def test_impacts_at_one_instant_count_as_successive():
     both = simulate(scene, [[-0.5, 0.0], [0.0, y], [0.0, -y]], [1.0, 0.0], record=True, max_time=0.5)
     assert both.nonsmooth() == (1, "simultaneous")
     first = simulate(scene, [[-0.5, 0.0], [0.0, y], [1e-9, -y]], [1.0, 0.0], record=True, max_time=0.5)
+    assert first.events is not None
     assert first.events["other"][:2].tolist() == [1, 2]
     np.testing.assert_allclose(both.jacobian(), first.jacobian(), atol=1e-5)
 
@@ -225,7 +230,7 @@ def test_impacts_at_one_instant_count_as_successive():
 @pytest.mark.parametrize(
     ("name", "start", "reason"),
     [
-        ("ideal", ([[0.0, 0.028575 * 2], [0.5, 0.0]], [[1.0, 0.0], [0.0, 0.0]]), "grazing"),
+        ("ideal", ([[0.0, 0.05715 * (1.0 - 1e-14)], [0.5, 0.0]], [[1.0, 0.0], [0.0, 0.0]]), "grazing"),
         (
             "pool",
             ([[-1.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0 / 0.028575, 0.0], [0.0] * 3]),
