@@ -353,6 +353,9 @@ def simulate_batch(
     return BatchResult(potted=~outcome.pop("in_play"), _arguments=arguments, _parts=parts, **outcome)
 
 
+_FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need
+
+
 def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> list[Part]:
     """Runs shots with `run(begin, end, log)` and returns their logs.
 
@@ -363,22 +366,23 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
     m, n = shots.in_play.shape
     start = [array.copy() for array in shots[:4]]
     parts: list[Part] = []
-    events_of_shot = 32.0 + 16.0 * n
+    events_of_shot = 0.0  # a mean
 
     def work(begin: int, end: int) -> None:
         nonlocal events_of_shot
         while begin < end:
-            room = 64 + 32 * n + int(1.5 * events_of_shot * (end - begin))
-            log = empty_log(room, 2 * room + n * (end - begin), end - begin)
-            run(begin, end, tuple(log))
+            until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
+            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
+            log = empty_log(room, 2 * room + n * (until - begin), until - begin)
+            run(begin, until, tuple(log))
             bounds = np.concatenate((log.begins, log.used[None, :2]))
-            whole_shots = (bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
-            done = begin + int(whole_shots.sum())
-            parts.append(Part(begin, done, log.events, log.segments, bounds[: done - begin + 1]))
+            events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
+            done = begin + int((bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1).sum())
+            if done > begin:
+                parts.append(Part(begin, done, log.events, log.segments, bounds[: done - begin + 1]))
             for array, given in zip(shots, start, strict=False):
-                array[done:end] = given[done:end]
-            events_of_shot = max(0.5 * events_of_shot, float(log.used[0]) / (end - begin))
+                array[done:until] = given[done:until]
             begin = done
 
     parallel_for(work, m, threads)
-    return sorted((part for part in parts if part.begin < part.end), key=lambda part: part.begin)
+    return sorted(parts, key=lambda part: part.begin)
