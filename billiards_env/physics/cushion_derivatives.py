@@ -309,12 +309,12 @@ def _lane_by_law(is_mathavan, change, law, table):
     pxe, pye = friction.size * x, friction.size * y
     d_pxe, d_pye = x * d_size + per_slip * (dsx - x * d_slip), y * d_size + per_slip * (dsy - y * d_slip)
     px, d_px = -law.vn, -dvn
-    if not law.stops:
+    if not law.squeezes:
         px = -pxe * sin - law.normal * cos
         d_px = -d_pxe * sin - pxe * d_sin - d_normal * cos - law.normal * d_cos
     pz = pxe * cos - law.normal * sin
     d_pz = d_pxe * cos + pxe * d_cos - d_normal * sin - law.normal * d_sin
-    vn_after, vt_after = dvn + d_px, dvt + d_pye
+    vn_after, vt_after = 0.0 if law.stops else dvn + d_px, dvt + d_pye
     rwn = (dut - dvt) - 2.5 * (d_pye * sin + pye * d_sin)
     rwt = (dvn - dun) + 2.5 * (d_px * sin + px * d_sin - d_pz * cos - pz * d_cos)
     return vn_after, vt_after, vn_after - rwt, vt_after + rwn, drwz + 2.5 * (d_pye * cos + pye * d_cos)

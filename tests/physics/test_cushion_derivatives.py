@@ -60,7 +60,7 @@ def derivative(motion, scene):
 @pytest.mark.parametrize(
     ("cushion", "weakest"),
     [
-        ("han2005", {"e_cushion": 0.05, "e_cushion_floor": 0.0}),
+        ("han2005", {"e_cushion": 0.06, "e_cushion_floor": 0.01}),
         ("stronge", {"e_cushion": 0.5, "e_cushion_floor": 0.48}),
     ],
 )

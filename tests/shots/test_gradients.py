@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.scene import Balls, Physics
-from billiards_env.scene.table import Table
+from billiards_env.scene.table import Pocket, Table
 from billiards_env.shots.gradients import OUTPUTS, physics_inputs
 from tests.helpers.derivatives import aimed, directional_differences
 from tests.helpers.outlines import MARBLES
@@ -244,6 +244,19 @@ def test_a_shot_without_a_derivative_names_the_event(name, start, reason):
         recorded(scene, start, max_time=2.0) if len(start) == 3 else simulate(scene, *start, record=True, max_time=2.0)
     )
     assert shot.nonsmooth().reason == reason
+
+
+def test_a_ball_that_grazes_a_pocket_has_no_derivative():
+    table = dataclasses.replace(Table(2.0, 1.0), pockets=(Pocket(0.0, 0.5, 0.1),))
+    scene = Scene(Balls.uniform(1), table, Scene.named("ideal").physics)
+    shot = simulate(scene, [[-0.5, 0.4 + 1e-15]], [1.0, 0.0], record=True, max_time=1.0)
+    assert shot.potted[0]
+    assert shot.nonsmooth() == (0, "lip")
+    deep = simulate(scene, [[-0.5, 0.45]], [1.0, 0.0], record=True, max_time=1.0)
+    assert deep.nonsmooth() == (-1, "")
+    assert not deep.jacobian("positions", "positions").any()
+    chord = 0.05 / math.sqrt(0.1**2 - 0.05**2)  # slope of the circle where the ball enters it
+    np.testing.assert_allclose(deep.jacobian("event_times", "positions"), [[[-1.0, -chord]]], rtol=1e-12)
 
 
 def test_an_act_of_the_contact_time_rule_has_no_derivative():
