@@ -34,6 +34,7 @@ COMMANDS = {
     "studies.recipes": "train all recipes with several seeds",
     "studies.timestep": "train one recipe with several timesteps and compare the policies",
     "benchmarks.speed": "measure shots per second",
+    "benchmarks.gradients": "measure the cost of derivatives",
     "benchmarks.vector": "measure steps per second of many environments",
     "benchmarks.accuracy": "measure errors and run times of both engines and of other simulators",
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",

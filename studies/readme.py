@@ -15,7 +15,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import accuracy_report, comparison, error_limit, speed, start_up, stress, validation, vector
+from benchmarks import (
+    accuracy_report,
+    comparison,
+    error_limit,
+    gradients,
+    speed,
+    start_up,
+    stress,
+    validation,
+    vector,
+)
 from billiards_env.files import write_whole
 from studies import plain, recipes, run_outs, timestep_report
 
@@ -29,6 +39,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
+    "gradients": ("benchmarks.gradients", gradients.blocks),
     "plain": ("studies.plain", plain.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),

@@ -1,4 +1,4 @@
-"""The log of a shot: its events and the pieces of the balls' trajectories."""
+"""The log of one shot or of many: the events and the pieces of the balls' trajectories."""
 
 from __future__ import annotations
 
@@ -22,30 +22,34 @@ EVENT_WIDTH = 9
 SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW = 0, 1, 2
 SEGMENT_WIDTH = SEGMENT_ROW + WIDTH
 
-# Entries of `Log.used`.
-N_EVENTS_LOGGED, N_SEGMENTS_LOGGED = 0, 1
+# Entries of `Log.used`; the first two are also the columns of `Log.begins`.
+N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, N_SHOTS_LOGGED = 0, 1, 2
 
 Floats = NDArray[np.float64]
 
 
 class Log(NamedTuple):
-    """The events and trajectories of a shot. Arrays without rows record nothing.
+    """The events and trajectories of the last shot, or of many. Arrays without rows record nothing.
 
     Attributes:
         events: (rows, EVENT_WIDTH) float64 out.
         segments: (rows, SEGMENT_WIDTH) float64 out, the pieces of the trajectories.
-        used: (2,) int64 out: number of events and of segments. If one exceeds the number of rows, the log is
-            incomplete.
+        used: (3,) int64 out: number of events, of segments and of shots. If one of the first two exceeds the number of
+            rows, the log is incomplete.
+        begins: (shots, 2) int64 out: the first event and the first segment of each shot. Without rows, each shot
+            replaces the one before.
     """
 
     events: Floats
     segments: Floats
     used: NDArray[np.int64]
+    begins: NDArray[np.int64]
 
 
-def empty_log(n_events: int = 0, n_segments: int = 0) -> Log:
-    """Returns a log with room for a number of events and of segments."""
-    return Log(np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, SEGMENT_WIDTH)), np.zeros(2, np.int64))
+def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0) -> Log:
+    """Returns a log with room for a number of events, of segments and of shots."""
+    events, segments = np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, SEGMENT_WIDTH))
+    return Log(events, segments, np.zeros(3, np.int64), np.zeros((n_shots, 2), np.int64))
 
 
 NO_LOG = tuple(empty_log())
@@ -60,9 +64,16 @@ def phase_end(phase):
 
 @inlined
 def clear_log(log):
-    """Empties a log. Does not write to a log without rows, because threads may share it."""
-    if len(log.events) > 0:
+    """Begins the next shot. Does not write to a log without rows, because threads may share it."""
+    if len(log.events) == 0:
+        return
+    if len(log.begins) == 0:
         log.used[N_EVENTS_LOGGED] = log.used[N_SEGMENTS_LOGGED] = 0
+        return
+    k = log.used[N_SHOTS_LOGGED]
+    log.used[N_SHOTS_LOGGED] += 1
+    log.begins[k, N_EVENTS_LOGGED] = log.used[N_EVENTS_LOGGED]
+    log.begins[k, N_SEGMENTS_LOGGED] = log.used[N_SEGMENTS_LOGGED]
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,15 +28,16 @@ from billiards_env.engine.log import (
     TIME,
     Log,
 )
-from billiards_env.engine.modes import Engine, scene_arrays
+from billiards_env.engine.modes import Engine
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
-from billiards_env.shots.sensitivity import Sensitivity, sensitivity_along
 
 if TYPE_CHECKING:
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
+    from billiards_env.shots.gradients import Nonsmooth, Record
+    from billiards_env.shots.sensitivity import Sensitivity
 
 Floats = NDArray[np.float64]
 
@@ -170,13 +171,127 @@ class ShotResult:
             ValueError: If the shot was not recorded or not run by "pic", or a time is negative, not finite or earlier
                 than the one before.
         """
-        if self.trajectory is None or self.scene is None or self._log is None:
-            raise ValueError("shot.sensitivity: expected a shot of simulate(..., mode='pic', record=True)")
+        from billiards_env.shots.sensitivity import sensitivity_along
+
+        record = self._record("sensitivity")
         array = numbers("times", times)
         if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
             raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
-        arrays = scene_arrays(self.scene)
-        return sensitivity_along(self.trajectory, self._log, arrays, np.minimum(array, self.time))
+        return sensitivity_along(record, np.minimum(array, self.time))
+
+    def jvp(
+        self,
+        tangents: Mapping[str, ArrayLike],
+        of: str | Sequence[str] = "positions",
+        *,
+        t: float | None = None,
+        strike: ArrayLike | None = None,
+    ) -> Any:
+        """Returns the Jacobian times a vector: the change of outputs by a small change of inputs.
+
+        Args:
+            tangents: The changes of the inputs by name, such as {"velocities": [[0.1, 0.0], [0.0, 0.0]]}.
+                `shots.gradients` lists the inputs and the outputs with their shapes.
+            of: An output, or several.
+            t: Time of the positions, velocities and spins, s; None for the end of the shot. Events later than t do not
+                count.
+            strike: (5,) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+
+        Returns:
+            The change of the output, or a dict with those of the outputs by name. At an event that `nonsmooth` reports
+            there is no derivative; impacts at one instant then count as successive, and the contact-time rule does not
+            count.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic", a name is unknown, an array has another shape,
+                t is negative or not finite, or `strike` is missing, not that of the shot or a miscue.
+
+        Example:
+            >>> from billiards_env import Scene, simulate
+            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+            >>> shot.jvp({"velocities": [[0.0, 0.1]]}).tolist()
+            [[0.0, 0.1]]
+        """
+        from billiards_env.shots import gradients
+
+        return _first(gradients.jvp(self._record("jvp"), tangents, of, t, strike, 1))
+
+    def vjp(
+        self,
+        cotangents: Mapping[str, ArrayLike],
+        by: str | Sequence[str] = "velocities",
+        *,
+        t: float | None = None,
+        strike: ArrayLike | None = None,
+    ) -> Any:
+        """Returns a vector times the Jacobian: the gradient of a function of outputs with respect to inputs.
+
+        Args:
+            cotangents: The derivatives of the function with respect to the outputs by name.
+            by: An input, or several.
+            t: As in `jvp`.
+            strike: As in `jvp`.
+
+        Returns:
+            The gradient, or a dict with the gradients by name; see `jvp`.
+
+        Raises:
+            ValueError: As in `jvp`.
+
+        Example:
+            >>> from billiards_env import Scene, simulate
+            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+            >>> shot.vjp({"positions": [[3.0, 4.0]]}, by=("velocities", "mass"))
+            {'velocities': array([[3., 4.]]), 'mass': array([0.])}
+        """
+        from billiards_env.shots import gradients
+
+        return _first(gradients.vjp(self._record("vjp"), cotangents, by, t, strike, 1))
+
+    def jacobian(
+        self, of: str = "positions", by: str = "velocities", *, t: float | None = None, strike: ArrayLike | None = None
+    ) -> Floats:
+        """Returns the derivative of an output with respect to an input, with the axes of `of` and then those of `by`.
+
+        Args:
+            of: An output.
+            by: An input.
+            t: As in `jvp`.
+            strike: As in `jvp`.
+
+        Raises:
+            ValueError: As in `jvp`.
+
+        Example:
+            >>> from billiards_env import Scene, simulate
+            >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+            >>> shot.jacobian()[0, :, 0].tolist()
+            [[1.0, 0.0], [0.0, 1.0]]
+        """
+        from billiards_env.shots import gradients
+
+        return gradients.jacobian(self._record("jacobian"), of, by, t, strike, 1)[0]
+
+    def nonsmooth(self) -> Nonsmooth:
+        """Returns the first event at which the shot has no derivative, with the reason, see `gradients.Nonsmooth`.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic".
+        """
+        from billiards_env.shots import gradients
+
+        found = gradients.nonsmooth(self._record("nonsmooth"), 1)
+        return gradients.Nonsmooth(int(found.event[0]), str(found.reason[0]))
+
+    def _record(self, method: str) -> Record:
+        from billiards_env.shots.gradients import Part, Record
+
+        if self.trajectory is None or self.scene is None or self._log is None:
+            raise ValueError(f"shot.{method}: expected a shot of simulate(..., mode='pic', record=True)")
+        ball, phase, rows = self.trajectory
+        segments: Floats = np.column_stack((ball, phase, rows)).astype(np.float64)
+        bounds = np.array([(0, 0), (len(self._log), len(rows))])
+        return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
 
     def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
         """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, and balls at the start and the end.
@@ -300,6 +415,11 @@ class ShotResult:
         from billiards_env.drawing.recording import Recording
 
         return Recording(self.scene, self.time, self.engine, self.trajectory, self.events)
+
+
+def _first(found: Any) -> Any:
+    """Returns the arrays of the first shot."""
+    return {name: array[0] for name, array in found.items()} if isinstance(found, dict) else found[0]
 
 
 def _recording(shot: ShotResult | None, method: str) -> Recording | None:

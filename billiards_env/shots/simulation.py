@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import operator
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,11 +14,14 @@ from billiards_env.checks import flag, numbers, short, whole
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
 from billiards_env.engine.shot_input import ShotInput, check_shot
-from billiards_env.engine.shots import STATUS, empty_shots
+from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.result import ShotResult, read_log
 from billiards_env.shots.strikes import Strike
+
+if TYPE_CHECKING:
+    from billiards_env.shots.gradients import Nonsmooth, Part, Record
 
 
 def simulate(
@@ -112,9 +115,9 @@ def run_shot(
         for out, array in zip(shots, shot[:4], strict=False):
             out[0] = array
         run_shots(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
-        if not record or (log.used <= (len(log.events), len(log.segments))).all():
+        if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
-        room = max(4 * room, int(max(log.used)))  # the log was too small: the shot runs again
+        room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
     return ShotResult(
         positions=shots.positions[0],
         velocities=shots.velocities[0],
@@ -167,6 +170,7 @@ class BatchResult:
     _arguments: tuple[
         Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]
     ]  # those of `simulate`, with a leading axis
+    _parts: list[Part] | None = None  # the logs of recorded shots
 
     def __len__(self) -> int:
         return len(self.status)
@@ -183,6 +187,72 @@ class BatchResult:
         assert positions is not None
         assert velocities is not None
         return simulate(scene, positions, velocities, spins=spins, in_play=in_play, record=True, **settings)
+
+    def jvp(
+        self,
+        tangents: Mapping[str, ArrayLike],
+        of: str | Sequence[str] = "positions",
+        *,
+        t: ArrayLike | None = None,
+        strike: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> Any:
+        """Returns `ShotResult.jvp` of all shots, with the same bits and a leading axis.
+
+        Args:
+            tangents: As there, with a leading axis m, or without it if it is the same for all shots.
+            of: As there.
+            t: A time or (m,) times, s; None for the ends of the shots.
+            strike: (m, 5) or (5,) parameters of the strikes, if they are an input.
+            threads: Number of threads; None for one per core.
+
+        Raises:
+            ValueError: As there, or if the batch was not recorded.
+        """
+        from billiards_env.shots import gradients
+
+        return gradients.jvp(self._record("jvp"), tangents, of, t, strike, threads)
+
+    def vjp(
+        self,
+        cotangents: Mapping[str, ArrayLike],
+        by: str | Sequence[str] = "velocities",
+        *,
+        t: ArrayLike | None = None,
+        strike: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> Any:
+        """Returns `ShotResult.vjp` of all shots; the arguments are those of `jvp`."""
+        from billiards_env.shots import gradients
+
+        return gradients.vjp(self._record("vjp"), cotangents, by, t, strike, threads)
+
+    def jacobian(
+        self,
+        of: str = "positions",
+        by: str = "velocities",
+        *,
+        t: ArrayLike | None = None,
+        strike: ArrayLike | None = None,
+        threads: int | None = None,
+    ) -> NDArray[np.float64]:
+        """Returns `ShotResult.jacobian` of all shots; the arguments are those of `jvp`."""
+        from billiards_env.shots import gradients
+
+        return gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads)
+
+    def nonsmooth(self, threads: int | None = None) -> Nonsmooth:
+        """Returns `ShotResult.nonsmooth` of all shots, as arrays (m,)."""
+        from billiards_env.shots import gradients
+
+        return gradients.nonsmooth(self._record("nonsmooth"), threads)
+
+    def _record(self, method: str) -> Record:
+        from billiards_env.shots.gradients import Record
+
+        if self._parts is None:
+            raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., mode='pic', record=True)")
+        return Record(self._arguments[0], self.time, self._parts)
 
     def __repr__(self) -> str:
         m, n = self.potted.shape
@@ -214,6 +284,7 @@ def simulate_batch(
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
     max_time: float | None = None,
+    record: bool = False,
     max_events: int = MAX_EVENTS,
     threads: int | None = None,
 ) -> BatchResult:
@@ -229,6 +300,7 @@ def simulate_batch(
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
+        record: Whether to keep the events and trajectories, for the derivatives of the shots. Only "pic" has them.
         max_events: As in `simulate`, for each shot.
         threads: Number of threads; None for one per core.
 
@@ -249,6 +321,8 @@ def simulate_batch(
     check_scene(scene)
     engine = checked_engine(mode, dt, fix)
     whole("max_events", max_events, "max_events")
+    if flag("record", record) and mode != "pic":
+        raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
     positions = numbers("positions", positions)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
@@ -262,8 +336,49 @@ def simulate_batch(
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
-    parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+    parts = None
+    if record:
+        parts = _run_recorded(
+            lambda begin, end, log: run_shots(begin, end, arrays, limit, max_events, plain, log), shots, threads
+        )
+    else:
+        parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict() | {"status": np.array(STATUS, dtype=object)[shots.status]}
     settings = {"mode": mode, "dt": dt, "fix": fix, "max_time": max_time, "max_events": max_events}
     arguments = scene, (positions, moving, turning, playing), settings
-    return BatchResult(potted=~outcome.pop("in_play"), _arguments=arguments, **outcome)
+    return BatchResult(potted=~outcome.pop("in_play"), _arguments=arguments, _parts=parts, **outcome)
+
+
+_FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need
+
+
+def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> list[Part]:
+    """Runs shots with `run(begin, end, log)` and returns their logs.
+
+    The room in a log is that of the shots so far, with a margin. Shots that do not fit run again.
+    """
+    from billiards_env.shots.gradients import Part
+
+    m, n = shots.in_play.shape
+    start = [array.copy() for array in shots[:4]]
+    parts: list[Part] = []
+    events_of_shot = 0.0  # a mean
+
+    def work(begin: int, end: int) -> None:
+        nonlocal events_of_shot
+        while begin < end:
+            until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
+            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
+            log = empty_log(room, 2 * room + n * (until - begin), until - begin)
+            run(begin, until, tuple(log))
+            bounds = np.concatenate((log.begins, log.used[None, :2]))
+            events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
+            done = begin + int((bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1).sum())
+            if done > begin:
+                parts.append(Part(begin, done, log.events, log.segments, bounds[: done - begin + 1]))
+            for array, given in zip(shots, start, strict=False):
+                array[done:until] = given[done:until]
+            begin = done
+
+    parallel_for(work, m, threads)
+    return sorted(parts, key=lambda part: part.begin)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import RANGES, numbers, short
-from billiards_env.physics.strike import CueNumbers, cue_numbers, many_strikes, speed_gain
+from billiards_env.physics.strike import CueNumbers, cue_numbers, many_strikes
 from billiards_env.scene import Scene, check_scene
 
 Floats = NDArray[np.float64]
@@ -85,8 +84,7 @@ def strike_derivative(
 ) -> Floats:
     """Returns the derivative of the velocity and spin of `strike` with respect to its five parameters.
 
-    The derivative of the final positions with respect to the parameters is
-    `shot.sensitivity().jacobian[:, :, 0, 2:] @ strike_derivative(...)`.
+    The derivative of the final positions with respect to the parameters is `shot.jacobian(by="strike", strike=...)`.
 
     Args:
         scene: As in `strike`.
@@ -104,33 +102,48 @@ def strike_derivative(
         ValueError: As in `strike`, or if the tip slips. The derivative is not defined at the edge and not implemented
             beyond it.
     """
-    cue, parameters = _checked(scene, speed, heading, side, top, elevation)
+    _, parameters = _checked(scene, speed, heading, side, top, elevation)
     if parameters.ndim > 1:
         raise ValueError(f"parameters of shape {parameters.shape[:-1]}: expected the numbers of one strike")
-    v, a, b = (float(parameters[i]) for i in (0, 2, 3))
-    offset = math.hypot(a, b)
-    if offset > cue.miscue:
-        raise ValueError(f"offset of the tip = {short(offset)}: expected at most {cue.miscue} ball radii, no miscue")
-    s, c = math.sin(parameters[1]), math.cos(parameters[1])
-    sin_e, cos_e = math.sin(parameters[4]), math.cos(parameters[4])
-    ahead, left = np.array((c, s)), np.array((-s, c))
+    return strike_derivatives(scene, parameters[None])[0][0]
+
+
+def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats]:
+    """Returns the `strike_derivative` (m, 5, 5) of m strikes with parameters (m, 5), and their velocities (m, 2), m/s.
+
+    Raises:
+        ValueError: As in `strike_derivative`.
+    """
+    cue, checked = _checked(scene, *parameters.T)
+    v, heading, a, b, elevation = checked.T
+    offset = np.hypot(a, b)
+    slips = offset > cue.miscue
+    if slips.any():
+        raise ValueError(
+            f"offset of the tip = {short(float(offset[slips][0]))}: expected at most {cue.miscue} ball radii, no miscue"
+        )
+    s, c = np.sin(heading), np.cos(heading)
+    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
+    zero = np.zeros_like(v)
+    ahead, left, up = np.stack((c, s, zero)), np.stack((-s, c, zero)), np.stack((zero, zero, zero + 1.0))
     gain, slope = _gain_and_slope(cue, offset)
     angle, d_angle = _squirt_and_slope(cue, a)
-    direction = math.cos(angle) * ahead - math.sin(angle) * left
-    turned = math.cos(angle) * left + math.sin(angle) * ahead
+    direction = np.cos(angle) * ahead - np.sin(angle) * left
+    turned = np.cos(angle) * left + np.sin(angle) * ahead
     # (vx, vy) is v gain cos_e direction; R times (wx, wy, wz) is 5/2 v gain spin.
-    spin = np.array((*(-a * sin_e * ahead + b * left), -a * cos_e))
+    spin = -a * sin_e * ahead + b * left - a * cos_e * up
     columns = (
         (gain * cos_e * direction, gain * spin),
-        (v * gain * cos_e * turned, v * gain * np.array((*(-a * sin_e * left - b * ahead), 0.0))),
+        (v * gain * cos_e * turned, v * gain * (-a * sin_e * left - b * ahead)),
         (
             v * cos_e * (slope * a * direction - gain * d_angle * turned),
-            v * (slope * a * spin + gain * np.array((*(-sin_e * ahead), -cos_e))),
+            v * (slope * a * spin - gain * (sin_e * ahead + cos_e * up)),
         ),
-        (v * cos_e * slope * b * direction, v * (slope * b * spin + gain * np.array((*left, 0.0)))),
-        (-v * gain * sin_e * direction, v * gain * np.array((*(-a * cos_e * ahead), a * sin_e))),
+        (v * cos_e * slope * b * direction, v * (slope * b * spin + gain * left)),
+        (-v * gain * sin_e * direction, v * gain * (-a * cos_e * ahead + a * sin_e * up)),
     )
-    return np.stack([np.concatenate((d_v, 2.5 / cue.radius * d_w)) for d_v, d_w in columns], axis=1)
+    rows = np.stack([np.concatenate((d_v[:2], 2.5 / cue.radius * d_w)) for d_v, d_w in columns], axis=1)
+    return np.ascontiguousarray(np.moveaxis(rows, 2, 0)), (v * gain * cos_e * direction)[:2].T
 
 
 def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
@@ -161,19 +174,19 @@ def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:
     return cue_numbers(scene), stacked
 
 
-def _gain_and_slope(cue: CueNumbers, offset: float) -> tuple[float, float]:
+def _gain_and_slope(cue: CueNumbers, offset: Floats) -> tuple[Floats, Floats]:
     """Returns `speed_gain` and its slope: the derivative with respect to the offset, divided by the offset."""
     k, e = 2.5 * offset * offset, cue.restitution
     total, mass = 1.0 + cue.mass_ratio + k, 1.0 + cue.mass_ratio
-    root = math.sqrt(max((e * e * total - k) / mass, 0.0))
+    root = np.sqrt(np.maximum((e * e * total - k) / mass, 0.0))
     slope = ((e * e - 1.0) / (2.0 * root * mass) if e < 1.0 else 0.0) / total - (1.0 + root) / total**2
-    return speed_gain(cue, offset), 5.0 * slope
+    return (1.0 + root) / total, 5.0 * slope
 
 
-def _squirt_and_slope(cue: CueNumbers, side: float) -> tuple[float, float]:
+def _squirt_and_slope(cue: CueNumbers, side: Floats) -> tuple[Floats, Floats]:
     """Returns the angle of `physics.strike.squirt`, rad, and its derivative with respect to the offset."""
-    cosine = math.sqrt(1.0 - side * side)
+    cosine = np.sqrt(1.0 - side * side)
     total = 1.0 + cue.end_ratio + 2.5 * cosine * cosine
     tangent = 2.5 * side * cosine / total
     slope = 2.5 * (cosine - side * side / cosine) / total + 5.0 * side * tangent / total
-    return math.atan(tangent), slope / (1.0 + tangent * tangent)
+    return np.arctan(tangent), slope / (1.0 + tangent * tangent)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, speed, start_up, stress, vector
+from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, gradients, speed, start_up, stress, vector
 from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
 
@@ -53,6 +53,16 @@ def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
     assert [row["disks"] for row in written["growth"]] == [2, 16]
     out = capsys.readouterr().out
     assert all(row["case"] in out for row in written["batch"])
+
+
+def test_gradients_writes_and_prints_all_ratios(tmp_path, monkeypatch, capsys):
+    measured = gradients.measure(repeats=1, scale=0.001)
+    monkeypatch.setattr(gradients, "measure", lambda repeats: measured)
+    gradients.main(["--repeats", "1", "--output", str(tmp_path / "gradients.json")])
+    written = json.loads((tmp_path / "gradients.json").read_text())
+    assert [row["case"] for row in written["cases"]] == [case.name for case in gradients.cases(0.001)]
+    out = capsys.readouterr().out
+    assert all(name in out for name in gradients.PARTS)
 
 
 @pytest.mark.parametrize("kind", ["carom", "9-ball break, loose", "gas of 16 disks"])

@@ -1,0 +1,98 @@
+"""The cost of the derivatives of shots: `python -m benchmarks.gradients`.
+
+For each case a batch is simulated, simulated with a record, and differentiated, on one core. The parts take turns in
+one process; medians of the ratios to the plain batch are reported.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks import Count, machine, machine_line, parser_of, report, table
+from benchmarks.speed import Case, breaks, random_shots, seconds, summary
+from billiards_env.scene import Scene
+from billiards_env.shots.simulation import simulate_batch
+
+PARTS = ("record", "jvp", "vjp", "record and jvp", "record and vjp")
+
+
+def cases(scale: float = 1.0) -> list[Case]:
+    """Returns the cases; with `scale` = 1 a pass over the shots of a case takes about a tenth of a second."""
+
+    def count(shots: int) -> int:
+        return max(1, round(shots * scale))
+
+    return [
+        random_shots("pool, 1 object ball", Scene.named("pool", 1), count(20_000)),
+        random_shots("real pool, 1 object ball", Scene.named("real_pool", 1), count(10_000)),
+        breaks("15-ball break, loose rack", "pool", "rack", count(500)),
+        breaks("real pool, 15-ball break, loose rack", "real_pool", "rack", count(500)),
+    ]
+
+
+def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
+    """Runs all measurements `repeats` times.
+
+    Args:
+        repeats: Number of passes over the cases.
+        scale: Factor on the number of shots in a pass.
+
+    Returns:
+        `cases`: a list with one entry per case.
+    """
+    on, every = machine(), cases(scale)
+    ratios: list[list[list[float]]] = [[] for _ in every]
+    plain: list[list[float]] = [[] for _ in every]
+    for k in range(repeats + 1):
+        for case, found, alone in zip(every, ratios, plain, strict=True):
+            times = time_parts(case)
+            if k > 0:  # the first pass compiles
+                alone.append(times[0])
+                found.append([t / times[0] for t in times[1:]])
+    rows = []
+    for case, found, alone in zip(every, ratios, plain, strict=True):
+        columns = np.array(found).T
+        sums = (columns[0] + columns[1], columns[0] + columns[2])
+        row = {name: summary(list(column)) for name, column in zip(PARTS, (*columns, *sums), strict=True)}
+        us = 1e6 * float(np.median(alone)) / len(case.positions)
+        rows.append({"case": case.name, "us_per_shot": us, "ratios": row})
+    return {"machine": on, "repeats": repeats, "cases": rows}
+
+
+def time_parts(case: Case) -> list[float]:
+    """Returns the seconds of a plain batch, a recorded one, a jvp by and a vjp for all velocities."""
+    scene, positions, velocities = case.scene, case.positions, case.velocities
+    batch = simulate_batch(scene, positions, velocities, record=True, threads=1)
+    ones = np.ones(positions.shape)
+    return [
+        seconds(lambda: simulate_batch(scene, positions, velocities, threads=1)),
+        seconds(lambda: simulate_batch(scene, positions, velocities, record=True, threads=1)),
+        seconds(lambda: batch.jvp({"velocities": ones}, "positions", threads=1)),
+        seconds(lambda: batch.vjp({"positions": ones}, "velocities", threads=1)),
+    ]
+
+
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    rows = [
+        (row["case"], f"{row['us_per_shot']:.1f}", *(f"{row['ratios'][name]['median']:.2f}" for name in PARTS))
+        for row in result["cases"]
+    ]
+    return {
+        "machine": machine_line(result["machine"]),
+        "how": f"One core; medians of {result['repeats']} interleaved passes. Times over that of the plain batch.",
+        "cost": table(("shots", "us/shot", *PARTS), rows),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.gradients --help`."""
+    parser = parser_of("gradients", "Measure the cost of derivatives.", repeats=Count(11, "number of passes"))
+    args = parser.parse_args(arguments)
+    report(measure(args.repeats), blocks, args.output)
+
+
+if __name__ == "__main__":
+    main()

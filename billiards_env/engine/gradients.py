@@ -1,0 +1,658 @@
+"""The derivative of recorded shots: one pass over the log, forwards or backwards.
+
+`trace` computes the states before and after each event from the log. Then `push_lanes` multiplies changes of the start
+by the derivative of each flight and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies adjoints of
+the end by the transposes in reverse order (vectors times the Jacobian). Both use `_apply_event`. Its lanes are the
+changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
+
+The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
+numbers of the scene in the order of the columns of `physics.derivatives`. The outputs are (x, y, vx, vy, wx, wy, wz) of
+each ball at a time, and (time, x, y) of each event.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.engine.log import (
+    BALL,
+    BALL_BALL,
+    BALL_CUSHION,
+    BALL_POCKET,
+    KIND,
+    OTHER,
+    ROLLING_REST,
+    RULE,
+    SEGMENT_PHASE,
+    SEGMENT_ROW,
+    SLIDING_ROLLING,
+    TIME,
+    TIME_LO,
+)
+from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
+from billiards_env.jit.interrupt import end_call, interrupted
+from billiards_env.physics.cushion import CushionMotion
+from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
+from billiards_env.physics.derivatives import (
+    BALL_WIDTH,
+    CUSHION_NUMBERS,
+    D_INV_MASS,
+    D_NUMBERS,
+    D_RADIUS,
+    D_TIME,
+    DUX,
+    DUY,
+    DVX,
+    DVY,
+    DWZ,
+    DX,
+    DY,
+    END_NUMBERS,
+    FLIGHT_NUMBERS,
+    LANE_WIDTH,
+    PAIR_NUMBERS,
+    apply_push,
+    end_lane,
+    flight_lane,
+    flight_of,
+    fly,
+    impact_of,
+    pair_lane,
+    pocket_lane,
+    push_of,
+    rates_of,
+    rates_on,
+    roll_end_lane,
+    settle_lane,
+    slide_end_lane,
+    spin_end_lane,
+    start_lane,
+    wall_at,
+    wall_lane,
+)
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import (
+    IDEAL,
+    POCKET_X,
+    POCKET_Y,
+    REST,
+    ROLLING,
+    SLIDING,
+    SLIDING_AND_ROLLING,
+    SPINNING,
+    T0,
+    T0_LO,
+    UX,
+    UY,
+    VX,
+    VY,
+    WZ,
+    SceneArrays,
+    Time,
+    X,
+    Y,
+    since,
+)
+
+BALL_INPUTS = 9
+"""Number of inputs of a ball."""
+NUMBER_INPUTS = END_NUMBERS - D_NUMBERS
+"""Number of inputs that are numbers of the scene."""
+
+REASONS = ("grazing", "simultaneous", "rule", "lip", "rolling")
+"""Why a shot has no derivative: a contact without speed of approach, impacts whose order matters, an act of the
+contact-time rule, a ball that grazes a pocket, and a ball that rolls without slip from the start or after an impact."""
+GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS = range(5)
+
+GRAZE = 1e-6
+"""Speed of approach over the relative speed below which a contact counts as grazing."""
+
+MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
+"""Largest number of unit vectors at an event."""
+
+_LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
+
+
+class Tape(NamedTuple):
+    """What a pass needs of each piece of a shot, and scratch.
+
+    Attributes:
+        previous: (pieces,) int64: the piece before, of the same ball; -1 for the first.
+        before: (pieces, BALL_WIDTH) float64: the state of the ball just before the piece.
+        after: (pieces, BALL_WIDTH) float64: the state at its beginning.
+        first: (events,) int64: the first piece that begins with each event.
+        current: (n,) int64, the last piece of each ball.
+        joint: (n,) bool, whether it began with one of several impacts at one instant.
+        impact: (n,) float64, time of each ball's last impact, s.
+        lanes: (lanes, LANE_WIDTH) float64.
+        column: (MOST_LANES,) int64, the column of each unit vector.
+        pulled: (MOST_LANES,) float64, the products of the adjoint with the lanes.
+        table: Of the shape `cushion_derivatives.TABLE`.
+        state: (BALL_WIDTH,) float64.
+    """
+
+    previous: Any
+    before: Any
+    after: Any
+    first: Any
+    current: Any
+    joint: Any
+    impact: Any
+    lanes: Any
+    column: Any
+    pulled: Any
+    table: Any
+    state: Any
+
+
+@allocating
+def _empty_tape(begin, end, first, bounds, n, lanes):
+    """Returns the `Tape` for shots `begin` to `end` - 1 of a log that begins with shot `first`."""
+    events = pieces = 1
+    for k in range(begin - first, end - first):
+        events = max(events, bounds[k + 1, 0] - bounds[k, 0])
+        pieces = max(pieces, bounds[k + 1, 1] - bounds[k, 1])
+    return Tape(
+        np.empty(pieces, np.int64),
+        np.empty((pieces, BALL_WIDTH)),
+        np.empty((pieces, BALL_WIDTH)),
+        np.empty(events, np.int64),
+        np.empty(n, np.int64),
+        np.empty(n, np.bool_),
+        np.empty(n),
+        np.empty((lanes, LANE_WIDTH)),
+        np.empty(MOST_LANES, np.int64),
+        np.empty(MOST_LANES),
+        np.empty(TABLE),
+        np.empty(BALL_WIDTH),
+    )
+
+
+@inlined
+def _flight(segments, piece, until, scene):
+    """Returns the `Flight` on a piece until a `Time`."""
+    segment = segments[piece]
+    row = segment[SEGMENT_ROW:]
+    dt = since(until, Time(row[T0], row[T0_LO]))
+    return flight_of(row, int(segment[SEGMENT_PHASE]), dt, scene.numbers)
+
+
+@inlined
+def _rates(segments, piece, state, scene, tape):
+    """Returns the `Rates` of a state on a piece."""
+    row, begun = segments[piece, SEGMENT_ROW:], tape.after[piece]
+    if begun[DVX] != row[VX] or begun[DVY] != row[VY]:  # between impacts at one instant
+        return rates_of(state, scene.numbers)
+    return rates_on(row, int(segments[piece, SEGMENT_PHASE]), state, scene.numbers)
+
+
+@inlined
+def _is_joint(events, e):
+    """Returns whether event e is one of several impacts of balls at one instant."""
+    if events[e, KIND] != BALL_BALL:
+        return False
+    for k in (e - 1, e + 1):
+        if 0 <= k < len(events) and events[k, KIND] == BALL_BALL and events[k, TIME] == events[e, TIME]:
+            return True
+    return False
+
+
+@kernel
+def trace(events, segments, scene, is_sphere, tape):
+    """Fills the tape of a shot.
+
+    Several impacts of balls at one instant count as successive, in the order of the log.
+
+    Returns:
+        The first event without a derivative and the index of the reason in `REASONS`; -1 and -1 if there is none. The
+        start of the shot is event -1.
+    """
+    n, numbers = len(scene.radius), scene.numbers
+    rolls = numbers.motion == SLIDING_AND_ROLLING
+    bad, why = len(events), -1
+    for i in range(n):
+        tape.current[i], tape.joint[i], tape.impact[i], tape.previous[i] = i, False, -math.inf, -1
+        if rolls and segments[i, SEGMENT_PHASE] == ROLLING:
+            bad, why = -1, ROLLS
+        _copy_state(segments[i, SEGMENT_ROW:], tape.after[i])
+    piece = n
+    for e in range(len(events)):
+        kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
+        balls = 2 if kind == BALL_BALL else 1
+        tape.first[e] = piece
+        reason = BY_RULE if events[e, RULE] else -1
+        for s in range(balls):
+            i = int(events[e, BALL + s])
+            p, here = tape.current[i], piece + s
+            tape.previous[here] = p
+            flight = _flight(segments, p, now, scene)
+            if tape.joint[i] and flight.dt == 0.0:
+                _copy(tape.after[p], tape.before[here])
+            else:
+                fly(segments[p, SEGMENT_ROW:], flight, numbers, tape.before[here])
+            _copy_state(segments[here, SEGMENT_ROW:], tape.after[here])
+            if kind <= BALL_POCKET:
+                if tape.impact[i] == now.hi:
+                    reason = SIMULTANEOUS
+                tape.impact[i] = now.hi
+                if rolls and segments[here, SEGMENT_PHASE] == ROLLING and reason < 0:
+                    reason = ROLLS
+            tape.current[i] = here
+            tape.joint[i] = False
+        i = int(events[e, BALL])
+        before = tape.before[piece]
+        if kind == BALL_BALL:
+            j = int(events[e, OTHER])
+            a, b = before, tape.before[piece + 1]
+            impact = impact_of(a, b, i, j, is_sphere, scene)
+            if -impact.wn <= GRAZE * (norm(a[DVX], a[DVY]) + norm(b[DVX], b[DVY])) and reason < 0:
+                reason = GRAZING
+            if _is_joint(events, e):
+                push = push_of(scene.ball_friction, impact)
+                tape.joint[i] = tape.joint[j] = True
+                first, last = tape.after[piece], tape.after[piece + 1]
+                _copy(a, first)
+                _copy(b, last)
+                if impact.wn < 0.0:
+                    apply_push(first, 1.0, push, impact, scene.inv_mass[i], scene.radius[i], numbers)
+                    apply_push(last, -1.0, push, impact, scene.inv_mass[j], scene.radius[j], numbers)
+        elif kind == BALL_CUSHION and reason < 0:
+            wall = wall_at(before, int(events[e, OTHER]), scene.radius[i], scene.outline)
+            if wall.nx * before[DVX] + wall.ny * before[DVY] <= GRAZE * norm(before[DVX], before[DVY]):
+                reason = GRAZING
+        elif kind == BALL_POCKET and reason < 0:
+            pocket = scene.pockets[int(events[e, OTHER])]
+            dx, dy = before[DX] - pocket[POCKET_X], before[DY] - pocket[POCKET_Y]
+            if -(dx * before[DVX] + dy * before[DVY]) <= GRAZE * norm(dx, dy) * norm(before[DVX], before[DVY]):
+                reason = AT_LIP
+        if reason >= 0 and why < 0:
+            bad, why = e, reason
+        piece += balls
+    return (bad, why) if why >= 0 else (-1, -1)
+
+
+@inlined
+def _copy(state, into):
+    """Copies a state (7,)."""
+    for j in range(BALL_WIDTH):
+        into[j] = state[j]
+
+
+@inlined
+def _copy_state(row, state):
+    """Copies a row of `State.rows` to a state (7,)."""
+    state[DX], state[DY], state[DVX], state[DVY] = row[X], row[Y], row[VX], row[VY]
+    state[DUX], state[DUY], state[DWZ] = row[UX], row[UY], row[WZ]
+
+
+@inlined
+def _apply_event(e, count, events, segments, scene, is_sphere, tape):
+    """Changes the first `count` lanes by event e and the flights of its balls before it."""
+    numbers, lanes, piece = scene.numbers, tape.lanes, tape.first[e]
+    kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
+    i, other = int(events[e, BALL]), int(events[e, OTHER])
+    before, after = tape.before[piece], tape.after[piece]
+    last, phase = tape.previous[piece], int(segments[piece, SEGMENT_PHASE])
+    flight = _flight(segments, last, now, scene)
+    after_rates = _rates(segments, piece, after, scene, tape)
+    if kind == BALL_BALL:
+        a, b = before, tape.before[piece + 1]
+        second = _flight(segments, tape.previous[piece + 1], now, scene)
+        impact = impact_of(a, b, i, other, is_sphere, scene)
+        push = push_of(scene.ball_friction, impact)
+        before_i = _rates(segments, last, a, scene, tape)
+        before_j = _rates(segments, tape.previous[piece + 1], b, scene, tape)
+        after_j = _rates(segments, piece + 1, tape.after[piece + 1], scene, tape)
+        other_phase = int(segments[piece + 1, SEGMENT_PHASE])
+        meets = impact.wn < 0.0
+        for c in range(count):
+            lane = lanes[c]
+            flight_lane(lane, 0, flight)
+            flight_lane(lane, BALL_WIDTH, second)
+            if meets:
+                pair_lane(lane, impact, push, i, other, a, b, before_i, before_j, after_rates, after_j, scene)
+            else:
+                lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
+            settle_lane(lane, 0, phase, numbers)
+            settle_lane(lane, BALL_WIDTH, other_phase, numbers)
+    elif kind == BALL_CUSHION:
+        radius = scene.radius[i]
+        wall = wall_at(before, other, radius, scene.outline)
+        nx, ny = wall.nx, wall.ny
+        motion = CushionMotion(
+            max(0.0, nx * before[DVX] + ny * before[DVY]),
+            nx * before[DVY] - ny * before[DVX],
+            nx * before[DUX] + ny * before[DUY],
+            nx * before[DUY] - ny * before[DUX],
+            radius * before[DWZ],
+        )
+        law = cushion_law(motion, radius, tape.table, scene)
+        before_rates = _rates(segments, last, before, scene, tape)
+        for c in range(count):
+            lane = lanes[c]
+            flight_lane(lane, 0, flight)
+            wall_lane(lane, wall, before, after, before_rates, after_rates, radius, law, tape.table, scene)
+            settle_lane(lane, 0, phase, numbers)
+    else:
+        for c in range(count):
+            lane = lanes[c]
+            flight_lane(lane, 0, flight)
+            if kind == BALL_POCKET:
+                pocket_lane(lane, before, scene.pockets[other])
+            elif kind == SLIDING_ROLLING:
+                slide_end_lane(lane, flight, after_rates, numbers)
+            elif kind == ROLLING_REST:
+                roll_end_lane(lane, flight, after_rates, numbers)
+            else:
+                spin_end_lane(lane, flight, numbers)
+            settle_lane(lane, 0, phase, numbers)
+
+
+@inlined
+def _apply_end(i, count, until, segments, scene, tape):
+    """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
+    piece, numbers, state = tape.current[i], scene.numbers, tape.state
+    flight = _flight(segments, piece, Time(until, 0.0), scene)
+    fly(segments[piece, SEGMENT_ROW:], flight, numbers, state)
+    for c in range(count):
+        flight_lane(tape.lanes[c], 0, flight)
+        end_lane(tape.lanes[c], state, scene.radius[i], numbers)
+
+
+@inlined
+def _load(i, s, count, inputs, tangent, lanes):
+    """Copies the changes of ball i and of its constants to the columns of ball s of the lanes."""
+    for c in range(count):
+        lane = lanes[c]
+        lane[D_RADIUS + s], lane[D_INV_MASS + s] = inputs[c, BALL_INPUTS * i + 7], inputs[c, BALL_INPUTS * i + 8]
+        for j in range(BALL_WIDTH):
+            lane[s * BALL_WIDTH + j] = tangent[i, c, j]
+
+
+@inlined
+def _store(i, s, count, lanes, tangent):
+    """Copies the columns of ball s of the lanes to the changes of ball i."""
+    for c in range(count):
+        for j in range(BALL_WIDTH):
+            tangent[i, c, j] = lanes[c, s * BALL_WIDTH + j]
+
+
+@inlined
+def _start(i, count, segments, scene, lanes):
+    """Changes the first `count` lanes, with the inputs of ball i, to its state at the start."""
+    for c in range(count):
+        phase = int(segments[i, SEGMENT_PHASE])
+        start_lane(lanes[c], segments[i, SEGMENT_ROW:], phase, scene.radius[i], scene.numbers)
+
+
+@allocating_entry_point
+def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, times, inputs, outputs, at_events, found):
+    """Computes the changes of shots `begin` to `end` - 1 by changes of their inputs.
+
+    Args:
+        begin: First shot.
+        end: One past the last.
+        first: The first shot of the log.
+        scene: The `SceneArrays`, as a plain tuple.
+        is_sphere: Whether the balls are spheres.
+        events: `Log.events`.
+        segments: `Log.segments`.
+        bounds: (shots + 1, 2) int64: `Log.begins`, and the numbers of used rows.
+        times: (m, q) float64, ascending, s; not later than the end of the shot.
+        inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
+        outputs: (m, q, k, n, 7) float64 out, the changes of the outputs at these times.
+        at_events: (m, k, l, 3) float64 out, the changes of time and place of the first l events up to the last of these
+            times, and zeros.
+        found: (m, 2) int64 out, the results of `trace`.
+    """
+    arrays = SceneArrays(scene[0][0], *scene[1:])
+    n, count, most = len(arrays.radius), inputs.shape[1], at_events.shape[2]
+    tape = _empty_tape(begin, end, first, bounds, n, count)
+    tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
+    for k in range(begin, end):
+        at, after = bounds[k - first], bounds[k - first + 1]
+        log, paths, given = events[at[0] : after[0]], segments[at[1] : after[1]], inputs[k]
+        found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
+        if count == 0:
+            continue
+        for c in range(count):
+            for j in range(NUMBER_INPUTS):
+                lanes[c, D_NUMBERS + j] = given[c, BALL_INPUTS * n + j]
+        for i in range(n):
+            tape.current[i] = i
+            for c in range(count):
+                for j in range(BALL_WIDTH):
+                    tangent[i, c, j] = given[c, BALL_INPUTS * i + j]
+            _load(i, 0, count, given, tangent, lanes)
+            _start(i, count, paths, arrays, lanes)
+            _store(i, 0, count, lanes, tangent)
+        at_events[k] = 0.0
+        done = 0
+        for q in range(times.shape[1]):
+            while done < len(log) and log[done, TIME] <= times[k, q]:
+                balls = 2 if log[done, KIND] == BALL_BALL else 1
+                for s in range(balls):
+                    _load(int(log[done, BALL + s]), s, count, given, tangent, lanes)
+                _apply_event(done, count, log, paths, arrays, is_sphere, tape)
+                for s in range(balls):
+                    i = int(log[done, BALL + s])
+                    _store(i, s, count, lanes, tangent)
+                    tape.current[i] = tape.first[done] + s
+                if done < most:
+                    for c in range(count):
+                        for j in range(3):
+                            at_events[k, c, done, j] = lanes[c, D_TIME + j]
+                done += 1
+                pending += count
+                if pending > _LOOK_AFTER:
+                    end_call(interrupted())
+                    pending = 0
+            for i in range(n):
+                _load(i, 0, count, given, tangent, lanes)
+                _apply_end(i, count, times[k, q], paths, arrays, tape)
+                for c in range(count):
+                    for j in range(BALL_WIDTH):
+                        outputs[k, q, c, i, j] = lanes[c, j]
+
+
+@inlined
+def _ball_columns(at, phase, begin, count, motion, column):
+    """Appends the columns of a ball that can change in a phase to the first `count` columns of the unit vectors.
+
+    Args:
+        at: The first column of the ball.
+        phase: The phase.
+        begin: The first of its columns to append; 2 leaves out the position.
+        count: Number of columns so far.
+        motion: `Numbers.motion`.
+        column: `Tape.column`.
+
+    Returns:
+        The number of columns.
+    """
+    for j in range(begin, BALL_WIDTH):
+        if j >= DUX and motion != SLIDING_AND_ROLLING:
+            continue
+        needed = REST
+        if motion != IDEAL and j >= DVX:  # the first phase that has this column, see `settle_lane`
+            needed = ROLLING if j < DUX else (SLIDING if j < DWZ else SPINNING)
+        if phase >= needed:
+            column[count] = at + j
+            count += 1
+    return count
+
+
+@inlined
+def _unit_lanes(balls, kind, count, constants, tape):
+    """Sets the lanes to the unit vectors of `count` columns and, if `constants`, of the constants of an event.
+
+    Returns their number.
+    """
+    column = tape.column
+    if constants:
+        for s in range(balls):
+            column[count], column[count + 1] = D_RADIUS + s, D_INV_MASS + s
+            count += 2
+        begin, last = PAIR_NUMBERS if kind == BALL_BALL else CUSHION_NUMBERS
+        for j in range(D_NUMBERS, END_NUMBERS):
+            flies = FLIGHT_NUMBERS[0] <= j < FLIGHT_NUMBERS[1]
+            if flies or (begin <= j < last and (kind in (BALL_BALL, BALL_CUSHION))):
+                column[count] = j
+                count += 1
+    width = LANE_WIDTH if constants else balls * BALL_WIDTH  # the constants are zero otherwise
+    for c in range(count):
+        lane = tape.lanes[c]
+        for j in range(width):
+            lane[j] = 0.0
+        lane[column[c]] = 1.0
+    return count
+
+
+@inlined
+def _pull(count, n, i, other, begin, marked, marks, tape, adjoint, sums):
+    """Multiplies adjoints by the lanes of one ball or of two.
+
+    Args:
+        count: Number of lanes.
+        n: Number of balls.
+        i: The first ball.
+        other: The second ball; -1 for none.
+        begin: The first column of the first ball that the lanes change.
+        marked: Whether the results of the event have adjoints.
+        marks: (k, 3) float64, these adjoints.
+        tape: The `Tape`.
+        adjoint: (k, n, 7) float64, changed in place.
+        sums: (k, 9 n + 14) float64; the parts of the constants are added.
+    """
+    lanes, column, pulled = tape.lanes, tape.column, tape.pulled
+    for k in range(len(adjoint)):
+        a, b = adjoint[k, i], adjoint[k, max(other, 0)]
+        for c in range(count):
+            lane, total = lanes[c], 0.0
+            if marked:
+                for j in range(3):
+                    total += marks[k, j] * lane[D_TIME + j]
+            for j in range(BALL_WIDTH):
+                total += a[j] * lane[j]
+            if other >= 0:
+                for j in range(BALL_WIDTH):
+                    total += b[j] * lane[BALL_WIDTH + j]
+            pulled[c] = total
+        for j in range(begin, BALL_WIDTH):
+            a[j] = 0.0
+        if other >= 0:
+            for j in range(BALL_WIDTH):
+                b[j] = 0.0
+        for c in range(count):
+            at = column[c]
+            if at < BALL_WIDTH:
+                a[at] = pulled[c]
+            elif at < D_RADIUS:
+                b[at - BALL_WIDTH] = pulled[c]
+            elif at < D_INV_MASS:
+                sums[k, BALL_INPUTS * (i if at == D_RADIUS else other) + 7] += pulled[c]
+            elif at < D_NUMBERS:
+                sums[k, BALL_INPUTS * (i if at == D_INV_MASS else other) + 8] += pulled[c]
+            else:
+                sums[k, BALL_INPUTS * n + at - D_NUMBERS] += pulled[c]
+
+
+@inlined
+def _phase_before(piece, segments, tape):
+    """Returns the phase of the ball before a piece begins."""
+    return int(segments[tape.previous[piece], SEGMENT_PHASE])
+
+
+@inlined
+def _is_zero(i, adjoint):
+    """Returns whether the adjoints of ball i are zero."""
+    for k in range(len(adjoint)):
+        for j in range(BALL_WIDTH):
+            if adjoint[k, i, j] != 0.0:
+                return False
+    return True
+
+
+@allocating_entry_point
+def pull_lanes(
+    begin, end, first, scene, is_sphere, events, segments, bounds, times, outputs, at_events, constants, inputs, found
+):
+    """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
+
+    Args:
+        begin: As in `push_lanes`, like the seven that follow.
+        end: See there.
+        first: See there.
+        scene: See there.
+        is_sphere: See there.
+        events: See there.
+        segments: See there.
+        bounds: See there.
+        times: (m,) float64, s, the times of the outputs.
+        outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
+        at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
+        constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
+        inputs: (m, k, 9 n + 14) float64 out.
+        found: (m, 2) int64 out, the results of `trace`.
+    """
+    arrays = SceneArrays(scene[0][0], *scene[1:])
+    n, count, most = len(arrays.radius), outputs.shape[1], at_events.shape[2]
+    tape = _empty_tape(begin, end, first, bounds, n, MOST_LANES)
+    marks, motion, pending = np.zeros((count, 3)), arrays.numbers.motion, 0
+    tape.lanes[:] = 0.0
+    for k in range(begin, end):
+        at, after = bounds[k - first], bounds[k - first + 1]
+        log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
+        adjoint, sums = outputs[k], inputs[k]
+        found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
+        sums[:] = 0.0
+        for i in range(n):
+            tape.current[i] = i
+        done = 0
+        while done < len(log) and log[done, TIME] <= times[k]:
+            for s in range(2 if log[done, KIND] == BALL_BALL else 1):
+                tape.current[int(log[done, BALL + s])] = tape.first[done] + s
+            done += 1
+        for i in range(n):
+            if not _is_zero(i, adjoint):
+                phase = int(paths[tape.current[i], SEGMENT_PHASE])
+                lanes = _ball_columns(0, phase, DVX, 0, motion, tape.column)
+                lanes = _unit_lanes(1, -1, lanes, constants, tape)
+                _apply_end(i, lanes, times[k], paths, arrays, tape)
+                _pull(lanes, n, i, -1, DVX, False, marks, tape, adjoint, sums)
+        for e in range(done - 1, -1, -1):
+            kind, i = int(log[e, KIND]), int(log[e, BALL])
+            j = int(log[e, OTHER]) if kind == BALL_BALL else -1
+            marked = False
+            if e < most:
+                for c in range(count):
+                    for d in range(3):
+                        marks[c, d] = at_events[k, c, e, d]
+                        marked = marked or marks[c, d] != 0.0
+            if not marked and _is_zero(i, adjoint) and (j < 0 or _is_zero(j, adjoint)):
+                continue
+            piece, begin_at = tape.first[e], 0 if kind <= BALL_POCKET or marked else DVX
+            lanes = _ball_columns(0, _phase_before(piece, paths, tape), begin_at, 0, motion, tape.column)
+            if j >= 0:
+                phase = _phase_before(piece + 1, paths, tape)
+                lanes = _ball_columns(BALL_WIDTH, phase, 0, lanes, motion, tape.column)
+            lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
+            _apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
+            _pull(lanes, n, i, j, begin_at, marked, marks, tape, adjoint, sums)
+            pending += lanes
+            if pending > _LOOK_AFTER:
+                end_call(interrupted())
+                pending = 0
+        for i in range(n):
+            if not _is_zero(i, adjoint):
+                phase = int(paths[i, SEGMENT_PHASE])
+                lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
+                lanes = _unit_lanes(1, -1, lanes, constants, tape)
+                _start(i, lanes, paths, arrays, tape.lanes)
+                _pull(lanes, n, i, -1, 0, False, marks, tape, adjoint, sums)
+            for c in range(count):
+                for d in range(BALL_WIDTH):
+                    sums[c, BALL_INPUTS * i + d] = adjoint[c, i, d]

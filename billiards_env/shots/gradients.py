@@ -1,0 +1,393 @@
+"""The derivatives of recorded shots by name: `jvp`, `vjp` and `jacobian` of `ShotResult` and `BatchResult`.
+
+Inputs (the names of `by` and of tangents) for a shot of n balls:
+
+* "positions" (n, 2), "velocities" (n, 2) and "spins" (n, 3) at the start,
+* "radius" (n,) and "mass" (n,),
+* each number of `Physics` that enters the motion, (),
+* "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
+
+Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
+(l,) and "event_positions" (l, 2). The units are SI units. The derivatives of events after this time are zero. For a
+batch all arrays have a leading axis m, and l is the largest number of events of a shot.
+
+A velocity is changed at a constant spin, and a spin at a constant velocity. A radius changes at constant positions,
+velocities and spins; the table and its pockets do not change. Friction stops a ball at rest as soon as it moves, so
+derivatives with respect to its velocity and spin are zero, unless the motion is "ideal".
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from billiards_env.checks import numbers, one_of, short
+from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, REASONS, pull_lanes, push_lanes
+from billiards_env.engine.log import SEGMENT_ROW
+from billiards_env.engine.modes import scene_fields
+from billiards_env.engine.threads import parallel_for
+from billiards_env.physics import derivatives as columns
+from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
+from billiards_env.scene import Physics, Scene, ball_friction
+from billiards_env.shots.strikes import strike_derivatives
+
+Floats = NDArray[np.float64]
+
+_BALL_INPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": slice(4, 7), "radius": 7, "mass": 8}
+_BALL_OUTPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": slice(4, 7)}
+_EVENT_OUTPUTS = {"event_times": 0, "event_positions": slice(1, 3)}
+OUTPUTS = (*_BALL_OUTPUTS, *_EVENT_OUTPUTS)
+
+
+class Part(NamedTuple):
+    """The log of consecutive shots of a batch.
+
+    Attributes:
+        begin: The first shot.
+        end: One past the last.
+        events: (rows, EVENT_WIDTH) float64, see `engine.log`.
+        segments: (rows, SEGMENT_WIDTH) float64, see there.
+        bounds: (end - begin + 1, 2) int64: the first event and the first segment of each shot, and of the next.
+    """
+
+    begin: int
+    end: int
+    events: Floats
+    segments: Floats
+    bounds: NDArray[np.int64]
+
+
+class Record(NamedTuple):
+    """What the derivatives of m shots need.
+
+    Attributes:
+        scene: The scene.
+        time: (m,) Durations, s.
+        parts: The logs, in the order of the shots.
+    """
+
+    scene: Scene
+    time: Floats
+    parts: Sequence[Part]
+
+
+class Nonsmooth(NamedTuple):
+    """The first event of a shot at which it has no derivative; arrays for a batch.
+
+    Attributes:
+        event: Its index; -1 for the start of the shot, or if there is none.
+        reason: "" if there is none, "grazing" (a contact without speed of approach), "simultaneous" (impacts of a ball
+            at one instant: their order matters), "rule" (an act of the contact-time rule), "lip" (a ball grazes the
+            circle of a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
+    """
+
+    event: Any
+    reason: Any
+
+
+def physics_inputs(physics: Physics) -> dict[str, Floats]:
+    """Returns the derivative of the numbers of the engine with respect to each number of a `Physics`, by its name."""
+    found: dict[str, Floats] = {}
+
+    def add(name: str, **rates: float) -> None:
+        found[name] = np.zeros(NUMBER_INPUTS)
+        for column, rate in rates.items():
+            found[name][getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
+
+    add("g", slide=physics.mu_slide, roll=physics.mu_roll)
+    add("mu_slide", slide=physics.g, mu_cloth=1.0)
+    add("mu_roll", roll=physics.g)
+    limit, drop, _ = ball_friction(dataclasses.replace(physics, mu_ball_factor=1.0))
+    add("mu_ball_factor", mu_limit=limit, mu_drop=drop)
+    if physics.mu_ball is not None:
+        add("mu_ball", mu_limit=physics.mu_ball_factor)
+    for name in ("spin_decay", "e_ball", "e_cushion", "mu_cushion"):
+        add(name, **{name: 1.0})
+    for name in ("loss", "onset", "floor"):
+        add(f"e_cushion_{name}", **{f"e_{name}": 1.0})
+    add("cushion_frequency_ratio", frequency_ratio=1.0)
+    return found
+
+
+class _Inputs(NamedTuple):
+    """The inputs by name of a record.
+
+    Attributes:
+        scene: The scene.
+        numbers: The result of `physics_inputs`.
+        strike: (m, 5, 5) derivative of the cue ball's velocity and spin by the strike, or None.
+    """
+
+    scene: Scene
+    numbers: dict[str, Floats]
+    strike: Floats | None
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Returns the shape of an input of one shot.
+
+        Raises:
+            ValueError: If there is no such input.
+        """
+        one_of("by", name, (*_BALL_INPUTS, *self.numbers, "strike"))
+        if name == "strike":
+            if self.strike is None:
+                raise ValueError(
+                    "strike = None with an input 'strike': expected (speed, heading, side, top, elevation)"
+                )
+            return (5,)
+        if name in self.numbers:
+            return ()
+        column = _BALL_INPUTS[name]
+        width = () if isinstance(column, int) else (column.stop - column.start,)
+        return (self.scene.n_balls, *width)
+
+    def push(self, name: str, change: Floats, inputs: Floats) -> None:
+        """Adds to changes of the inputs of the engine, (m, k, 9 n + 14), those by changes of an input, (m, k, ...)."""
+        n = self.scene.n_balls
+        balls = inputs[..., : BALL_INPUTS * n].reshape(*inputs.shape[:2], n, BALL_INPUTS)  # a view
+        if name == "strike":
+            assert self.strike is not None
+            balls[:, :, 0, 2:7] += np.einsum("mij,mkj->mki", self.strike, change)
+        elif name in self.numbers:
+            inputs[..., BALL_INPUTS * n :] += change[..., None] * self.numbers[name]
+        else:
+            balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
+
+    def pull(self, name: str, adjoint: Floats) -> Floats:
+        """Returns the adjoint of an input, (m, k, ...), for those of the inputs of the engine, (m, k, 9 n + 14)."""
+        n = self.scene.n_balls
+        balls = adjoint[..., : BALL_INPUTS * n].reshape(*adjoint.shape[:2], n, BALL_INPUTS)
+        if name == "strike":
+            assert self.strike is not None
+            return np.einsum("mij,mki->mkj", self.strike, balls[:, :, 0, 2:7])
+        if name in self.numbers:
+            return adjoint[..., BALL_INPUTS * n :] @ self.numbers[name]
+        found = balls[..., _BALL_INPUTS[name]]
+        return found * self.by_mass() if name == "mass" else found
+
+    def by_mass(self) -> Floats:
+        """Returns the derivative of the inverse masses by the masses, (n,)."""
+        return -1.0 / np.square(self.scene.balls.mass)
+
+
+def _inputs(record: Record, strike: ArrayLike | None) -> _Inputs:
+    scene, m = record.scene, len(record.time)
+    derivative = None
+    if strike is not None:
+        parameters = numbers("strike", strike)
+        if parameters.shape not in ((5,), (m, 5)):
+            raise ValueError(f"strike has shape {parameters.shape}: expected (5,), the parameters of the strike")
+        derivative, velocity = strike_derivatives(scene, np.broadcast_to(parameters, (m, 5)))
+        begun = start_states(record)[:, 0, 2:4]
+        off = np.abs(velocity - begun).max(axis=1) > 1e-9 * (1.0 + np.abs(begun).max(axis=1))
+        if off.any():
+            raise ValueError(
+                f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity is "
+                f"{begun[off][0].tolist()} m/s, not {velocity[off][0].tolist()}"
+            )
+    return _Inputs(scene, physics_inputs(scene.physics), derivative)
+
+
+def start_states(record: Record) -> Floats:
+    """Returns (x, y, vx, vy, wx, wy, wz) of the balls at the start of each shot, (m, n, 7)."""
+    n, radius = record.scene.n_balls, np.array(record.scene.balls.radius)
+    first = [part.segments[part.bounds[:-1, 1, None] + np.arange(n), SEGMENT_ROW:] for part in record.parts]
+    rows = np.concatenate(first)
+    states = rows[..., [X, Y, VX, VY, UX, UY, WZ]]
+    if record.scene.physics.motion == "sliding":  # u = v + R (-wy, wx)
+        states[..., 4] = (rows[..., UY] - rows[..., VY]) / radius
+        states[..., 5] = (rows[..., VX] - rows[..., UX]) / radius
+    return states
+
+
+def _times(record: Record, t: ArrayLike | None) -> Floats:
+    """Returns the times (m,) of the outputs."""
+    if t is None:
+        return record.time
+    times = numbers("t", t)
+    if times.shape not in ((), record.time.shape) or not (np.isfinite(times) & (times >= 0)).all():
+        raise ValueError(f"t = {short(t)}: expected a finite number of seconds >= 0")
+    return np.minimum(times, record.time)
+
+
+def _most_events(record: Record, names: Sequence[str]) -> int:
+    """Returns the number of events of the outputs, 0 if none is of events."""
+    if not set(names) & set(_EVENT_OUTPUTS):
+        return 0
+    return max((int(np.diff(part.bounds[:, 0]).max()) for part in record.parts), default=0)
+
+
+def _output_shape(record: Record, name: str) -> tuple[int, ...]:
+    """Returns the shape of an output of one shot."""
+    one_of("of", name, OUTPUTS)
+    column = {**_BALL_OUTPUTS, **_EVENT_OUTPUTS}[name]
+    width = () if isinstance(column, int) else (column.stop - column.start,)
+    return (_most_events(record, (name,)) if name in _EVENT_OUTPUTS else record.scene.n_balls, *width)
+
+
+def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arrays: Any) -> None:
+    """Calls `push_lanes` or `pull_lanes` on pieces of the shots; `arrays` are its last arguments."""
+    scene = record.scene
+    fields, is_sphere = scene_fields(scene), scene.balls.shape == "sphere"
+    begins = [part.begin for part in record.parts]
+
+    def work(begin: int, end: int) -> None:
+        k = int(np.searchsorted(begins, begin, side="right")) - 1
+        while begin < end:
+            part = record.parts[k]
+            until = min(end, part.end)
+            run(begin, until, part.begin, fields, is_sphere, part.events, part.segments, part.bounds, *arrays)
+            begin, k = until, k + 1
+
+    parallel_for(work, len(record.time), threads)
+
+
+def _push(
+    record: Record, times: Floats, inputs: Floats, most: int, threads: int | None
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Calls `push_lanes`; `times` is (m, q). Returns its outputs."""
+    m, k = inputs.shape[:2]
+    outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, columns.BALL_WIDTH))
+    at_events, found = np.empty((m, k, most, 3)), np.empty((m, 2), np.int64)
+    _for_all(record, push_lanes, threads, times, inputs, outputs, at_events, found)
+    return outputs, at_events, found
+
+
+def _pull(
+    record: Record, times: Floats, outputs: Floats, at_events: Floats, constants: bool, threads: int | None
+) -> Floats:
+    """Calls `pull_lanes`. Returns its result."""
+    m, k, n = outputs.shape[:3]
+    inputs, found = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS)), np.empty((m, 2), np.int64)
+    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, inputs, found)
+    return inputs
+
+
+def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
+    """Returns an output by name, (m, k, ...)."""
+    if of in _BALL_OUTPUTS:
+        return outputs[..., _BALL_OUTPUTS[of]]
+    return at_events[..., _EVENT_OUTPUTS[of]]
+
+
+def _names(argument: str, names: str | Sequence[str]) -> tuple[str, ...]:
+    if isinstance(names, str):
+        return (names,)
+    if not names or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{argument} = {short(names)}: expected a name or names")
+    return tuple(names)
+
+
+def _given(argument: str, name: str, value: ArrayLike, m: int, shape: tuple[int, ...]) -> Floats:
+    """Returns an argument as an array (m, ...); one that is given without the axis of shots holds for all."""
+    array = numbers(f"{argument}[{name!r}]", value)
+    if array.shape not in (shape, (m, *shape)):
+        raise ValueError(f"{argument}[{name!r}] has shape {array.shape}: expected {shape}")
+    return np.broadcast_to(array, (m, *shape))
+
+
+def jvp(
+    record: Record,
+    tangents: Mapping[str, ArrayLike],
+    of: str | Sequence[str],
+    t: ArrayLike | None,
+    strike: ArrayLike | None,
+    threads: int | None,
+) -> Any:
+    """Implements `BatchResult.jvp`."""
+    known, m, names = _inputs(record, strike), len(record.time), _names("of", of)
+    if not isinstance(tangents, Mapping) or not tangents:
+        raise ValueError(f"tangents = {short(tangents)}: expected a mapping from names of inputs to arrays")
+    inputs = np.zeros((m, 1, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    for name, value in tangents.items():
+        change = _given("tangents", name, value, m, known.shape(name))
+        known.push(name, change[:, None], inputs)
+    for name in names:
+        one_of("of", name, OUTPUTS)
+    times = _times(record, t)[:, None]
+    outputs, at_events, _ = _push(record, times, inputs, _most_events(record, names), threads)
+    found = {name: _chosen(name, outputs[:, 0], at_events)[:, 0] for name in names}
+    return found[of] if isinstance(of, str) else found
+
+
+def vjp(
+    record: Record,
+    cotangents: Mapping[str, ArrayLike],
+    by: str | Sequence[str],
+    t: ArrayLike | None,
+    strike: ArrayLike | None,
+    threads: int | None,
+) -> Any:
+    """Implements `BatchResult.vjp`."""
+    known, m, names = _inputs(record, strike), len(record.time), _names("by", by)
+    for name in names:
+        known.shape(name)
+    if not isinstance(cotangents, Mapping) or not cotangents:
+        raise ValueError(f"cotangents = {short(cotangents)}: expected a mapping from names of outputs to arrays")
+    given = {
+        name: _given("cotangents", name, value, m, _output_shape(record, name))[:, None]
+        for name, value in cotangents.items()
+    }
+    inputs = _pull_of(record, given, _times(record, t), 1, names, threads)
+    found = {name: known.pull(name, inputs)[:, 0] for name in names}
+    return found[by] if isinstance(by, str) else found
+
+
+def _pull_of(
+    record: Record, given: Mapping[str, Floats], times: Floats, k: int, by: Sequence[str], threads: int | None
+) -> Floats:
+    """Returns the adjoints of the inputs for k adjoints (m, k, ...) of outputs by name."""
+    m, n = len(record.time), record.scene.n_balls
+    outputs = np.zeros((m, k, n, columns.BALL_WIDTH))
+    at_events = np.zeros((m, k, _most_events(record, tuple(given)), 3))
+    for name, value in given.items():
+        _chosen(name, outputs, at_events)[...] = value
+    constants = bool(set(by) - {"positions", "velocities", "spins", "strike"})
+    return _pull(record, times, outputs, at_events, constants, threads)
+
+
+def jacobian(
+    record: Record, of: str, by: str, t: ArrayLike | None, strike: ArrayLike | None, threads: int | None
+) -> Floats:
+    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer."""
+    known, m, times = _inputs(record, strike), len(record.time), _times(record, t)
+    left, right = _output_shape(record, of), known.shape(by)
+    rows, cols = math.prod(left), math.prod(right)
+    if cols <= rows:
+        unit = np.broadcast_to(np.eye(cols).reshape(cols, *right), (m, cols, *right))
+        inputs = np.zeros((m, cols, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+        known.push(by, unit, inputs)
+        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, (of,)), threads)
+        found = np.moveaxis(_chosen(of, outputs[:, 0], at_events).reshape(m, cols, rows), 1, 2)
+    else:
+        unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))
+        inputs = _pull_of(record, {of: unit}, times, rows, (by,), threads)
+        found = known.pull(by, inputs)
+    return np.ascontiguousarray(found.reshape(m, *left, *right))
+
+
+def nonsmooth(record: Record, threads: int | None) -> Nonsmooth:
+    """Implements `BatchResult.nonsmooth`."""
+    m, n = len(record.time), record.scene.n_balls
+    inputs = np.empty((m, 0, BALL_INPUTS * n + NUMBER_INPUTS))
+    *_, found = _push(record, record.time[:, None], inputs, 0, threads)
+    return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
+
+
+def ball_jacobians(record: Record, times: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Returns the derivatives of the positions of one shot at ascending times (q,) by its start.
+
+    Returns:
+        (q, n, 2, n, 7) float64 with respect to (x, y, vx, vy, wx, wy, wz), and the results of `trace`, (2,).
+    """
+    n = record.scene.n_balls
+    inputs = np.zeros((1, n, 7, n * BALL_INPUTS + NUMBER_INPUTS))
+    for i in range(n):
+        inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.eye(7)
+    outputs, _, found = _push(record, times[None], inputs.reshape(1, 7 * n, -1), 0, 1)
+    return np.moveaxis(outputs[0, ..., :2], 1, 3).reshape(len(times), n, 2, n, 7), found[0]

@@ -1,0 +1,306 @@
+"""The derivatives of shots agree with differences of the 50-digit simulator, and with each other."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env.scene import Balls, Physics
+from billiards_env.scene.table import Pocket, Table
+from billiards_env.shots.gradients import OUTPUTS, physics_inputs
+from tests.helpers.derivatives import aimed, directional_differences
+from tests.helpers.outlines import MARBLES
+from tests.helpers.shots import draw_starts, real
+
+FALLING: dict[str, Any] = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
+SCENES = {
+    "ideal": Scene.named("ideal", 2),
+    "rolling": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, 0.2)), Table(2.0, 1.0), Physics("rolling", "restitution")),
+    "sliding": Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(cushion="restitution")),
+    "han2005": dataclasses.replace(Scene.named("carom", 2), physics=Physics(**FALLING)),
+    "stronge": real("carom", 2, **FALLING),
+    "grip": real("carom", 2, mu_ball=0.05, mu_cushion=0.5),
+    "floor": real("carom", 2, **{**FALLING, "e_cushion_floor": 0.9, "mu_cushion": 0.05}),
+    "jaws": Scene.named("real_pool", 2),
+    "spheres": dataclasses.replace(
+        MARBLES, balls=Balls((0.022, 0.03, 0.026), (0.05, 0.3, 0.1), shape="sphere"), table=MARBLES.table
+    ),
+    "obstacle": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, math.inf)), Table(2.0, 1.0), Physics(e_ball=0.9)),
+}
+
+
+def start_of(scene, seed):
+    """Returns positions, velocities and spins with a moving and turning cue ball that is aimed at ball 1."""
+    places, velocities = aimed(scene, seed)
+    spins = np.zeros((scene.n_balls, 3))
+    if scene.physics.motion == "sliding":
+        spins[0] = np.random.default_rng(seed).normal(0.0, (4.0, 4.0, 20.0))
+    return places, velocities, spins
+
+
+def recorded(scene, start, **options) -> Any:
+    """Returns the recorded shot of a start."""
+    spins = start[2] if scene.physics.motion == "sliding" else None
+    shot = simulate(scene, start[0], start[1], spins=spins, record=True, **options)
+    assert shot.events is not None
+    return shot
+
+
+def tangent_of(name, scene, rng):
+    """Returns a random tangent of an input; that of a velocity or a spin is zero for balls at rest."""
+    n = scene.n_balls
+    shape = {"positions": (n, 2), "velocities": (n, 2), "spins": (n, 3), "radius": (n,), "mass": (n,)}.get(name, ())
+    tangent = rng.uniform(0.5, 1.0, shape)
+    if name in ("velocities", "spins"):
+        tangent[1:] = 0.0
+    if name == "mass":
+        tangent[np.isinf(scene.balls.mass)] = 0.0
+    return tangent if shape else float(tangent)
+
+
+def inputs_of(scene):
+    """Returns the inputs that enter the shots of a scene in the 50-digit simulator."""
+    p = scene.physics
+    names = ["positions", "velocities", "radius", "mass", "e_ball", "e_cushion"]
+    if p.motion != "ideal":
+        names += ["g", "mu_roll"]
+    if p.motion == "sliding":
+        names += ["spins", "mu_slide", "spin_decay"]
+    if p.cushion != "restitution":
+        names += ["mu_cushion"]
+    if p.cushion == "stronge":
+        names += ["cushion_frequency_ratio"]
+    if p.e_cushion_loss:
+        names += ["e_cushion_loss", "e_cushion_onset", "e_cushion_floor"]
+    if p.ball_ball == "frictional":
+        names += ["mu_ball_factor"] + (["mu_ball"] if p.mu_ball is not None else [])
+    return names
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("seed", [3, 5])
+def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
+    scene = SCENES[name]
+    start, rng = start_of(scene, seed), np.random.default_rng(seed)
+    whole = recorded(scene, start)
+    late = 0.6 * whole.time
+    shot = recorded(scene, start, max_time=late)
+    assert shot.nonsmooth() == (-1, "")
+    assert (shot.events["kind"] == "ball_ball").any()
+    for key in inputs_of(scene):
+        tangent = tangent_of(key, scene, rng)
+        expected = directional_differences(scene, start, key, tangent, late)
+        found = shot.jvp({key: tangent}, OUTPUTS)
+        order = np.argsort(shot.events["ball"], kind="stable")
+        found |= {output: found[output][order] for output in ("event_times", "event_positions")}
+        for output in OUTPUTS:
+            size = np.abs(expected[output]).max()
+            np.testing.assert_allclose(
+                found[output], expected[output], rtol=0, atol=1e-9 * size, err_msg=f"{key} {output}"
+            )
+
+
+@pytest.mark.parametrize("name", ["pool", "ideal", "carom", "real_carom", "uk_pool"])
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_jvp_and_vjp_are_adjoint(name, seed):
+    rng = np.random.default_rng(seed)
+    scene = Scene.named(name, 2)
+    shot = recorded(scene, start_of(scene, seed), max_time=float(rng.uniform(0.1, 5.0)))
+    by = ("positions", "velocities", "spins", "radius", "mass", *physics_inputs(scene.physics))
+    shapes = {"positions": (3, 2), "velocities": (3, 2), "spins": (3, 3), "radius": (3,), "mass": (3,)}
+    tangents = {key: rng.normal(size=shapes.get(key, ())) for key in by}
+    pushed = shot.jvp(tangents, OUTPUTS)
+    cotangents = {key: rng.normal(size=value.shape) for key, value in pushed.items()}
+    pulled = shot.vjp(cotangents, by)
+    left = [(cotangents[key] * pushed[key]).sum() for key in OUTPUTS]
+    right = [(pulled[key] * tangents[key]).sum() for key in by]
+    terms = max(map(abs, (*left, *right)))
+    assert sum(left) == pytest.approx(sum(right), rel=0, abs=1e-11 * terms)
+
+
+@pytest.mark.parametrize(("of", "by"), [("positions", "e_ball"), ("event_times", "velocities"), ("spins", "spins")])
+def test_the_jacobian_has_the_columns_of_jvp(of, by):
+    scene = Scene.named("real_carom")
+    shot = recorded(scene, start_of(scene, 3), max_time=2.0)
+    jacobian = shot.jacobian(of, by)
+    tangent = np.random.default_rng(0).normal(size=jacobian.shape[1 if of == "event_times" else 2 :])
+    pushed = shot.jvp({by: tangent}, of)
+    size = np.abs(jacobian).max()
+    np.testing.assert_allclose(np.tensordot(jacobian, tangent, tangent.ndim), pushed, rtol=0, atol=1e-13 * size)
+
+
+@pytest.mark.parametrize(("name", "arrangement"), [("pool", "random"), ("uk_pool", "random"), ("pool", "tight_rack")])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
+    scene = Scene.named(name, 4 if arrangement == "random" else 15)
+    places, starts, spins = draw_starts(scene, 60 if arrangement == "random" else 20, arrangement)
+    batch = simulate_batch(scene, places, starts, spins=spins, record=True, threads=threads)
+    plain = simulate_batch(scene, places, starts, spins=spins, threads=threads)
+    assert np.array_equal(batch.positions, plain.positions)
+    rng = np.random.default_rng(0)
+    tangents = {"positions": rng.normal(size=places.shape), "e_ball": rng.normal(size=len(places))}
+    cotangents = {"positions": rng.normal(size=places.shape)}
+    pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
+    pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
+    jacobian = batch.jacobian("positions", "radius", threads=threads)
+    found = batch.nonsmooth(threads)
+    for k in range(len(places)):
+        shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
+        alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
+        assert np.array_equal(pushed["velocities"][k], alone["velocities"])
+        assert np.array_equal(pushed["event_times"][k, : shot.n_events], alone["event_times"])
+        assert not pushed["event_times"][k, shot.n_events :].any()
+        gradient = shot.vjp({"positions": cotangents["positions"][k]}, ("velocities", "mu_roll"))
+        assert np.array_equal(pulled["velocities"][k], gradient["velocities"])
+        assert pulled["mu_roll"][k] == gradient["mu_roll"]
+        assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
+        assert (found.event[k], found.reason[k]) == shot.nonsmooth()
+
+
+def test_a_batch_whose_log_is_too_small_runs_the_other_shots_again():
+    scene = Scene.named("pool", 15)
+    calm, starts, _ = draw_starts(scene, 300)
+    wild, breaks, _ = draw_starts(scene, 60, "rack")
+    places, velocities = np.concatenate((calm, wild)), np.concatenate((0.01 * starts, 2.0 * breaks))
+    batch = simulate_batch(scene, places, velocities, record=True, threads=1)
+    plain = simulate_batch(scene, places, velocities, threads=1)
+    for name in ("positions", "time", "n_events"):
+        assert np.array_equal(getattr(batch, name), getattr(plain, name))
+    last = simulate(scene, places[-1], velocities[-1], record=True)
+    assert np.array_equal(batch.jacobian("positions", "e_ball")[-1], last.jacobian("positions", "e_ball"))
+
+
+@pytest.mark.parametrize("elevation", [0.0, 0.1])
+def test_the_derivative_by_the_strike_is_that_of_small_changes(elevation):
+    scene, positions = Scene.named("real_pool"), [[-0.5, 0.1], [0.2, 0.15]]
+    at, step = np.array([1.5, 0.07, 0.2, -0.1, elevation + 0.05]), 1e-7
+    shot = simulate(scene, positions, strike(scene, *at), record=True)
+    found = shot.jacobian("positions", "strike", strike=at)
+    ends = [
+        [simulate(scene, positions, strike(scene, *(at + sign * h))).positions for sign in (1, -1)]
+        for h in step * np.eye(5)
+    ]
+    expected = np.stack([(a - b) / (2 * step) for a, b in ends], axis=-1)
+    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(found).max())
+    batch = simulate_batch(scene, [positions] * 2, strike(scene, *np.array([at, at]).T), record=True)
+    cotangents = np.ones((2, 2))
+    pulled = batch.vjp({"positions": cotangents}, "strike", strike=np.array([at, at]))
+    np.testing.assert_allclose(pulled, np.tile(found.sum(axis=(0, 1)), (2, 1)), rtol=1e-9)
+
+
+def test_an_ideal_ball_at_rest_moves_with_a_change_of_its_velocity():
+    shot = simulate(Scene.named("ideal"), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True, max_time=1.0)
+    assert shot.jvp({"velocities": [[0.0, 0.0], [1.0, 2.0]]}).tolist() == [[0.0, 0.0], [1.0, 2.0]]
+
+
+def test_friction_stops_a_ball_at_rest_that_begins_to_move():
+    shot = simulate(Scene.named("pool"), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True)
+    assert not shot.jacobian("positions", "velocities")[:, :, 1].any()
+
+
+def test_two_impacts_at_one_instant_that_share_no_ball_have_a_derivative():
+    scene = Scene.named("ideal", 3)
+    places, velocities = [[-0.5, 0.2], [0.0, 0.2], [-0.5, -0.2], [0.0, -0.2]], [[1.0, 0.0], [0, 0], [1.0, 0.0], [0, 0]]
+    shot = simulate(scene, places, velocities, record=True, max_time=0.6)
+    assert shot.n_events == 2
+    assert shot.nonsmooth() == (-1, "")
+    apart = simulate(
+        scene, np.array(places) - [[0, 0], [0, 0], [1e-9, 0], [0, 0]], velocities, record=True, max_time=0.6
+    )
+    np.testing.assert_allclose(shot.jacobian(), apart.jacobian(), atol=1e-6)
+
+
+def test_impacts_at_one_instant_count_as_successive():
+    """The derivative is that of a shot in which the first contact of the log comes earlier."""
+    scene, y = Scene.named("ideal", 2), 0.02857500001
+    both = simulate(scene, [[-0.5, 0.0], [0.0, y], [0.0, -y]], [1.0, 0.0], record=True, max_time=0.5)
+    assert both.nonsmooth() == (1, "simultaneous")
+    first = simulate(scene, [[-0.5, 0.0], [0.0, y], [1e-9, -y]], [1.0, 0.0], record=True, max_time=0.5)
+    assert first.events is not None
+    assert first.events["other"][:2].tolist() == [1, 2]
+    np.testing.assert_allclose(both.jacobian(), first.jacobian(), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "reason"),
+    [
+        ("ideal", ([[0.0, 0.05715 * (1.0 - 1e-14)], [0.5, 0.0]], [[1.0, 0.0], [0.0, 0.0]]), "grazing"),
+        (
+            "pool",
+            ([[-1.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0 / 0.028575, 0.0], [0.0] * 3]),
+            "rolling",
+        ),
+    ],
+)
+def test_a_shot_without_a_derivative_names_the_event(name, start, reason):
+    scene = Scene.named(name)
+    shot = (
+        recorded(scene, start, max_time=2.0) if len(start) == 3 else simulate(scene, *start, record=True, max_time=2.0)
+    )
+    assert shot.nonsmooth().reason == reason
+
+
+def test_a_ball_that_grazes_a_pocket_has_no_derivative():
+    table = dataclasses.replace(Table(2.0, 1.0), pockets=(Pocket(0.0, 0.5, 0.1),))
+    scene = Scene(Balls.uniform(1), table, Scene.named("ideal").physics)
+    shot = simulate(scene, [[-0.5, 0.4 + 1e-15]], [1.0, 0.0], record=True, max_time=1.0)
+    assert shot.potted[0]
+    assert shot.nonsmooth() == (0, "lip")
+    deep = simulate(scene, [[-0.5, 0.45]], [1.0, 0.0], record=True, max_time=1.0)
+    assert deep.nonsmooth() == (-1, "")
+    assert not deep.jacobian("positions", "positions").any()
+    chord = 0.05 / math.sqrt(0.1**2 - 0.05**2)  # slope of the circle where the ball enters it
+    np.testing.assert_allclose(deep.jacobian("event_times", "positions"), [[[-1.0, -chord]]], rtol=1e-12)
+
+
+def test_an_act_of_the_contact_time_rule_has_no_derivative():
+    scene = Scene.named("pool", 15)
+    places, velocities, _ = draw_starts(scene, 20, "tight_rack")
+    batch = simulate_batch(scene, places, velocities, record=True)
+    found = batch.nonsmooth()
+    assert (found.reason[batch.n_contact_rule > 0] != "").all()
+    assert set(found.reason) <= {"", "rule", "simultaneous", "grazing"}
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda shot: shot.jvp({}), "tangents = {}"),
+        (lambda shot: shot.jvp({"mu": 1.0}), "by = 'mu'"),
+        (
+            lambda shot: shot.jvp({"positions": [1.0, 2.0]}),
+            r"tangents\['positions'\] has shape \(2,\): expected \(2, 2\)",
+        ),
+        (lambda shot: shot.jvp({"e_ball": 1.0}, "places"), "of = 'places'"),
+        (lambda shot: shot.jvp({"e_ball": 1.0}, t=-1.0), "t = -1.0"),
+        (lambda shot: shot.jvp({"e_ball": 1.0}, ()), r"of = \(\)"),
+        (lambda shot: shot.vjp({"positions": np.zeros((2, 2))}, "mu_ball"), "by = 'mu_ball'"),
+        (lambda shot: shot.vjp({"places": 1.0}), "of = 'places'"),
+        (lambda shot: shot.vjp({"positions": 1.0}), r"cotangents\['positions'\] has shape \(\)"),
+        (lambda shot: shot.jacobian("positions", "strike"), "strike = None"),
+        (lambda shot: shot.jacobian("positions", "strike", strike=[1.0, 0.0]), r"strike has shape \(2,\)"),
+        (lambda shot: shot.jacobian("positions", "strike", strike=[1.0, 0.0, 0.0, 0.0, 0.0]), "expected the strike of"),
+    ],
+)
+def test_a_wrong_argument_is_an_error(call, message):
+    shot = simulate(Scene.named("pool"), [[-1.0, 0.0], [1.0, 0.0]], [1.0, 0.0], record=True)
+    with pytest.raises(ValueError, match=message):
+        call(shot)
+
+
+def test_derivatives_need_a_record():
+    scene, start = Scene.named("pool"), ([[-1.0, 0.0], [1.0, 0.0]], [1.0, 0.0])
+    with pytest.raises(ValueError, match=r"shot.jvp: expected a shot of simulate\(..., mode='pic', record=True\)"):
+        simulate(scene, *start).jvp({"e_ball": 1.0})
+    with pytest.raises(
+        ValueError, match=r"batch.vjp: expected a batch of simulate_batch\(..., mode='pic', record=True"
+    ):
+        simulate_batch(scene, [start[0]], [start[1]]).vjp({"positions": np.zeros((2, 2))})
+    with pytest.raises(ValueError, match="record = True with mode = 'pit'"):
+        simulate_batch(scene, [start[0]], [start[1]], mode="pit", dt=0.01, record=True)
