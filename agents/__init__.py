@@ -1,8 +1,7 @@
 """Training and evaluation of agents on `Billiards-v0`.
 
 `python -m agents.train CONFIG` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate
-RUN_DIR` compares the trained policy with random actions, films it or shows it in a window. `agents.policy_player` is
-a player of games with a trained policy.
+RUN_DIR` compares the trained policy with random actions, films it or shows it in a window.
 """
 
 import importlib.util

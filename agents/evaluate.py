@@ -18,10 +18,10 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from agents.config import Count, Seed, validate
 from agents.film import EPISODES, film, show
 from agents.output import print_commands, print_table
-from agents.policy_player import playable
 from agents.ppo import load_policy, make_vector
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
+from billiards_env.sb3.policy_player import playable
 
 
 def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:

@@ -1,6 +1,11 @@
 """Measurements of the players without training."""
 
-from billiards_env.evaluation import measure
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from billiards_env.__main__ import main
+from billiards_env.evaluation import find_player, measure
 
 
 def test_success_rates():
@@ -13,3 +18,61 @@ def test_success_rates():
     assert noisy < rates["geometric"] - 0.1
     assert measure("geometric", {"n_object_balls": 3, "max_shots": 5}, (0.0, 0.0), 40, 1)["success_rate"] > 0.75
     assert measure("search:300", {"task": "carom", "layout": "random"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """A module with players."""
+    (tmp_path / "my_players.py").write_text(
+        "def full_hit(observation):\n    return (observation[2:4] - observation[:2]) * [0.5, 0.25]\n"
+        "def without_arguments():\n    return [0.0, 0.0]\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+
+def test_a_function_of_the_user_plays(mine):
+    act = find_player("my_players:full_hit", gym.make("Billiards-v0"))
+    assert act(np.array([0.0, 0.0, 0.5, 0.5])).tolist() == [0.25, 0.125]
+    found = measure("my_players:full_hit", {"task": "carom", "max_shots": 3}, (0.0, 0.0), 20, 0)
+    assert found["mean_shots"] >= 1
+    assert found["episodes"] == 20
+
+
+@pytest.mark.parametrize(
+    ("player", "error", "message"),
+    [
+        ("geometrc", ValueError, r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
+        ("my_players:nothing", ValueError, "player = 'my_players:nothing': .*has no attribute 'nothing'"),
+        ("my_players:without_arguments", TypeError, r"expected a function act\(observation\) that returns an action"),
+        ("policy:nowhere", FileNotFoundError, "nowhere"),
+    ],
+)
+def test_unknown_players_are_errors(mine, player, error, message):
+    if player.startswith("policy"):
+        pytest.importorskip("stable_baselines3")
+    with pytest.raises(error, match=message):
+        find_player(player, gym.make("Billiards-v0"))
+
+
+def test_the_command_measures_players_on_the_same_layouts(mine, capsys):
+    main(["evaluate", "my_players:full_hit", "--beside", "random", "my_players:full_hit", "--episodes", "30"])
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.split()[:2] == ["player", "success"]
+    assert [row.split()[0] for row in rows] == ["my_players:full_hit", "random"]
+
+
+def test_the_command_refuses_bad_arguments(mine, capsys):
+    for arguments, message in (
+        (["my_players:nothing"], "player = 'my_players:nothing'"),
+        (["random", "--task", "pott"], "task = 'pott'.*did you mean 'pot'"),
+        (["random", "--episodes", "0"], "--episodes = 0: expected a whole number >= 1"),
+    ):
+        with pytest.raises(SystemExit, match=message):
+            main(["evaluate", *arguments, "--beside"])
+
+
+def test_a_trained_policy_plays():
+    pytest.importorskip("stable_baselines3")
+    found = measure("policy:studies/results/policies/pot", {}, (0.0, 0.0), 100, 0)
+    assert found["success_rate"] > 0.9

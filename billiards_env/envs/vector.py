@@ -25,7 +25,14 @@ from billiards_env.jit import streams
 Bools = NDArray[np.bool_]
 
 
-class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class _NamesItsAdapter(type):
+    """Stable-Baselines3 refuses other vector environments with a message that contains the `repr` of their class."""
+
+    def __repr__(cls) -> str:
+        return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
+
+
+class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]], metaclass=_NamesItsAdapter):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of

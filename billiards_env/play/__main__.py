@@ -25,8 +25,8 @@ DT = 1 / 60
 REAL_SCENES = {"pool": "real_pool"}
 """The scenes of the window in place of the usual scenes of the games: they have jaws and throw."""
 
-MAKERS = {"policy": "agents.policy_player:policy"}
-"""Makers of players that need the repository, by name."""
+MAKERS = {"policy": "billiards_env.sb3.policy_player:policy"}
+"""Makers of players that need the extra `train`, by name."""
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -57,26 +58,40 @@ def find_player(
 
     Raises:
         ValueError: If there is no such player, or it cannot play this game.
+        TypeError: If a maker or its player does not take the arguments above.
     """
     name, _, argument = text.partition(":")
     if name in STRATEGIES:
         return _strategic(text, setup)
     offered = importlib.metadata.entry_points(group=GROUP)
-    if name in makers:
-        module, _, function = makers[name].partition(":")
-    elif name in offered.names:
-        return offered[name].load()(setup, argument)
+    if name in offered.names:
+        maker: Any = offered[name].load()
     else:
-        module = name
-        function, _, argument = argument.partition(":")
+        if name in makers:
+            module, _, function = makers[name].partition(":")
+        else:
+            module = name
+            function, _, argument = argument.partition(":")
+        try:
+            maker = getattr(importlib.import_module(module), function)
+        except (AttributeError, ImportError, ValueError) as error:
+            known = sorted({*STRATEGIES, *makers, *offered.names, *also})
+            why = "" if name in known else suggestion(name, known)
+            expected = f"one of {', '.join(map(repr, known))}, or module:function"
+            raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error
+    _check_call(text, maker, (setup, argument), "(setup, argument) that returns a player")
+    player = maker(setup, argument)
+    _check_call(text, player, (setup, None, 1.0, None), "that returns a player (setup, game, max_speed, rng)")
+    return player
+
+
+def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str) -> None:
     try:
-        maker: Any = getattr(importlib.import_module(module), function)
-    except (AttributeError, ImportError, ValueError) as error:
-        known = sorted({*STRATEGIES, *makers, *offered.names, *also})
-        why = "" if name in known else suggestion(name, known)
-        expected = f"one of {', '.join(map(repr, known))}, or module:function"
-        raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error
-    return maker(setup, argument)
+        inspect.signature(function).bind(*arguments)
+    except TypeError:
+        raise TypeError(
+            f"player = {text!r}: expected a function {what}, see billiards_env.players.game_player"
+        ) from None
 
 
 def _strategic(text: str, setup: Setup) -> Player:

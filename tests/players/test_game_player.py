@@ -118,7 +118,7 @@ def own(setup, argument):
 def module(monkeypatch):
     """A module `mine` that can be imported."""
     made = types.ModuleType("mine")
-    vars(made)["own"] = own
+    vars(made).update(own=own, without_arguments=lambda: None, of_nothing=lambda setup, argument: lambda game: None)
     monkeypatch.setitem(sys.modules, "mine", made)
 
 
@@ -161,23 +161,34 @@ def test_unknown_players_are_refused(text, rules, message):
         find_player(text, setup(rules))
 
 
-def test_without_the_package_agents_the_policy_player_is_refused(tmp_path):
+@pytest.mark.usefixtures("module")
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("mine:without_arguments", r"expected a function \(setup, argument\) that returns a player"),
+        ("mine:of_nothing", r"expected a function that returns a player \(setup, game, max_speed, rng\)"),
+    ],
+)
+def test_functions_with_other_arguments_are_refused(text, message):
+    with pytest.raises(TypeError, match=f"player = '{text}': {message}"):
+        find_player(text, setup("straight"))
+
+
+def test_a_trained_policy_needs_the_extra():
     code = (
-        "from billiards_env import Scene; from billiards_env.games import Setup\n"
-        "from billiards_env.players.game_player import find_player\n"
-        "from billiards_env.play.__main__ import MAKERS\n"
-        "import sys; sys.modules['agents'] = None\n"
-        "try: find_player('policy:x', Setup('straight', Scene.named('pool', 1)), MAKERS)\n"
-        "except ValueError as error: print(error)"
+        "import sys; sys.modules['stable_baselines3'] = None\n"
+        "from billiards_env.play.__main__ import main\n"
+        "main(['--players', 'human,policy:x'])"
     )
-    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert printed.startswith("player = 'policy:x': expected one of")
-    assert "agents" in printed
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "player = 'policy:x': expected one of" in done.stderr
+    assert "stable_baselines3 is not installed: expected the extra 'train'" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_pytorch_is_loaded_only_for_a_trained_policy():
     code = (
-        "import sys, billiards_env.players.game_player, agents.policy_player\n"
+        "import sys, billiards_env.players.game_player, billiards_env.evaluation, billiards_env.play.__main__\n"
         "print(sorted({'torch', 'stable_baselines3', 'pygame'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
@@ -24,6 +25,11 @@ def pair(num_envs, **kwargs) -> tuple[Any, Any]:
     """The adapter and a DummyVecEnv."""
     native = gym.make_vec("Billiards-v0", num_envs=num_envs, autoreset_mode="SameStep", **kwargs)
     return SameStepVecEnv(native), DummyVecEnv([lambda: gym.make("Billiards-v0", **kwargs)] * num_envs)
+
+
+def test_the_error_for_the_vector_environment_itself_names_the_adapter():
+    with pytest.raises(ValueError, match=r"billiards_env\.sb3\.SameStepVecEnv"):
+        PPO("MlpPolicy", cast(Any, gym.make_vec("Billiards-v0", num_envs=2)))
 
 
 @pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])

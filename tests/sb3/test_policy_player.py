@@ -1,15 +1,14 @@
 """A trained policy as a player of games."""
 
-import sys
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from agents.config import Config
-from agents.policy_player import playable, policy
 from agents.ppo import make_env, make_policy
 from billiards_env.games import custom_opening, opening
+from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import setup
 
@@ -50,13 +49,6 @@ def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tiny, tmp
 def test_a_folder_without_a_policy_is_refused(text):
     with pytest.raises(FileNotFoundError, match="expected 'policy:' and the folder of a finished run"):
         policy(setup("straight"), text)
-
-
-def test_a_policy_without_the_extra_is_refused(trained, monkeypatch):
-    monkeypatch.delitem(sys.modules, "agents.ppo", raising=False)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(ModuleNotFoundError, match=r"player = 'policy:.*: torch is not installed: expected the extra"):
-        policy(setup("straight"), str(trained))
 
 
 def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_path):

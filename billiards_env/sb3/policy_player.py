@@ -10,11 +10,12 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
-from billiards_env.checks import missing
 from billiards_env.games import RULES, GameState, Setup, Stroke
 from billiards_env.players.game_player import Player, make_stroke, place_cue_ball, with_call
+from billiards_env.sb3.weights import load_policy
 from billiards_env.scene import Scene
 
 
@@ -28,21 +29,14 @@ def policy(setup: Setup, argument: str) -> Player:
     Raises:
         OSError: If the folder holds no finished run.
         ValueError: If the policy was trained on another table or with another number of balls.
-        ModuleNotFoundError: If the extra `train` is not installed.
     """
-    try:  # only a trained policy needs PyTorch
-        from agents.ppo import load_policy, make_env
-    except ModuleNotFoundError as error:
-        package = error.name or "a package"
-        raise ModuleNotFoundError(f"player = 'policy:{argument}': {missing(package, 'train')}") from error
-
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
         raise FileNotFoundError(
             f"player = 'policy:{argument}': expected 'policy:' and the folder of a finished run, with a policy.pt"
         )
-    config, model = load_policy(folder)
-    env = make_env(config)
+    arguments, model = load_policy(folder)
+    env = gym.make("billiards_env:Billiards-v0", **arguments)
     base: Any = env.unwrapped
     expected = 1 if setup.game_rules.pockets else 2
     trained, played = base.scene, setup.scene
