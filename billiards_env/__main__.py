@@ -17,6 +17,7 @@ import numpy as np
 
 from billiards_env import Scene, __version__
 from billiards_env.checks import Range, number, whole
+from billiards_env.export import WRITERS
 from billiards_env.files import check_path
 from billiards_env.scene import SCENES
 
@@ -43,10 +44,6 @@ COMMANDS = {
     "studies.readme": "write the measured tables into the documentation",
 }
 """Modules of the repository that run with `python -m`, and what they do."""
-
-PICTURES = (".png", ".svg", ".pdf")
-SUFFIXES = (".html", *PICTURES, ".gif", ".mp4", ".json")
-"""Suffixes of the files that `--out` writes: a page, pictures, films and a record."""
 
 PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
@@ -166,7 +163,7 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_out(parser: argparse.ArgumentParser) -> None:
-    text = f"write the shot to a file; its suffix is one of {' '.join(SUFFIXES)}"
+    text = f"write the shot to a file; its suffix is one of {' '.join(WRITERS)}"
     parser.add_argument("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
 
 
@@ -193,10 +190,7 @@ def simulate(args: argparse.Namespace) -> None:
     others = [{**options, "mode": "pit", "dt": dt} for dt in args.timesteps]
     compare = [simulation.simulate(**start, **other) for other in others]
     print(shot)
-    for path in args.out:
-        if path.suffix == ".json":
-            shot.save(path)
-        _write(shot, path, compare)
+    _write(shot, args.out, compare)
 
 
 def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
@@ -267,8 +261,7 @@ def replay(args: argparse.Namespace) -> None:
         shots = [shots[args.shot - 1]]
     for shot in shots[-1:]:
         print(shot)
-        for path in args.out:
-            _write(shot, path)
+        _write(shot, args.out)
     if args.window:
         _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)
 
@@ -292,22 +285,16 @@ def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
 def _check_out(paths: Sequence[Path], without: str = "") -> None:
     """Raises an error if a file cannot be written, before anything is simulated."""
     for path in paths:
-        if path.suffix not in SUFFIXES or path.suffix == without:
-            suffixes = " ".join(suffix for suffix in SUFFIXES if suffix != without)
+        if path.suffix not in WRITERS or path.suffix == without:
+            suffixes = " ".join(suffix for suffix in WRITERS if suffix != without)
             raise ValueError(f"--out = {str(path)!r}: expected a name that ends in one of {suffixes}")
         check_path(path, path.suffix)
 
 
-def _write(shot: ShotResult, path: Path, compare: Sequence[ShotResult] = ()) -> None:
-    """Writes a shot to a file in the format of its suffix. A page also has the other runs of the shot, `compare`."""
-    if path.suffix in PICTURES:
-        figure: Any = shot.plot().figure
-        figure.savefig(path, dpi=150)
-    elif path.suffix == ".html":
-        shot.to_html(path, compare=compare)
-    elif path.suffix != ".json":  # a film
-        getattr(shot, f"to_{path.suffix[1:]}")(path)
-    print(f"wrote {path}")
+def _write(shot: ShotResult, paths: Sequence[Path], compare: Sequence[ShotResult] = ()) -> None:
+    for path in paths:
+        WRITERS[path.suffix](shot, path, compare)
+        print(f"wrote {path}")
 
 
 def version() -> None:

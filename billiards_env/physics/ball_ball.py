@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
+from billiards_env.physics.ball_friction import add_normal_impulses, forget_normal_impulses, rub_all, rub_pair
 from billiards_env.physics.clusters import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
-from billiards_env.physics.friction import add_normal_impulses, forget_normal_impulses, rub_all, rub_pair
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY
 
 

@@ -73,7 +73,7 @@ class Rubbing(NamedTuple):
         target: (min(most, MOST), 4) float64, scratch of `solve_smallest`.
         limit: (most,) float64, the largest friction, kg m/s.
         weight: (most,) float64, upper bounds of the change of slip per impulse, 1/kg.
-        slip: (most, 2) float64, slip across and up (see `physics.friction`) before the friction, m/s.
+        slip: (most, 2) float64, slip across and up (see `physics.ball_friction`) before the friction, m/s.
         point: (most, 2) float64, impulses of friction in these directions, kg m/s.
         last: (most, 2) float64, the same after a step.
         sums: (n, 6) float64, sums of impulses on each ball.

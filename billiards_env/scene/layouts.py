@@ -201,11 +201,11 @@ def _make_plan(name: str, scene: Scene, game: str) -> Plan:
         return _snooker_plan(name, scene)
     _expect_object_balls(scene, name, 1, 1 if name == "line" else 2)
     foot = scene.table.foot_x
-    if name == "line":
-        spots = [(-foot, 0.0), (foot, 0.0)]
-    else:
-        spots = [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)][:n]
-    return _plan(name, scene, (), np.array(spots))
+    spots = {
+        "line": [(-foot, 0.0), (foot, 0.0)],
+        "carom_opening": [(-foot, -_STARTING_SPOT * scene.table.width), (foot, 0.0), (-foot, 0.0)],
+    }
+    return _plan(name, scene, (), np.array(spots[name][:n]))
 
 
 def draw_one(plan: Plan, rng: np.random.Generator) -> Floats:
