@@ -21,6 +21,7 @@ from agents.output import print_commands, print_table
 from agents.ppo import load_policy, make_vector
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
+from billiards_env.games import RULES
 from billiards_env.sb3.policy_player import playable
 
 
@@ -122,8 +123,8 @@ def _print(run_dir: Path, result: Mapping[str, Any]) -> None:
     this = ("-m", "agents.evaluate", str(run_dir))
     commands = {"film": (*this, "--film", f"{run_dir.resolve().name}.mp4"), "watch": (*this, "--show")}
     if (rules := playable(run_dir)) is not None:
-        players = f"human,policy:{run_dir}"
-        commands["play against it"] = ("-m", "billiards_env.play", "--rules", rules, "--players", players)
+        game = ("--rules", rules, "--scene", RULES[rules].scene, "--players", f"human,policy:{run_dir}")
+        commands["play against it"] = ("-m", "billiards_env.play", *game)
     if (run_dir / "tensorboard").is_dir():
         commands["learning curves"] = ("-m", "tensorboard.main", "--logdir", str(run_dir))
     print_commands("Next:", commands)

@@ -222,7 +222,7 @@ def evaluate(args: argparse.Namespace) -> None:
     episodes, seed = whole("--episodes", args.episodes, Range(1, None)), whole("--seed", args.seed, Range(0, None))
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     width = max(map(len, players))
-    print(f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot")
+    head = f"{'player':{width}}  success  95% interval  score  reward  shots  ms per shot"
     for player in players:
         shots = itertools.count(1)
 
@@ -233,6 +233,8 @@ def evaluate(args: argparse.Namespace) -> None:
 
         found = measure(player, arguments, tuple(args.noise), episodes, seed, progress)
         low, high = found["confidence_interval_95"]
+        if player == players[0]:
+            print(head)
         print(
             f"{player:{width}}  {found['success_rate']:7.1%}  {f'{100 * low:.1f} to {100 * high:.1f}':>12}  "
             f"{found['mean_score']:5.2f}  {found['mean_reward']:6.2f}  {found['mean_shots']:5.1f}  "

@@ -1,4 +1,4 @@
-"""A trained policy as a player of games: `python -m billiards_env.play --players human,policy:runs/pot`.
+"""A trained policy as a player of games: `billiards play --scene pool --players human,policy:runs/pot`.
 
 In a game with pockets the policy must be trained with one object ball. It observes the cue ball and the nearest legal
 ball. In a carom game the policy must be trained with two object balls.
@@ -40,14 +40,14 @@ def policy(setup: Setup, argument: str) -> Player:
     base: Any = env.unwrapped
     expected = 1 if setup.game_rules.pockets else 2
     trained, played = base.scene, setup.scene
-    if (
-        trained.n_balls != 1 + expected
-        or trained.table != played.table
-        or trained.balls.radius != played.balls.radius[: 1 + expected]
-    ):
+    error = f"player = 'policy:{argument}' with rules = {setup.rules!r}: expected"
+    if trained.n_balls != 1 + expected:
+        balls = f"{expected} object ball{'s' if expected > 1 else ''}"
+        raise ValueError(f"{error} a policy trained with {balls}, not {trained.n_balls - 1}")
+    if trained.table != played.table or trained.balls.radius != played.balls.radius[: 1 + expected]:
         raise ValueError(
-            f"player = 'policy:{argument}' with rules = {setup.rules!r}: expected a policy trained on the same table "
-            f"with {expected} object ball{'s' if expected > 1 else ''}, not {trained.n_balls - 1}"
+            f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
+            "chooses them"
         )
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:

@@ -8,6 +8,7 @@ import pytest
 from agents.config import Config
 from agents.ppo import make_env, make_policy
 from billiards_env.games import custom_opening, opening
+from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.sb3.policy_player import playable, policy
 from billiards_env.sb3.weights import save_policy
 from tests.helpers.games import setup
@@ -60,6 +61,13 @@ def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_pat
         assert playable(tmp_path) == rules
 
 
-def test_a_policy_of_another_game_is_refused(trained):
-    with pytest.raises(ValueError, match="expected a policy trained on the same table with 2 object balls, not 1"):
+def test_a_policy_of_another_game_or_table_is_refused(trained):
+    with pytest.raises(ValueError, match="expected a policy trained with 2 object balls, not 1"):
         policy(setup("carom"), str(trained))
+    for arguments in ([], ["--scene", "pool"]):
+        game = make_history(make_parser().parse_args(["--rules", "straight", *arguments]), RNG(0)).setup
+        if arguments:
+            assert policy(game, str(trained))
+        else:  # the window opens straight pool on the table with jaws
+            with pytest.raises(ValueError, match="expected the table and the balls of its training; --scene"):
+                policy(game, str(trained))
