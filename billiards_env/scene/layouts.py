@@ -6,8 +6,8 @@ is its +x end. The foot spot lies at a quarter of the table's length from the ce
 head string, which is called baulk line in snooker. All balls lie inside the rectangle of the table's length and width.
 
 "random"
-    Balls all over the table. They are placed one after the other, the largest first, uniformly in the free area (random
-    sequential addition, Widom 1966), `MARGIN` clear of balls, cushions and pockets.
+    Balls anywhere on the table. They are placed one after the other, the largest first, uniformly in the free area
+    (random sequential addition, Widom 1966), at least `MARGIN` from other balls, cushions and pockets.
 "rack"
     Cue ball anywhere behind the head string, object balls in a loose rack at the foot spot. The rack is a triangle that
     is filled row by row from the foot spot, or a diamond for 9 object balls. Each ball is displaced at random so that
@@ -36,9 +36,9 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
     ball 1 at a distance b passes the centre of ball 2, half as far away, at b / 2. On a path that meets ball 1,
     b <= r0 + r1, so b / 2 < r0 + r2, and the cue ball meets ball 2 first.
 
-`plan` computes once what a layout needs on a scene; one kernel draws from a plan, for one table or for many. The kernel
-draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the same way. The same seed
-therefore gives the same layout bit for bit.
+`plan` computes once what a layout needs on a scene. One kernel draws the positions from a plan, for one table or for
+many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the same
+way. The same seed therefore gives the same layout bit for bit.
 """
 
 from __future__ import annotations
@@ -81,10 +81,11 @@ class Rack(NamedTuple):
     """The order of the balls in the rack of a game.
 
     Attributes:
-        balls: The ball at each place, row by row from the foot spot, before the others change places at random.
+        balls: The ball at each place, row by row from the foot spot, before the balls that are not fixed change places
+            at random.
         fixed: The balls that keep their places.
-        corners: For the left and the right rear corner, the ball of `balls` there and the group to draw the ball from.
-            The corners change sides with probability 1/2.
+        corners: For the left and the right rear corner: the ball of `balls` there, and the group from which the ball of
+            the corner is drawn. The corners change sides with probability 1/2.
     """
 
     balls: tuple[int, ...]
@@ -138,7 +139,7 @@ class Plan(NamedTuple):
         layout: Index in `LAYOUTS`.
         spots: (n, 2) float64, m: the spots of the balls that have one, before the displacement.
         displacement: m; the largest displacement of these balls along x and along y.
-        order: (n,) int64: the balls that have a spot, then those that are drawn, in this order.
+        order: (n,) int64: the balls that have a spot, then the others in the order in which they are drawn.
         n_spots: Number of balls that have a spot.
         limits: (n, 3) float64, m: smallest x, largest x and largest abs(y) of a drawn ball.
         radius: (n,) float64, m.
