@@ -247,7 +247,8 @@ def polygon(corners: Sequence[Corner]) -> Floats:
 def runs(corners: Sequence[Corner]) -> list[Floats]:
     """Returns the cushions between the corners that point out of the table, each as points (m, 2) of a line, m.
 
-    A cushion of a pool table is one run: a facing, a tip, a rail, a tip and a facing. So is the line behind a pocket.
+    A cushion of a pool table is one run: a facing, a tip, a rail, a tip and a facing. The line behind a pocket is also
+    a run.
     """
     path = _path(corners)
     into_table = {(tip.x1, tip.y1) for tip in pieces(corners)[1]}
