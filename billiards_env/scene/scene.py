@@ -89,8 +89,8 @@ class Balls:
             white, red and yellow), "snooker" (the last six object balls are yellow, green, brown, blue, pink and black,
             the others red) or "uk" (seven red balls, the black ball, seven yellow balls).
         shape: "disk" (balls touch when their centres are R1 + R2 apart) or "sphere" (their centres are at different
-            heights: they touch at a horizontal distance of 2 sqrt(R1 R2), and the normal is inclined). Balls of equal
-            radius are the same in both.
+            heights: they touch at a horizontal distance of 2 sqrt(R1 R2), and the normal is inclined). Both shapes are
+            the same for balls of equal radius.
     """
 
     radius: tuple[float, ...]
@@ -162,7 +162,7 @@ class Physics:
         e_cushion: Restitution of a ball-cushion collision, 0 to 1.
         mu_cushion: Coefficient of friction between ball and cushion; "restitution" cushions do not use it.
         mu_ball: Coefficient of friction between balls; None for `MARLOW`, which depends on the sliding speed.
-        mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for those that cling.
+        mu_ball_factor: Multiplier of the friction between balls: about 1.5 for dirty balls, 2.5 for balls that cling.
         cushion_frequency_ratio: Ratio of the tangential to the normal frequency of "stronge" cushions, 1 to 2.
         e_cushion_loss: Loss of the cushions' restitution per speed above `e_cushion_onset`, s/m. The restitution at the
             normal speed v is max(e_cushion_floor, e_cushion - e_cushion_loss * max(0, v - e_cushion_onset)).
@@ -321,7 +321,8 @@ class Scene:
         """Bounds of abs(x) and abs(y) of the centre of a ball in play, m: the scale of observations.
 
         For a rectangle these are half its length and half its width. In the jaws of a pocket a ball can lie outside the
-        playing surface, so for an outline they are the largest values of the smallest ball, increased by a millionth.
+        playing surface, so for an outline they are the largest values that the smallest ball can have, increased by a
+        millionth.
         """
         if not self.table.outline:
             return self.table.length / 2, self.table.width / 2
@@ -367,9 +368,9 @@ class Scene:
         Args:
             data: A mapping with the fields of `Scene` as keys. Its values are mappings with the fields of `Balls`,
                 `Table`, `Physics` and `Cue`. An infinite mass may be written "inf". The table may be a name of
-                `Table.named`. With the key "base" the mapping lists the changes of a named scene, and "n_object_balls"
-                is its number of object balls. Without a base, a field that is left out has its default; if the mapping
-                has all four fields of `Scene`, no field may be left out.
+                `Table.named`. With the key "base" the mapping lists changes to a named scene, and "n_object_balls" is
+                its number of object balls. Without a base, a field that is left out has its default; if the mapping has
+                all four fields of `Scene`, no field may be left out.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
