@@ -159,7 +159,7 @@ class Table:
     def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Returns the distances (...) of points (..., 2) from the nearest cushion, m; negative outside the table.
 
-        Outside a rectangle it is the negative distance from the farthest of the lines on which its cushions lie.
+        Outside a rectangle it is minus the distance from the farthest of the four lines on which the cushions lie.
         """
         if self.outline:
             return clearance(self.outline, points)
@@ -172,7 +172,7 @@ class Table:
 
     @property
     def foot_x(self) -> float:
-        """X of the foot spot, m, at which racks begin."""
+        """X of the foot spot, m, where racks begin."""
         return self.length / 4
 
     @property
@@ -228,7 +228,7 @@ class Jaws(NamedTuple):
     """The jaws of a pocket and its hole. The facings are the cushions at its sides, the tips their rounded ends.
 
     Attributes:
-        mouth: Distance between the lines' corners before they are rounded, m.
+        mouth: Distance between the corners of the jaws before they are rounded, m.
         angle: Angle by which the facings narrow the pocket, degrees, measured from the diagonal in a corner and from
             the perpendicular at a side.
         tip_radius: Radius of the tips, m.
@@ -256,7 +256,7 @@ def pool_table(
     """Returns a table with six pockets and their jaws.
 
     The construction is that of pooltool 0.6.0 (objects/table/layout.py), but each facing is tangent to its tip. A line
-    behind each pocket closes the outline. No ball reaches it, because its centre enters the hole before.
+    behind each pocket closes the outline. No ball reaches this line, because its centre enters the hole first.
 
     Args:
         length: As in `Table`.
