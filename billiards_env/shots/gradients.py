@@ -8,12 +8,13 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
 Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
-(l,) and "event_positions" (l, 2). The units are SI units. The derivatives of events after this time are zero. For a
+(l,) and "event_positions" (l, 2). All units are SI units. The derivatives of events after this time are zero. For a
 batch all arrays have a leading axis m, and l is the largest number of events of a shot.
 
 A velocity is changed at a constant spin, and a spin at a constant velocity. A radius changes at constant positions,
-velocities and spins; the table and its pockets do not change. Friction stops a ball at rest as soon as it moves, so
-derivatives with respect to its velocity and spin are zero, unless the motion is "ideal".
+velocities and spins; the table and its pockets do not change. If a ball at rest gets a small velocity or spin, friction
+stops it after a displacement of second order. Derivatives with respect to its velocity and spin are therefore zero,
+unless the motion is "ideal".
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ class Part(NamedTuple):
         end: One past the last.
         events: (rows, EVENT_WIDTH) float64, see `engine.log`.
         segments: (rows, SEGMENT_WIDTH) float64, see there.
-        bounds: (end - begin + 1, 2) int64: the first event and the first segment of each shot, and of the next.
+        bounds: (end - begin + 1, 2) int64: the first event and the first segment of each shot, then one past the last
+            of each.
     """
 
     begin: int
@@ -82,8 +84,8 @@ class Nonsmooth(NamedTuple):
     Attributes:
         event: Its index; -1 for the start of the shot, or if there is none.
         reason: "" if there is none, "grazing" (a contact without speed of approach), "simultaneous" (impacts of a ball
-            at one instant: their order matters), "rule" (an act of the contact-time rule), "lip" (a ball grazes the
-            circle of a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
+            at one instant: their order matters), "rule" (the contact-time rule acted), "lip" (a ball grazes the circle
+            of a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
     """
 
     event: Any
