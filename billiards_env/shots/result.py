@@ -187,20 +187,20 @@ class ShotResult:
         t: float | None = None,
         strike: ArrayLike | None = None,
     ) -> Any:
-        """Returns the Jacobian times a vector: the change of outputs by a small change of inputs.
+        """Returns the Jacobian times a vector: the change of outputs that a small change of inputs causes.
 
         Args:
             tangents: The changes of the inputs by name, such as {"velocities": [[0.1, 0.0], [0.0, 0.0]]}.
                 `shots.gradients` lists the inputs and the outputs with their shapes.
             of: An output, or several.
-            t: Time of the positions, velocities and spins, s; None for the end of the shot. Events later than t do not
-                count.
+            t: Time of the positions, velocities and spins, s; None for the end of the shot. The derivatives of later
+                events are 0.
             strike: (5,) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
 
         Returns:
-            The change of the output, or a dict with those of the outputs by name. At an event that `nonsmooth` reports
-            there is no derivative; impacts at one instant then count as successive, and the contact-time rule does not
-            count.
+            The change of the output, or a dict with those of the outputs by name. There is no derivative at an event
+            that `nonsmooth` reports: the result then treats impacts at one instant as successive, and neglects the
+            contact-time rule.
 
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", a name is unknown, an array has another shape,
@@ -318,7 +318,8 @@ class ShotResult:
 
         Args:
             path: The file. Its name must end in ".gif" and its folder must exist.
-            fps: Frames per second. The duration of a frame is rounded to hundredths of a second; the least is two.
+            fps: Frames per second. The duration of a frame is rounded to hundredths of a second, and is at least
+                0.02 s.
             width: Pixels.
             compare: Another run of the shot, drawn as rings.
 
@@ -367,7 +368,8 @@ class ShotResult:
         Args:
             path: The file. Its name must end in ".html" and its folder must exist.
             title: The page's heading; None for the engine, the number of events and the duration.
-            compare: Another run of the shot, drawn as rings. A slider chooses it from a sequence of runs.
+            compare: Another run of the shot, drawn as rings, or a sequence of runs, from which a slider on the page
+                chooses one.
 
         Raises:
             ValueError: If a shot was not recorded, or a run of `compare` has other balls or another table.
