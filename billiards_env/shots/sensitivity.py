@@ -1,4 +1,4 @@
-"""The condition of a shot: how much its positions change with its start, by the pass of `shots.gradients`."""
+"""The condition of a shot: how much its positions change with its start, computed by `shots.gradients`."""
 
 from __future__ import annotations
 
