@@ -49,7 +49,7 @@ def simulate(
         fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back" or
             "none"; None for "pic".
         spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
-            which has a spin.
+            which includes the spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.
         record: Whether to record the events and trajectories.
         max_time: Time at which the shot ends, s; None for the limit of the scene. The events before it are those of
@@ -288,7 +288,7 @@ def simulate_batch(
     max_events: int = MAX_EVENTS,
     threads: int | None = None,
 ) -> BatchResult:
-    """Runs m shots in one scene, each to rest and each with the same bits as in `simulate`.
+    """Runs m shots in one scene, each until every ball rests, with the same bits as `simulate`.
 
     Args:
         scene: Table, balls and physics.
@@ -300,7 +300,8 @@ def simulate_batch(
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
-        record: Whether to keep the events and trajectories, for the derivatives of the shots. Only "pic" has them.
+        record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
+            "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
         threads: Number of threads; None for one per core.
 
