@@ -1,4 +1,4 @@
-"""The success of a strike over two of its parameters: `strike_map`."""
+"""Maps of strikes: the pocket of a ball for each pair of values of two parameters."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ PARAMETERS = {"speed": 2.0, "heading": 0.0, "side": 0.0, "top": 0.0, "elevation"
 
 
 class StrikeMap(NamedTuple):
-    """The outcome of the strikes of a grid.
+    """The outcomes of a grid of strikes.
 
     Attributes:
         scene: The scene.
         names: The names of the two parameters.
         values: Their values: (a,) and (b,).
-        pocket: (b, a) int, the pocket of the ball; -1 if it was not potted, -2 if the cue ball was potted, too, -3 if
+        pocket: (b, a) int, the pocket of the ball; -1 if it was not potted, -2 if the cue ball was also potted, -3 if
             the tip slipped.
     """
 
@@ -75,15 +75,15 @@ def strike_map(
     Args:
         scene: Table, balls and physics; the table must have pockets.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
-        grid: Two parameters of `strike` with their values, such as {"side": ..., "top": ...}; the first is drawn to the
-            right.
+        grid: Two parameters of `strike` with their values, such as {"side": ..., "top": ...}. The first one is the
+            horizontal axis of the plot.
         ball: The object ball to pot.
         in_play: (n,) bool; by default all balls are in play.
         threads: As in `simulate_batch`.
         strikes: The other parameters of `strike`; by default a level cue at the centre of the ball at 2 m/s.
 
     Returns:
-        The map. Pairs of offsets outside the ball count as slips.
+        The map. Offsets outside the ball count as slips of the tip.
 
     Raises:
         ValueError: As in `strike` and `simulate_batch`, or if `grid` does not have two parameters, a parameter is
