@@ -51,12 +51,12 @@ def strike(
 
     Args:
         scene: The scene. Its motion must be "sliding", because a strike gives the ball spin.
-        speed: Speed of the cue, m/s. After a central strike the ball is faster than the cue was.
+        speed: Speed of the cue, m/s. A ball that is struck at its centre is faster than the cue.
         heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
         side: Offset of the tip to the left (english), in ball radii.
         top: Offset of the tip above the centre, in ball radii. Positive is follow, negative is draw.
-        elevation: Angle of the cue above the horizontal, rad. The ball's vertical velocity is dropped, so it does not
-            jump.
+        elevation: Angle of the cue above the horizontal, rad. The ball's vertical velocity is set to zero, so it does
+            not jump.
 
     Returns:
         The velocity, the spin and whether the tip slipped, see `physics.strike.struck`.
@@ -99,8 +99,8 @@ def strike_derivative(
         heading, side, top, elevation).
 
     Raises:
-        ValueError: As in `strike`, or if the tip slips. The derivative is not defined at the edge and not implemented
-            beyond it.
+        ValueError: As in `strike`, or if the tip slips. The derivative is not defined at the miscue offset and not
+            implemented beyond it.
     """
     _, parameters = _checked(scene, speed, heading, side, top, elevation)
     if parameters.ndim > 1:
