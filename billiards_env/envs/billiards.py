@@ -62,8 +62,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 3   | Offset of the tip above the centre / offset at which the tip slips           | -1  | 1   |
     | 4   | Elevation of the cue / 90 degrees; below 0 the cue is level                  | -1  | 1   |
 
-    If the offset is longer than 1, the tip slips (a miscue). `billiards_env.strike` describes the motion of the ball,
-    and `scene.cue` has the constants of the cue.
+    If the length of the offset (numbers 2 and 3) is greater than 1, the tip slips (a miscue). `billiards_env.strike`
+    describes the motion of the ball, and `scene.cue` has the constants of the cue.
 
     ## Observation Space
 
@@ -82,8 +82,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
     ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
-    lie in the jaws of a pocket. There the largest abs(x) and abs(y) of a ball's centre, `scene.half_extents`, replace
-    half the length and half the width.
+    lie in the jaws of a pocket. On such a table the largest abs(x) and abs(y) of a ball's centre, `scene.half_extents`,
+    replace half the length and half the width.
 
     ## Rewards
 
@@ -101,17 +101,17 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
       most 0.3 m from the goal.
     - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
-    - `task="nine_ball"`: 1 point for each ball potted without a foul. The balls that are left when the nine ball is
-      potted count as well, so a run-out scores 9 points.
+    - `task="nine_ball"`: 1 point for each ball potted without a foul. The nine ball also scores 1 point for each ball
+      that is left on the table, so a run-out scores 9 points.
     - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball.
 
     In the run-outs a shot has no foul if the cue ball first touches a ball that is on, a ball then touches a cushion or
     is potted, and the cue ball is not potted. In nine ball the lowest ball is on. In eight ball all balls are on in the
-    break; then both groups (1 to 7 and 9 to 15) are on until a ball is potted, which chooses the group; and the eight
-    ball is on when no ball of the group is left.
+    break. Then both groups (1 to 7 and 9 to 15) are on until a potted ball decides the group of the player. The eight
+    ball is on when no ball of this group is left.
 
-    The default penalty is small. With a large penalty an agent learns to avoid the pockets before it learns to use
-    them.
+    The default penalty is small, because with a large penalty an agent learns to avoid the pockets before it learns to
+    use them.
 
     ## Starting State
 
@@ -226,8 +226,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Rendering
 
-    Rendering needs pygame (extra `render`). With a render mode each step also records the shots that are
-    drawn. Frames are drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
+    Rendering needs pygame (extra `render`). With a render mode each step also records its shot for drawing. Frames are
+    drawn to scale. `"human"` and `"rgb_array_list"` have 30 frames for each second of a shot.
 
     - `"human"`: a window shows each shot in real time during `step`.
     - `"rgb_array"`: `render()` returns one frame, the end of the last shot with the paths of the balls.
