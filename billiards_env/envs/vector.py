@@ -36,8 +36,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
-    Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` and the same autoreset mode bit
-    for bit.
+    Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` and the same autoreset mode,
+    bit for bit.
 
     ## Reset
 
@@ -61,9 +61,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     - `"NextStep"`: the next `step` ignores the action of the environment and resets it. The reward of this step is 0.
     - `"Disabled"`: the environment has to be reset with `reset_mask` before the next `step`.
 
-    The default of Gymnasium's own vector environments is `"NextStep"`. There every second step of an environment with
-    `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Some of Gymnasium's
-    wrappers of observations, such as `NormalizeObservation`, accept only `"NextStep"`.
+    The default of Gymnasium's own vector environments is `"NextStep"`. In this mode every second step of an environment
+    with `max_shots=1` is a reset, which plays no shot, and a training loop has to leave these steps out. Some of
+    Gymnasium's wrappers of observations, such as `NormalizeObservation`, accept only `"NextStep"`.
 
     ## Arguments
 
