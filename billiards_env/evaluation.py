@@ -42,14 +42,13 @@ def play(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dict[str, An
     """Plays one episode for each seed.
 
     Args:
-        env: The environment; the last `info` of an episode has `success` and `score`.
+        env: The environment; the last `info` of an episode has `is_success` and `score`.
         act: A function that returns the action for an observation.
         seeds: The seeds of the episodes.
 
     Returns:
         `episodes`, `successes`, `success_rate` and its `confidence_interval_95`, `mean_score` and its
-        `score_interval_95` (see `mean_interval`), and `mean_reward`, the mean over the episodes of the sum of the
-        rewards.
+        `score_interval_95` (see `mean_interval`), and `mean_reward`, the mean return (sum of rewards) of an episode.
     """
     successes, scores, rewards = [], [], []
     for seed in seeds:
@@ -163,8 +162,8 @@ def measure(
         progress: A function that is called before each shot.
 
     Returns:
-        The results of `play`, `mean_shots`, the mean number of shots of an episode, and `ms_per_decision`, the median
-        time for the choice of a shot.
+        The results of `play`, `mean_shots` (the mean number of shots of an episode) and `ms_per_decision` (the median
+        time to choose a shot, ms).
 
     Raises:
         OSError: As in `find_player`.
