@@ -24,8 +24,8 @@ def judge_batch(
 
     The verdict is that of `game.play`, with these differences: in a game with called shots the player calls the lowest
     ball that the shot pots and that may be called; if balls of both groups are potted on an open table of eight ball,
-    the group is that of the ball that was touched first; and of several balls touched at the same instant one counts as
-    touched first.
+    the group is that of the ball that was touched first; and if the cue ball touches several balls at the same instant,
+    one of them counts as touched first.
 
     Args:
         setup: The settings of the game.
