@@ -67,7 +67,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `"straight"` | 2 to 4 | 1 to 15 | `target` points, or without a target most points in one rack |
     | `"eight_ball"` | 2 | 15 | potting one group of balls, then the eight ball |
     | `"nine_ball"` | 2 to 4 | 9 | potting the nine ball |
-    | `"snooker"` | 2 | 6 to 21 | most points when the black ball is potted last |
+    | `"snooker"` | 2 | 6 to 21 | having the most points when the black ball, the last one, is potted |
     | `"carom"` | 2 to 4 | 2 | `target` points |
     | `"three_cushion"` | 2 to 4 | 2 | `target` points |
 
@@ -78,7 +78,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Action Space
 
-    `Box(-1, 1, (4,), float32)`. In carom games, where the cue ball is never in hand, `Box(-1, 1, (2,), float32)`.
+    `Box(-1, 1, (4,), float32)`. In carom games, in which the cue ball is never in hand, it is
+    `Box(-1, 1, (2,), float32)`.
 
     | Num | Action |
     |---|---|
@@ -88,7 +89,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     With `action="strike"` three numbers follow the first two, as in `Billiards-v0`: the offsets of the tip to the left
     of the ball's centre and above it, and the elevation of the cue. The numbers after them move up by three.
 
-    The placement area is the table, or the part behind the head string, without a margin of 1 mm at the cushions; in
+    The placement area is the table, or the part behind the head string, except for a margin of 1 mm at the cushions. In
     snooker it is the rectangle around the D. A point outside the D or within 1 mm of a ball or a pocket is replaced by
     the nearest free point, so every action is valid. When the cue ball is not in hand, actions 2 and 3 have no effect.
 
@@ -102,8 +103,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 6 | up to 0 an ordinary shot; above 0, in equal parts, the player's other choices |
 
     The other choices are a safety in the games with called shots, and then `choices` of the info: "push_out" and
-    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.arrays.CALLS`. Without another choice the
-    shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
+    "hand_back" in nine ball, "hand_back" and "replace" in snooker, see `rules.arrays.CALLS`. If a player has no other
+    choice, every shot is an ordinary one. After "hand_back" and "replace" no ball moves, and the previous player plays.
 
     ## Observation Space
 
@@ -130,8 +131,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     ## Rewards
 
     The reward of the shooter is subtracted from the other players in equal parts. In `"eight_ball"` and `"nine_ball"`
-    it is 1 for winning the game and -1 for losing it. In the other games it is the points of the shot, in snooker minus
-    the penalty points for the other player, so with two players the return is the lead.
+    it is 1 for winning the game and -1 for losing it. In the other games it is the number of points of the shot, in
+    snooker minus the penalty points for the other player. With two players the return is therefore the lead.
 
     ## Episode End
 
@@ -146,9 +147,10 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Info
 
-    The same for all players; empty after a reset. `shooter`, `foul` ("" for no foul), `points`, `potted`, `spotted` and
-    `first_hit` (lists of balls), `choices` (of the next shot), `scores`, `winner` (an agent or None), `shot_time` (s),
-    `n_events` and `status`. With `action="strike"` also `miscue`, whether the tip slipped.
+    The info is the same for all players, and empty after a reset. Its keys are `shooter`, `foul` ("" for no foul),
+    `points`, `potted`, `spotted` and `first_hit` (lists of balls), `choices` (of the next shot), `scores`, `winner` (an
+    agent or None), `shot_time` (s), `n_events` and `status`. With `action="strike"` also `miscue`, whether the tip
+    slipped.
 
     ## Arguments
 
