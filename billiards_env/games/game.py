@@ -143,7 +143,8 @@ class GameState(NamedTuple):
         positions: (n, 2) float64, m. A potted ball is at the centre of its pocket. A cue ball in hand is at its last
             position.
         state: The state of the rules.
-        before: The state before the last shot, if the player may let the opponent play it again (the call "replace").
+        before: The state before the last shot, if the player may make the opponent play that shot again (the call
+            "replace").
     """
 
     positions: NDArray[np.float64]
@@ -341,8 +342,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         The shot, with the state after it.
 
     Raises:
-        ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), `stroke.place` is None
-            with the cue ball in hand, or it is not None otherwise, or the call is not possible.
+        ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), `stroke.place` is missing
+            with the cue ball in hand or given without it, or the call is not possible.
     """
     state = game.state
     if state.over:
