@@ -221,7 +221,7 @@ def next_state(state: RuleState, facts: Facts, verdict: Verdict) -> RuleState:
 
 
 def handed_back(state: RuleState) -> RuleState:
-    """Returns the state after the player has made the previous player shoot again."""
+    """Returns the state after the player to shoot has made the previous player shoot again."""
     return state._replace(player=(state.player - 1) % len(state.scores), choices=(), free_ball=False)
 
 
