@@ -203,10 +203,10 @@ def rack_again(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], c
     """Racks the object balls of straight pool again (WPA 4.4, 4.8). Changes `positions`, and returns one of `IN_HAND`.
 
     The potted balls are placed in a tight rack, in the order of their numbers. The apex is left out if one object ball
-    is on the table. A ball is in the rack if it overlaps one of its places. If the last ball is in the rack, it is
-    placed on the head spot, or on the centre spot if the cue ball blocks the head spot. If the cue ball is in the rack,
-    it is in hand behind the head string; with the last ball there it is placed on the head spot, or on the centre spot
-    if the last ball blocks the head spot. If both are in the rack, the last ball is placed at the apex.
+    is on the table. A ball is in the rack if it overlaps one of the places of the rack. If the last ball is in the
+    rack, it is placed on the head spot, or on the centre spot if the cue ball blocks the head spot. If the cue ball is
+    in the rack, it is in hand behind the head string; with the last ball there it is placed on the head spot, or on the
+    centre spot if the last ball blocks the head spot. If both are in the rack, the last ball is placed at the apex.
     """
     places = layouts.plan("tight_rack", scene).spots[1:]
     radius = scene.balls.radius
