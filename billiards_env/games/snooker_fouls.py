@@ -20,14 +20,15 @@ _STEPS = 9  # places in the D along each axis at which a cue ball in hand is tes
 
 
 def points_left(state: RuleState) -> int:
-    """Returns the most points that a player can score: a black after each red, then the colours."""
+    """Returns the most points that a player can still score: a black after each red, then the colours."""
     return int(snooker.points_left(state_array([state]))[0])
 
 
 def is_miss(before: RuleState, after: RuleState, facts: Facts, call: Call = NO_CALL) -> bool:
-    """Returns whether a shot is a miss (WPBSA 3.14). A miss remains one if the shot also pots the cue ball.
+    """Returns whether a shot is a miss (WPBSA 3.14).
 
-    It is one if the shot touched no ball on first, and no player needed penalty points before or after it.
+    A shot is a miss if it touches no ball on first, and no player needs penalty points before or after it. It is a miss
+    even if it also pots the cue ball.
     """
     needed = any(abs(state.scores[0] - state.scores[1]) > points_left(state) for state in (before, after))
     foul = RULES["snooker"].judge(before, facts._replace(potted=(), pockets=()), call).foul
@@ -39,8 +40,8 @@ def is_snookered(scene: Scene, positions: NDArray[np.float64], state: RuleState)
 
     A ball on is snookered if another ball, which is not on, obstructs a straight path of the cue ball to one of its two
     edges (section 2, 17): on the path the two balls would overlap by more than `CONTACT_GAP`. A ball that touches the
-    cue ball therefore obstructs no path that leads away from it or past it. A ball on that the cue ball touches is not
-    snookered. A cue ball in hand is snookered if it is so from all places of a grid in the D.
+    cue ball therefore obstructs no path that leads away from this ball or past it. A ball on that the cue ball touches
+    is not snookered. A cue ball in hand is snookered if it is snookered at all free places of a grid in the D.
 
     Args:
         scene: The scene.
