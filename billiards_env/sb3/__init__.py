@@ -1,4 +1,4 @@
-"""Stable-Baselines3: an adapter of the vector environment, policies, and policies from files. Needs the extra `train`.
+"""Stable-Baselines3: an adapter of the vector environment, and policies with their files. Needs the extra `train`.
 
 Example:
     >>> import gymnasium as gym
