@@ -21,13 +21,13 @@ _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is leve
 
 
 class CueParts(NamedTuple):
-    """The cue of the components, each (m, k).
+    """The motion of the cue in each component. All fields are (m, k).
 
     Attributes:
         side, top, elevation: The means of the numbers of the action.
         turn: Tangent of the angle to the left by which the cue must turn, so that the squirt does not change the
             direction of the ball.
-        gain: Speed of the ball over its speed after a central strike.
+        gain: Speed of the ball divided by its speed after a central strike.
     """
 
     side: Tensor
@@ -43,7 +43,7 @@ def cue_of(env: BilliardsEnv) -> CueNumbers | None:
 
 
 def speed_gain(cue: CueNumbers, side: Tensor, top: Tensor) -> Tensor:
-    """Returns the speed of the ball over its speed after a central strike, for offsets over the miscue offset."""
+    """Returns the speed of the ball divided by that after a central strike, for offsets divided by the miscue offset."""
     rest, total = gain_terms(cue, 2.5 * cue.miscue**2 * (side * side + top * top))
     return (1.0 + torch.sqrt(rest)) / total / strike.speed_gain(cue, 0.0)
 
