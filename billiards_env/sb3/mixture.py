@@ -18,8 +18,8 @@ _VELOCITY = 6  # fields of `Components` that describe the velocity
 class Components(NamedTuple):
     """The components of m mixtures of k Gaussians. Each field but the last two is (m, k).
 
-    A component is one Gaussian. The first two numbers of an action are the cue ball's velocity over the largest speed.
-    The axes of its covariance are along and across the direction of the component. An action may have e other numbers,
+    A component is one Gaussian. The first two numbers of an action are the cue ball's velocity divided by the largest
+    speed. The axes of a component's covariance are along and across its direction. An action may have e other numbers,
     which are independent.
 
     Attributes:
