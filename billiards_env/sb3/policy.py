@@ -1,8 +1,8 @@
 """A policy over the velocity of the cue ball whose distribution is a mixture of Gaussians.
 
 It plays `Billiards-v0` without a wrapper: an action is the velocity vector of the environment, or a strike with
-`action="strike"`. The head is the part of the policy that computes the mixture. `HEADS` lists the heads, which differ
-in their prior knowledge of the game.
+`action="strike"`. The head is the part of the policy that computes the mixture. The heads differ in their prior
+knowledge of the game; `HEADS` lists them.
 """
 
 from __future__ import annotations
@@ -133,8 +133,8 @@ class MixturePolicy(ActorCriticPolicy):
     def set_std(self, std: Sequence[float]) -> None:
         """Sets the standard deviations of the components and stops learning them.
 
-        The first is that of the speed, over the largest speed. The second is that of the direction, in radians. With
-        "hits" it is that of the sine of the cut angle, and with "pots" it is a multiple of the tolerance.
+        The first is that of the speed, divided by the largest speed. The second is that of the direction, in radians.
+        With "hits" it is that of the sine of the cut angle, and with "pots" it is a multiple of the tolerance.
         """
         head: Any = self.mlp_extractor
         for parameter, value in zip((head.log_along, head.log_across), std, strict=True):
