@@ -64,8 +64,8 @@ class PointAims(nn.Module):
     The network does not need the position of the cue ball: to pot a ball, the cue ball must move to the ghost ball, and
     the ghost ball depends only on the object ball and the pocket. Before the training the direction is the first object
     ball's position minus that of the cue ball, plus a small constant that differs between components. The positions are
-    in units of the observation (half the length and half the width of the table), so this aims only roughly towards the
-    ball.
+    in units of the observation (half the length and half the width of the table), so this direction points only roughly
+    towards the ball.
 
     Args:
         inputs: The size of the reflected observation.
@@ -154,7 +154,7 @@ class PositionHead(nn.Module):
     Args:
         features_dim: The size of the features, see `Reflected`.
         aims: The directions of the components.
-        speeds: The smallest and the largest mean speed, over the largest speed of the environment.
+        speeds: The smallest and the largest mean speed, divided by the largest speed of the environment.
         hidden: The number of units of each hidden layer.
         activation: The class of the activation function.
         cue: The cue, or None if actions are velocities.
