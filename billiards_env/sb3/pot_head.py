@@ -44,7 +44,7 @@ _NEAR = 0.01  # m; the input of a gap of this size is half that of a very large 
 
 
 def offsets(cue: CueNumbers | None) -> Sequence[tuple[float, float]]:
-    """Returns the offsets of the tip at which each pot has components, over the miscue offset."""
+    """Returns the offsets of the tip at which each pot has components, divided by the miscue offset."""
     return OFFSETS if cue is not None else OFFSETS[:1]
 
 
@@ -63,7 +63,7 @@ class Columns(NamedTuple):
         turn: 1 if the object ball goes to the left of the cue ball's direction, else -1.
         tolerance: The largest error of the direction, radians.
         dx, dy: The cue ball's direction at each speed.
-        speed: The speeds, over the largest speed; 0 if the pot is not possible at this speed.
+        speed: The speeds, divided by the largest speed; 0 if the pot is not possible at this speed.
         ease: The logarithm of the tolerance.
         geometry: The mouth, the angle of the cut, the path lengths of both balls, the room, and whether it is a bank.
         pace: The same as `speed`.
@@ -127,7 +127,7 @@ class Layouts(NamedTuple):
 
 
 class PotFeatures(BaseFeaturesExtractor):
-    """Features of the easiest pots of each layout, pot by pot, (m, size).
+    """Features of the easiest pots of each layout, one pot after the other, (m, size).
 
     If actions are strikes, the pots are listed once for each offset in `OFFSETS`. On a table without a pot, the first
     pot is a full hit on the nearest ball.
