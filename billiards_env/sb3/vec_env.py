@@ -17,11 +17,11 @@ class SameStepVecEnv(VecEnv):
 
     Stable-Baselines3 has one `info` dict for each environment and step. To save time, a dict is empty unless its
     episode is finished. It then has `terminal_observation`, `TimeLimit.truncated`, `episode` and, if the environment
-    has them, `success` and `is_success`. `episode` has the entries of `VecMonitor`: "r", the return of the episode,
-    "l", its length, and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it
-    is not used.) All infos of the last step are in `infos`, in Gymnasium's format.
+    has it, `is_success`. `episode` has the entries of `VecMonitor`: "r", the return of the episode, "l", its length,
+    and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it is not used.) All
+    infos of the last step are in `infos`, in Gymnasium's format.
 
-    The environments are one object. They share their attributes, and a method is called once for all of them.
+    All environments are one object: they share their attributes, and a method is called once for all of them.
 
     Attributes:
         envs: The vector environment.
