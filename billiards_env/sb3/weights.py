@@ -52,7 +52,7 @@ def build_policy(
     Args:
         env: As in `policy_arguments`.
         description: As in `policy_arguments`.
-        learning_rate: The step size of the optimiser, as a function of the share of steps to come.
+        learning_rate: The step size of the optimiser, as a function of the share of the steps that remain.
 
     Raises:
         ValueError: If an argument of the environment is impossible, or the head does not fit the task.
@@ -140,7 +140,8 @@ def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
 def whole_archive(path: Path, content: str) -> Iterator[None]:
     """Checks a zip file and turns the exceptions of reading it into a ValueError.
 
-    The message of PyTorch is left out: it advises to load the file with `weights_only=False`, which runs its code.
+    The error leaves out PyTorch's message, which advises loading the file with `weights_only=False`. That would run code
+    from the file.
 
     Args:
         path: The file.
