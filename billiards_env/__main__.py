@@ -37,7 +37,7 @@ COMMANDS = {
     "benchmarks.speed": "measure shots per second",
     "benchmarks.gradients": "measure the cost of derivatives",
     "benchmarks.vector": "measure steps per second of many environments",
-    "benchmarks.accuracy": "measure errors and run times of both engines and of other simulators",
+    "benchmarks.accuracy": "measure errors and run times of both engines",
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
     "benchmarks.error_limit": "measure errors against 50 digits",
     "benchmarks.stress": "check every event of ten million random shots",
@@ -96,7 +96,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
         "snooker (default: %(default)s)",
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
-    add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no layout")
+    add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")
     add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
     add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
     add("--speed", type=number, help="strike with a cue of this speed, m/s, in place of --velocity and --spin")
@@ -108,7 +108,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
     add("--max-time", type=number, help="time at which the shot ends, s")
-    text = "run the shot with these timesteps too, s; a page draws one of them, and its slider chooses which"
+    text = "also run the shot with these timesteps, s; a page shows one of them, which a slider chooses"
     add("--timesteps", type=number, nargs="+", default=[], metavar="DT", help=text)
     _add_out(parser)
 
@@ -126,14 +126,14 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=["random", "geometric", "search:200"],
         metavar="PLAYER",
-        help="(default: all three)",
+        help="players to compare with (default: random geometric search:200)",
     )
     add("--task", help="the task, such as pot, carom or nine_ball (default: pot)")
     add("--scene", help=f"the scene: {', '.join(SCENES)} (default: that of the task)")
-    add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: of the task)")
+    add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
     add("--layout", help="starting positions (default: those of the task)")
     add("--action", help="velocity or strike (default: velocity)")
-    add("--max-shots", type=int, help="shots of an episode (default: those of the task)")
+    add("--max-shots", type=int, help="most shots of an episode (default: that of the task)")
     add("--mode", help="the engine: pic or pit (default: pic)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add(
@@ -144,7 +144,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         metavar=("DEGREES", "SPEED"),
         help="execution noise: standard deviations of the direction and of the speed, m/s (default: none)",
     )
-    add("--episodes", type=int, default=1000, help="(default: %(default)s)")
+    add("--episodes", type=int, default=1000, help="number of episodes (default: %(default)s)")
     add("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")
 
 
