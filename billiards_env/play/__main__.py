@@ -106,7 +106,7 @@ def free_path(path: Path) -> Path:
 
 
 def compile_engines(scene: Scene, ghost_dt: float) -> None:
-    """Runs a shot with each engine, which compiles it. An open window could not answer during this time."""
+    """Runs a shot with each engine to compile it. A window that is already open would not respond during this time."""
     positions = layouts.draw("random", scene, np.random.default_rng(0))
     for mode, dt in (("pic", None), ("pit", ghost_dt)):
         simulate(scene, positions, [0.1, 0.0], mode=mode, dt=dt, record=True)
