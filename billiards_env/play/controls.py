@@ -40,8 +40,8 @@ class Controls(NamedTuple):
 
     Attributes:
         ball: The square around the face of the cue ball.
-        elevation: The scale of the elevation, upright.
-        speed: The scale of the speed, level.
+        elevation: The vertical scale of the elevation.
+        speed: The horizontal scale of the speed.
         shoot: The button.
     """
 
@@ -82,6 +82,6 @@ def place(left: float, top: float, width: float, height: float) -> Controls:
 
 
 def on_face(side: float, top: float, largest: float) -> tuple[float, float]:
-    """Returns the offset of the cue's tip, moved towards the centre to at most `largest` ball radii."""
+    """Returns the offset of the cue's tip, limited to a length of `largest` ball radii."""
     far = math.hypot(side, top)
     return (side, top) if far <= largest else (side * largest / far, top * largest / far)
