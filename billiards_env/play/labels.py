@@ -37,7 +37,7 @@ def key_hint(model: Model) -> str:
 
 
 def button(model: Model) -> str:
-    """Returns the text of the button: what space does."""
+    """Returns the text of the button, which names the action of space."""
     if model.phase == "aiming" and model.aim.call.kind != "shot":
         return model.aim.call.kind.capitalize().replace("_", " ")
     return BUTTONS.get(model.phase, "")
