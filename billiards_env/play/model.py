@@ -4,9 +4,10 @@ The phases of a model are:
 
 * "placing": a person moves the cue ball in hand; `go` places it.
 * "aiming": a person sets the direction and the speed, and may choose another call; `go` shoots.
-* "thinking": it is a program's turn; the window calls the program and then `shoot`. Its clock is the time since then.
+* "thinking": it is a program's turn; the window calls the program and then `shoot`. The clock is the time since the
+  turn began.
 * "rolling": the shot is shown; `go` skips to its end.
-* "replaying": the last shot is shown again, optionally with the same shot by the other engine as a ghost, until `go`.
+* "replaying": the last shot is shown again until `go`, optionally with the same shot by the other engine as a ghost.
 * "over": the game is over.
 
 An action that does not apply in the present phase returns the same model.
@@ -61,7 +62,7 @@ class Aim(NamedTuple):
         tip: Offset of the cue's tip from the centre of the ball to the left and up, in ball radii.
         elevation: Elevation of the cue, degrees.
         place: Position of the cue ball in hand, m; None if it is not in hand.
-        call: The call; -1 for a ball and a pocket that the person has not chosen.
+        call: The call. Its ball and pocket are -1 if the person has not chosen them.
     """
 
     angle: float = 0.0
@@ -73,7 +74,7 @@ class Aim(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A played stroke, with the aim of the person; that of other strokes is a level hit with the same velocity."""
+    """A played stroke with its aim. The aim of a program's stroke is a level hit with the same velocity."""
 
     stroke: Stroke
     played: PlayedShot
@@ -90,7 +91,7 @@ class Model:
         max_speed: Speed of the fastest shot, m/s.
         ghost_dt: The timestep of PIT for the ghost, s. If the game itself uses PIT, the ghost uses PIC.
         opening: The state before the first stroke.
-        choices: Whether a person has the choices of the game besides a shot, `RuleState.choices`.
+        choices: Whether a person may make the choices of the game other than a shot, `RuleState.choices`.
         turns: The strokes up to now.
         undone: The strokes that were undone, the next one first.
         phase: One of the phases in the module's docstring.
@@ -98,7 +99,7 @@ class Model:
         preview: The preview of the aimed shot; None in other phases.
         comparison: The last shot by the other engine; None until the first replay.
         clock: Time within the shot that is shown, or time that a program has been thinking, s.
-        pace: Playback speed over real time.
+        pace: Playback speed divided by real time.
         ghost: Whether a replay shows `comparison`.
         page: The page that covers the table: "keys", "rules" or "" for none.
         zoom: Whether the ball that the aimed shot touches first is shown enlarged.
@@ -232,7 +233,7 @@ def begin(
 
 
 def tick(model: Model, seconds: float) -> Model:
-    """Returns the model `seconds` later; the same object if nothing changes. A page stops a shown shot."""
+    """Returns the model `seconds` later; the same object if nothing changes. An open page pauses a shown shot."""
     if model.phase == "thinking":
         return dataclasses.replace(model, clock=model.clock + seconds)
     if model.phase not in ("rolling", "replaying") or model.page:
@@ -247,7 +248,7 @@ def tick(model: Model, seconds: float) -> Model:
 
 
 def shoot(model: Model, stroke: Stroke, aim: Aim | None = None) -> Model:
-    """Plays a stroke, of a person with its aim, and returns the model in phase "rolling".
+    """Plays a stroke and returns the model in phase "rolling". The stroke of a person comes with its aim.
 
     Raises:
         ValueError: As `games.play` does.
@@ -345,7 +346,7 @@ def change_speed(model: Model, change: float) -> Model:
 
 @_only("aiming")
 def set_speed(model: Model, share: float) -> Model:
-    """Sets the speed of the shot to a share of the fastest."""
+    """Sets the speed of the shot to a share of the largest speed."""
     return _aimed(model, speed=share * model.max_speed)
 
 
@@ -366,7 +367,7 @@ def aim_at(model: Model, point: Point) -> Model:
 
 @_only("aiming")
 def set_tip(model: Model, side: float, top: float) -> Model:
-    """Sets the offset of the cue's tip, to the left and up, in ball radii. It stays where the tip does not slip."""
+    """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""
     if not model.has_spin:
         return model
     tip = on_face(side, top, TIP_SHARE * model.setup.scene.cue.miscue_offset)
@@ -445,7 +446,7 @@ def undo(model: Model) -> Model:
 
 
 def redo(model: Model) -> Model:
-    """Returns the model at the next turn of a person, after undone strokes; unchanged if there are none."""
+    """Restores undone strokes up to the next turn of a person; returns the same model if there are none."""
     while model.undone:
         model = _restored(model, model.turns + model.undone[:1], model.undone[1:])
         if model.phase != "thinking":
@@ -483,15 +484,15 @@ def toggle_page(model: Model, page: str) -> Model:
 
 
 def toggle_zoom(model: Model) -> Model:
-    """Shows the ball that the aimed shot touches first enlarged, or not."""
+    """Switches the enlarged view of the ball that the aimed shot touches first."""
     return dataclasses.replace(model, zoom=not model.zoom)
 
 
 def slow_down(model: Model) -> Model:
-    """Shows shots slower."""
+    """Slows the playback down."""
     return dataclasses.replace(model, pace=slower(model.pace))
 
 
 def speed_up(model: Model) -> Model:
-    """Shows shots faster."""
+    """Speeds the playback up."""
     return dataclasses.replace(model, pace=faster(model.pace))
