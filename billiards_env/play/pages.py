@@ -94,7 +94,7 @@ _MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 
 
 def rules_page(setup: Setup, choices: bool) -> Page:
-    """Returns the rules of a game, with or without its choices besides a shot."""
+    """Returns the rules of a game, with or without its choices other than a shot."""
     title = (setup.rules.replace("_", " ").capitalize(), f"to {setup.target} points" if setup.target else "")
     rows = (title, *_RULES.get(setup.rules, ()), *((_CALLS,) if setup.call_shot else ()))
     if choices and setup.rules in _CHOICES:
