@@ -33,7 +33,7 @@ class Panel:
         self._image = pygame.Surface(self._size)
 
     def draw(self, frame: pygame.Surface, model: Model) -> None:
-        """Draws the controls for a model; those that have no effect are faint."""
+        """Draws the controls for a model; controls that have no effect are faint."""
         key = model.phase, model.aim, model.kinds, model.max_speed
         if key != self._key:
             self._key, self._image = key, self._paint(model)
