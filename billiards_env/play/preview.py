@@ -27,7 +27,7 @@ class Preview(NamedTuple):
         cue: (p, 2) m, the path of the cue ball from there to its next contact with a ball, a cushion or a pocket, or
             to its rest; empty if it touches no ball.
         struck: (q, 2) m, the same path of the ball that it touches.
-        pocket: The pocket in whose direction this ball leaves, or -1.
+        pocket: The pocket towards which this ball moves, or -1.
     """
 
     path: Floats
