@@ -90,7 +90,7 @@ class View:
         return self.canvas.pixels_of(point) + self._corner
 
     def point_of(self, pixel: tuple[int, int]) -> tuple[float, float]:
-        """Returns the point, m, of a pixel of a frame, also of a pixel of the enlarged part."""
+        """Returns the point, m, of a pixel of a frame, including the enlarged part."""
         if self._inset is not None and self._inset[0].collidepoint(pixel):
             return self._inset[1].point_of((pixel[0] - self._inset[0].x, pixel[1] - self._inset[0].y))
         return self.canvas.point_of((pixel[0] - self._corner[0], pixel[1] - self._corner[1]))
