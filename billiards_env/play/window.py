@@ -80,7 +80,7 @@ class GameWindow:
     Attributes:
         model: The state of the game.
         open: False after the user has quit.
-        ask: Whether quitting asks first if the game is not saved; True by default.
+        ask: Whether the window asks before it closes a game that is not saved; True by default.
         interrupted: Whether Ctrl-C or SIGTERM has closed the window.
         asking: Whether the question is shown.
         message: The result of the last command, such as saving.
@@ -97,7 +97,7 @@ class GameWindow:
     ) -> None:
         """Opens a window of `width` pixels with balls in the colours of `palette`, one of `style.PALETTES`.
 
-        A person is None in `players`, and "S" saves to the path `save`.
+        None in `players` is a person. The key S saves to the path `save`.
         """
         self.interrupted = False
         self.model, self.open, self.message = model, True, ""
