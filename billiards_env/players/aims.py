@@ -28,7 +28,7 @@ class Aim(NamedTuple):
         pocket: The pocket.
         wall: The cushion of a bank, 0 to 3 for -x, +x, -y, +y; -1 for a direct pot.
         hit: The hit.
-        run: The distance of the object ball to the pocket, m.
+        run: The distance from the object ball to the pocket, m.
         mouth: Half the angle of the open mouth as seen from the object ball, minus the error of its direction, radians.
         gap: The smallest gap to a third ball, m, at most `FAR`; negative if the pot is not possible.
     """
@@ -50,8 +50,8 @@ NO_AIM = Aim(-1, -1, -1, Hit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, -1.0)
 def direct_aim(table, i, p):
     """Returns the `Aim` at which ball i goes straight into pocket p.
 
-    The object ball goes to the middle of the pocket's open mouth. If the cue ball would overlap a cushion at that hit,
-    it is moved off the cushion, along the object ball's surface.
+    The object ball goes to the middle of the pocket's open mouth. If the cue ball would overlap a cushion at this hit,
+    the cue ball is moved off the cushion, along the object ball's surface.
     """
     if _is_behind(table, i, p):
         return NO_AIM
