@@ -11,8 +11,8 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 
 A colon and an argument may follow each of them: "search:500", "policy:runs/pot", "mine:player:fast".
 
-In a game with called shots, a strategy calls the first ball that its shot pots and that may be called, which a
-simulation shows. No strategy plays a safety or a push out, or hands a shot back.
+In a game with called shots, a strategy simulates its shot and calls the first ball that the shot pots and that may be
+called. No strategy plays a safety or a push out, or hands a shot back.
 
 With the cue ball in hand, a geometric or search player draws some places and chooses the one with the easiest pot.
 """
@@ -116,7 +116,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
-    """Returns the situation of the player to shoot. The rules rate its shots. `game` places a cue ball in hand."""
+    """Returns the situation of the player to shoot. The rules rate its shots. In `game` a cue ball in hand is placed."""
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:
@@ -142,7 +142,7 @@ def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stro
 
 
 def with_call(setup: Setup, game: GameState, stroke: Stroke) -> Stroke:
-    """Returns a stroke with the call of the first such ball that it pots, if the game has called shots."""
+    """Returns a stroke that calls the first callable ball that it pots, if the game has called shots."""
     if not game.state.call_shot:
         return stroke
     return stroke._replace(call=best_call(setup.game_rules, game.state, play(setup, game, stroke).facts))
@@ -160,10 +160,10 @@ def draw_place(setup: Setup, game: GameState, rng: np.random.Generator) -> Point
 def place_cue_ball(
     setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator
 ) -> tuple[GameState, Point | None]:
-    """Places a cue ball in hand at the one of some random places that has the easiest pot.
+    """Draws some random places for a cue ball in hand, and places it at the one with the easiest pot.
 
     Returns:
-        The game with the cue ball there, and the point, m. If the cue ball is not in hand: the unchanged game and None.
+        The game with the cue ball at this place, and the place, m; the unchanged game and None if it is not in hand.
     """
     games: list[tuple[GameState, Point | None]] = []
     for _ in range(_PLACES):
