@@ -53,7 +53,7 @@ class Hit(NamedTuple):
         x, y: The cue ball's centre at the hit (the ghost ball), m.
         dx, dy: The direction of the cue ball.
         line_x, line_y: The direction of the object ball.
-        approach: The distance of the cue ball to the hit, m.
+        approach: The distance of the cue ball from the hit, m.
     """
 
     x: float
@@ -155,7 +155,7 @@ def _turned_against_throw(table, i, hit, speed, state):
 
 @inlined
 def gain(table, i, hit):
-    """Returns the speed of ball i after a hit, over the speed of the cue ball before it."""
+    """Returns the speed of ball i after a hit divided by the speed of the cue ball before it."""
     inv_mass = table.scene.inv_mass
     share = inv_mass[i] / (inv_mass[table.cue] + inv_mass[i])
     return share * (1.0 + table.scene.numbers.e_ball) * cut_cosine(hit)
