@@ -74,7 +74,7 @@ class Tables(NamedTuple):
 
 
 class Pots(NamedTuple):
-    """At most k pots on each of m tables, in the order of their tolerance, the largest first.
+    """At most k pots on each of m tables, those with the largest tolerance first.
 
     Attributes:
         count: (m,) the number of pots; the rows after them are 0.
@@ -93,7 +93,7 @@ class Pots(NamedTuple):
 
 
 class PotShots(NamedTuple):
-    """k shots at pots, best first: those without a scratch before the others, then by tolerance.
+    """k shots at pots, best first: shots without a scratch come first, then those with a larger tolerance.
 
     Attributes:
         ball: (k,) the object ball.
@@ -117,7 +117,7 @@ def find_pots(
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
-    Banks are among them on tables without a direct pot, or with `banks` on all tables.
+    The pots include banks on tables without a direct pot, and with `banks` on all tables.
 
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
     ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
