@@ -1,14 +1,14 @@
 """Strategies: the choice of a shot by a player without training.
 
-* "random" plays a random action.
+* "random" plays a random shot.
 * "geometric" plays the best direct pot or, if there is none, the best pot off one cushion
   (`billiards_env.players.pots`). If there is no pot at all, it plays a full hit on the nearest target at the largest
   speed. It does not use the engine.
 * "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
 
-A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball over the largest speed,
-(2,), or a strike, (5,), see `billiards_env.envs.actions`. "search" also tries pots with random english and follow or
-draw, if actions are strikes.
+A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball divided by the largest
+speed, (2,), or a strike, (5,), see `billiards_env.envs.actions`. "search" also tries pots with random english and
+follow or draw, if actions are strikes.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def search(
 
 
 def with_numbers(actions: Floats, numbers: int) -> Floats:
-    """Returns actions (..., k) with zeros up to `numbers` numbers."""
+    """Returns actions (..., k), padded with zeros to `numbers` numbers."""
     return np.concatenate((actions, np.zeros((*actions.shape[:-1], numbers - actions.shape[-1]))), axis=-1)
 
 
