@@ -43,7 +43,7 @@ def cue_of(env: BilliardsEnv) -> CueNumbers | None:
 
 
 def speed_gain(cue: CueNumbers, side: Tensor, top: Tensor) -> Tensor:
-    """Returns the speed of the ball divided by that after a central strike, for offsets divided by the miscue offset."""
+    """Returns the speed of the ball divided by that of a central strike, for offsets divided by the miscue offset."""
     rest, total = gain_terms(cue, 2.5 * cue.miscue**2 * (side * side + top * top))
     return (1.0 + torch.sqrt(rest)) / total / strike.speed_gain(cue, 0.0)
 
