@@ -140,8 +140,8 @@ def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
 def whole_archive(path: Path, content: str) -> Iterator[None]:
     """Checks a zip file and turns the exceptions of reading it into a ValueError.
 
-    The error leaves out PyTorch's message, which advises loading the file with `weights_only=False`. That would run code
-    from the file.
+    The error leaves out PyTorch's message, which advises loading the file with `weights_only=False`: this would run
+    code from the file.
 
     Args:
         path: The file.
