@@ -116,7 +116,7 @@ def _strategic(text: str, setup: Setup) -> Player:
 
 
 def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
-    """Returns the situation of the player to shoot. The rules rate its shots. In `game` a cue ball in hand is placed."""
+    """Returns the situation of the player to shoot, rated by the rules. In `game` a cue ball in hand is placed."""
     balls, state = np.arange(len(game.positions)), game.state
 
     def rate(actions: Floats) -> Floats:
