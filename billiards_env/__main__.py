@@ -39,7 +39,7 @@ COMMANDS = {
     "benchmarks.vector": "measure steps per second of many environments",
     "benchmarks.accuracy": "measure errors and run times of both engines",
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
-    "benchmarks.error_limit": "measure errors against 50 digits",
+    "benchmarks.error_limit": "measure errors against the 50-digit reference",
     "benchmarks.stress": "check every event of ten million random shots",
     "studies.readme": "write the measured tables into the documentation",
 }
@@ -76,9 +76,9 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
     commands.add_parser("play", add_help=False, help="play in a window, against people or programs")
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
-    _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, beside other players"))
-    _add_replay(commands.add_parser("replay", help="run the shot or the game in a file again, and show it"))
-    commands.add_parser("version", help="print the version and those of the packages that it uses")
+    _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, next to other players"))
+    _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
+    commands.add_parser("version", help="print the versions of billiards-env and of the packages that it uses")
     cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
     cache.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
     return parser
@@ -97,8 +97,8 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     )
     add("--seed", type=int, default=0, help="seed of the layout (default: %(default)s)")
     add("--positions", type=number, nargs="+", metavar="X", help="x and y of each ball, cue ball first; no --layout")
-    add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="m/s (default: 2 m/s towards ball 1)")
-    add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="rad/s (default: no spin)")
+    add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="of the cue ball, m/s (default: 2, to ball 1)")
+    add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="of the cue ball, rad/s (default: no spin)")
     add("--speed", type=number, help="strike with a cue of this speed, m/s, in place of --velocity and --spin")
     add("--heading", type=_radians, help="direction of the cue in degrees from the x axis (default: towards ball 1)")
     add("--side", type=number, help="offset of the tip to the left, in ball radii (default: 0)")
@@ -115,9 +115,9 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 
 def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Measure players in Billiards-v0, on layouts that no training uses. A player is module:function for a function "
-        "act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric or "
-        "search:K, which simulates K shots."
+        "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
+        "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
+        "or search:K, which simulates K shots."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")
@@ -155,7 +155,7 @@ def _radians(text: str) -> Any:
 
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Run the shot or the game in a file again. The result must have the same bits."
+    parser.description = "Run a saved shot or game again. It is an error if the result does not have the same bits."
     parser.add_argument("file", type=Path, help="a file of 'simulate --out shot.json', of a game, or of shot.save")
     parser.add_argument("--shot", type=int, metavar="K", help="the shot of a game, from 1 (default: the last)")
     parser.add_argument("--window", action="store_true", help="show the shot, or all shots of a game, in a window")
