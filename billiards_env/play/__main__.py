@@ -33,7 +33,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="billiards play" if Path(sys.argv[0]).stem == "billiards" else "python -m billiards_env.play",
-        description="Play billiards in a window with mouse and keyboard; H shows the help.",
+        description="Play billiards in a window with mouse and keyboard; H shows the keys.",
     )
     add = parser.add_argument
     layouts_of_games = dict.fromkeys(name for rules in RULES.values() for name in rules.layouts)
@@ -44,14 +44,14 @@ def make_parser() -> argparse.ArgumentParser:
         help="the players: human, random, geometric, search[:SHOTS], policy:RUN_FOLDER or module:function[:ARGUMENT] "
         "(default: all human)",
     )
-    add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: that of the game, with real_pool)")
+    add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
     add(
         "--called", action="store_true", help="eight ball and straight pool: a potted ball counts only if it was called"
     )
-    add("--choices", action="store_true", help="choices besides a shot: push out, hand back, replace")
+    add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
     add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
@@ -61,7 +61,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--save",
         type=Path,
         metavar="FILE",
-        help="the file that S writes; also saves on quitting (default for S: the loaded file or a new game.json)",
+        help="save to this file with S and on quitting (default for S: the loaded file or a new game.json)",
     )
     add("--seed", type=int, help="seed of the rack and of the programs (default: random)")
     add("--speed", type=number, default=1.0, help="playback speed over real time (default: %(default)s)")
