@@ -359,9 +359,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             sorted(long, key=lambda row: (list(LAWS).index(row[0]), list(KINDS).index(row[3]))),
             left=4,
         ),
-        "batch": "If one call runs all shots, billiards-env takes "
-        + "; ".join(f"{times} a shot with {laws}" for laws, times in batch.items())
-        + " (1 object ball and 15-ball break).",
+        "batch": "If one call runs all shots, billiards-env takes per shot (1 object ball and 15-ball break): "
+        + "; ".join(f"{times} with {laws}" for laws, times in batch.items())
+        + ".",
         "machine": machine_line(result["machine"]) + (f"; {versions}" if versions else ""),
     }
 

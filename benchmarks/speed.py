@@ -254,14 +254,14 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "shots": table(
             ("shots", "shots/s", "events/shot", "most", "contact rule", "us/event", "s simulated/shot"), shots
         ),
-        "calls_of": "The table has the time of a call that plays one shot of the first case above, and how much more "
-        f"that is than a shot takes in a batch: the median of the passes of {N_SINGLES:,} calls, and the fastest one.",
+        "calls_of": "The table gives the time of a call that plays one shot of the first kind above, and the extra "
+        f"time over a shot in a batch, for the median and for the fastest of the passes of {N_SINGLES:,} calls.",
         "calls": table(("call", "us/call", "more", "fastest, us/call", "more"), calls),
         "growth_of": f"These shots are {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the "
-        f"table. From {MANY_BALLS} balls on the engine uses the cells, and a heap for its events.",
+        f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events.",
         "growth": table(("disks", "events", "us/event"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
-        "summary": f"A shot with one object ball takes {one['simulate_batch']} on one core in a batch of shots. A "
+        "summary": f"In a batch, a shot with one object ball takes {one['simulate_batch']} on one core. A "
         f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",
     }
 
