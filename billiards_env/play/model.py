@@ -74,7 +74,7 @@ class Aim(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A played stroke with its aim. The aim of a program's stroke is a level hit with the same velocity."""
+    """A played stroke with its aim: that of the person, or of a level hit with the same velocity."""
 
     stroke: Stroke
     played: PlayedShot
