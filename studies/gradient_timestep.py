@@ -195,7 +195,10 @@ def measure(output: Path) -> dict[str, Any]:
                 found["chosen"][kind] = choose(kind)
                 write_json(output, found)
             bar.update()
-            shots, results = draw_shots(kind).part(found["chosen"][kind]["numbers"]), found["errors"].setdefault(kind, {})
+            shots, results = (
+                draw_shots(kind).part(found["chosen"][kind]["numbers"]),
+                found["errors"].setdefault(kind, {}),
+            )
             exact = shots.run(record=True)
             derivatives = exact_derivatives(exact)
             for cell, engine in cells.items():
@@ -220,40 +223,31 @@ def percent(share: float) -> str:
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables for the pages, by name."""
-    settings = found["settings"]
-    fixes, steps = settings["fixes"], settings["steps"]
-    ends, middle = (steps[0], steps[-1]), (steps[0], steps[len(steps) // 2], steps[-1])
+    fixes, steps, chosen = found["settings"]["fixes"], found["settings"]["steps"], found["chosen"]
+    dts = [f"1/{n} s" for n in steps]
+    ends, some = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
     rows = []
     for kind, results in found["errors"].items():
         for fix in fixes:
-            at = {n: results[f"{fix} 1/{n} s"] for n in steps}
-            places = (f"{at[n]['position']:.1e} m" for n in ends)
-            small = (percent(at[n]["small"]) for n in middle)
-            rows.append((kind, f"`{fix}`", *places, *small, *(percent(at[n]["large"]) for n in ends)))
+            at = {dt: results[f"{fix} {dt}"] for dt in dts}
+            positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
+            small, large = (percent(at[dt]["small"]) for dt in some), (percent(at[dt]["large"]) for dt in ends)
+            rows.append((kind, f"`{fix}`", *positions, *small, *large))
         exact = results["exact"]
-        none = [""] * (len(middle) - 1)
-        rows.append((kind, "exact engine", "", "", percent(exact["small"]), *none, percent(exact["large"]), ""))
-    head = (
-        "shots",
-        "fix",
-        *(f"position, 1/{n} s" for n in ends),
-        *(f"derivative, 1/{n} s" for n in middle),
-        *(f"over 2 mm/s, 1/{n} s" for n in ends),
-    )
-    times = [(f"`{fix}`", *(f"{found['cost'][str(n)][fix]:.2f}" for n in steps)) for fix in fixes]
-    chosen, seconds_of = found["chosen"], [f"1/{n} s" for n in steps]
+        rows.append((kind, "exact engine", "", "", percent(exact["small"]), "", "", percent(exact["large"]), ""))
+    columns = (("position", ends), ("derivative", some), ("over 2 mm/s", ends))
+    head = ("shots", "fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
+    other, cost = chosen["whole shots"]["other"], found["cost"]
+    contacts = [(f"`{fix}`", *(percent(other[f"{fix} {dt}"]) for dt in dts)) for fix in fixes]
+    times = [(f"`{fix}`", *(f"{cost[str(n)][fix]:.2f}" for n in steps)) for fix in fixes]
     numbers = ", ".join(f"{len(c['numbers'])} of {c['smooth']:,} ({kind})" for kind, c in chosen.items())
-    other = chosen["whole shots"]["other"]
     return {
         "machine": machine_line(found["machine"]),
         "errors": table(head, rows, left=2),
-        "contacts": table(
-            ("whole shots with other contacts", *seconds_of),
-            [(f"`{fix}`", *(percent(other[f"{fix} {dt}"]) for dt in seconds_of)) for fix in fixes],
-        ),
-        "cost": table(("time over that of `push_apart`", *seconds_of), times),
+        "contacts": table(("whole shots with other contacts", *dts), contacts),
+        "cost": table(("time over that of `push_apart`", *dts), times),
         "shots": f"Smooth shots with the same contacts for each fix and timestep: {numbers}. Times are medians of "
-        f"{settings['passes']} interleaved passes on one core.",
+        f"{found['settings']['passes']} interleaved passes on one core.",
     }
 
 

@@ -276,5 +276,7 @@ def _choice(kernels: Sequence[Any]) -> Any:
     return choose
 
 
-fix_before, fix_after, fix_at_cushion, fix_after_cushion = (_choice(kernels) for kernels in zip(*_FIXES.values(), strict=True))
+fix_before, fix_after, fix_at_cushion, fix_after_cushion = (
+    _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
+)
 """The kernels of `Fix`, with the index of the treatment as an additional first argument."""

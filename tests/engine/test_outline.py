@@ -166,7 +166,14 @@ def test_all_queues_have_the_same_bits(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "fix"), [("octagon", "none"), ("L", "push_apart"), ("pool_7ft", "move_back"), ("throat", "push_apart"), ("pool_7ft", "time_of_impact")]
+    ("name", "fix"),
+    [
+        ("octagon", "none"),
+        ("L", "push_apart"),
+        ("pool_7ft", "move_back"),
+        ("throat", "push_apart"),
+        ("pool_7ft", "time_of_impact"),
+    ],
 )
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
