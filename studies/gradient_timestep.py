@@ -1,9 +1,9 @@
 """Measures derivatives through a timestep: `python -m studies.gradient_timestep`.
 
-Automatic differentiation of a simulation with a timestep returns the derivative of each operation at constant numbers of
-steps. This is what a central difference returns that is so small that no contact moves to another timestep: here one
-over 2e-9 m/s. The command compares it, and one over 2e-3 m/s, with the exact derivative, for each treatment of overlaps
-and each timestep. Each shot has the same contacts with all of them.
+Automatic differentiation of a simulation with a timestep returns the derivative at constant timesteps of the contacts.
+A central difference so small that no contact moves to another timestep returns the same: here one over 2e-9 m/s. The
+command compares it, and one over 2e-3 m/s, with the exact derivative, for each treatment of overlaps and each timestep.
+Each shot has the same contacts with all of them.
 
 The results are in `studies/results/gradient_timestep.json`, the pictures in `docs/images`. The command skips cells that
 have results there with the same settings, so it continues after an interruption.
@@ -114,8 +114,8 @@ def choose(kind: str) -> dict[str, Any]:
     """Chooses the drawn shots of a kind that are smooth and have the same contacts with each timestep.
 
     Returns:
-        `numbers`: those of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the share of them
-        with contacts that differ from those of the exact engine, by fix and timestep.
+        `numbers`: those of the chosen shots. `smooth`: the number of smooth shots of this kind. `other`: the share of
+        them with contacts that differ from those of the exact engine, by fix and timestep.
     """
     shots = draw_shots(kind)
     exact = shots.run(record=True)
@@ -210,7 +210,8 @@ def measure(output: Path) -> dict[str, Any]:
         for steps in map(str, STEPS):
             bar.set_description(f"cost, 1/{steps} s")
             if steps not in found["cost"]:
-                found["cost"][steps] = cost(shots, int(steps))
+                whole = draw_shots("whole shots").part(found["chosen"]["whole shots"]["numbers"])
+                found["cost"][steps] = cost(whole, int(steps))
                 write_json(output, found)
             bar.update()
     return found

@@ -7,9 +7,9 @@ The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". Ther
 * move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
   which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
 * none: positions do not change.
-* time_of_impact: move_back without the lag. The impulse acts on the velocities at the time of impact, and the balls then
-  move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes back in
-  the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
+* time_of_impact: move_back without the lag. The impulse changes the velocities at the time of impact, and the balls
+  then move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes
+  back in the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
 """
 
 from __future__ import annotations

@@ -171,7 +171,7 @@ def spin_after(wz, t, numbers):
 
 @inlined
 def move(state, i, t, numbers):
-    """Moves ball i's row by t seconds, forwards or back, along the motion of its phase. Its own time does not change."""
+    """Moves ball i's row by t seconds, forwards or back, within its phase. Its own time does not change."""
     s = state.rows[i]
     x, y, vx, vy = motion_after(state, i, t)
     s[UX], s[UY] = slip_after(state, i, t)

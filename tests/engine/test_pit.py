@@ -289,8 +289,8 @@ def test_a_ball_beyond_a_cushion_bounces_from_the_position_of_the_fix(fix):
 
 
 def test_the_time_of_impact_leaves_the_rest_of_the_step_for_the_new_velocity():
-    # The ball touches the cushion 1/64 s before the timestep, with 2 m/s, and leaves it with 1 m/s. While it slides, the
-    # velocity at the impact is that of the path, not that at the timestep.
+    # The ball touches the cushion 1/64 s before the timestep, with 2 m/s, and leaves it with 1 m/s. While it slides,
+    # the velocity at the impact is that of the path, not that at the timestep.
     table, slide = Table(2.0, 4.0), Physics(**SLIDING).mu_slide * Physics(**SLIDING).g
     rest = 1 / 64
     for physics, a in ((FREE, 0.0), ({**SLIDING, "cushion": "restitution"}, slide)):
