@@ -75,6 +75,7 @@ study: $(WORKS)  ## train three recipes with several timesteps and compare the p
 	$(WORK)/python -m studies.timestep configs/study/pot.yaml $(SPREAD)
 	$(WORK)/python -m studies.timestep configs/study/mixture.yaml $(SPREAD)
 	$(WORK)/python -m studies.timestep configs/study/blocked.yaml $(SPREAD)
+	$(WORK)/python -m studies.gradient_timestep
 	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little

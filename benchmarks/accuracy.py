@@ -34,7 +34,6 @@ from benchmarks import (
     run_kinds,
 )
 from benchmarks.methods import PIC, Method, timer
-from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from reference.oracle import OracleError, run
@@ -71,7 +70,7 @@ PROBLEMS = {
 }
 
 
-PIT = [Method("PIT", steps, fix) for fix in FIXES for steps in STEPS]
+PIT = [Method("PIT", steps, fix) for fix in accuracy_report.PIT_STYLES for steps in STEPS]
 
 
 def shot_of(name: str, seed: int) -> tuple[Floats, Floats]:

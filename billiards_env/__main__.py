@@ -106,7 +106,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--elevation", type=_radians, help="angle of the cue above the horizontal in degrees (default: 0)")
     add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
-    add("--fix", help="how pit treats overlaps: push_apart, move_back or none")
+    add("--fix", help="how pit treats overlaps: push_apart, move_back, none or time_of_impact")
     add("--max-time", type=number, help="time at which the shot ends, s")
     text = "also run the shot with these timesteps, s; a page shows one of them, which a slider chooses"
     add("--timesteps", type=number, nargs="+", default=[], metavar="DT", help=text)

@@ -14,8 +14,8 @@ gets all four scenes wrong:
 * wrong_bounce: the positions of penetration, with a ball of infinite mass. The first ball should bounce backwards. In
   PIT it continues forwards, 61.0 degrees wrong.
 
-These numbers hold for fix="push_apart" and fix="none". With fix="move_back", PIT computes the true line of centres of
-two overlapping balls. It is then wrong only in the first and the third scene.
+These numbers hold for fix="push_apart" and fix="none". With fix="move_back" or fix="time_of_impact", PIT computes the
+true line of centres of two overlapping balls. Its directions are then wrong only in the first and the third scene.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import plain, recipes, run_outs, timestep_report
+from studies import gradient_timestep, plain, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -39,6 +39,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
+    "gradient_timestep": ("studies.gradient_timestep", gradient_timestep.blocks),
     "gradients": ("benchmarks.gradients", gradients.blocks),
     "plain": ("studies.plain", plain.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),

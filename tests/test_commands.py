@@ -45,6 +45,7 @@ TESTED = {
     "benchmarks.vector": "benchmarks/test_vector.py",
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
+    "studies.gradient_timestep": "studies/test_gradient_timestep.py",
     "studies.plain": "studies/test_plain.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",

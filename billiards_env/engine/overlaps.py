@@ -1,12 +1,15 @@
 """What PIT does to the positions of bodies that overlap: the entries of `FIXES`.
 
-The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". There are three ways:
+The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". There are four ways:
 
 * push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
   apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
 * move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
   which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
 * none: positions do not change.
+* time_of_impact: move_back without the lag. The impulse changes the velocities at the time of impact, and the balls
+  then move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes
+  back in the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
 """
 
 from __future__ import annotations
@@ -18,8 +21,8 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters import sum_impulses
 from billiards_env.physics.contact import contact_distance
-from billiards_env.physics.motion import Path, norm
-from billiards_env.physics.state import VX, VY, X, Y
+from billiards_env.physics.motion import Path, begin_phase, move, norm
+from billiards_env.physics.state import LASTS, VX, VY, X, Y
 from billiards_env.physics.walls import back_to_wall, overlap_time, wall_normal
 from billiards_env.scene import CONTACT_GAP
 
@@ -46,11 +49,13 @@ class Fix(NamedTuple):
         after: (count, scene, work) after these impacts. Returns whether it moves balls.
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
             `beyond` m and does not come back. Returns the `Bounce` at the new position.
+        after_cushion: (i, scene, work) after this `Bounce`.
     """
 
     before: Any
     after: Any
     at_cushion: Any
+    after_cushion: Any
 
 
 @inlined
@@ -70,8 +75,60 @@ def _keep_positions(count, scene, work):
 
 
 @kernel
+def _keep_motion(i, scene, work):
+    pass
+
+
+@kernel
 def _keep_place(i, wall, beyond, bounce, scene, work):
     return bounce if bounce.speed > 0.0 else Bounce(bounce.nx, bounce.ny, -1.0)
+
+
+@kernel
+def _find_times(count, scene, work):
+    """Sets `back` of the balls of `count` contacts to the time since they touched, by one step at most.
+
+    The paths are straight. Of several contacts of a ball the earliest counts. `back` of all other balls is 0.
+    """
+    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
+    back[:] = 0.0
+    for c in range(count):
+        i, j = contacts.first[c], contacts.second[c]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+        wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
+        reach = contact_distance(scene.spheres, radius, i, j)
+        ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
+        if ww > 0.0:  # |d - w t| = reach
+            t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
+            t = min(t, scene.numbers.dt)
+            back[i], back[j] = max(back[i], t), max(back[j], t)
+
+
+@inlined
+def _step_back(i, work):
+    """Moves ball i back along its straight path by its `back`."""
+    here, t = work.here, work.back[i]
+    _place(i, here[i, X] - t * here[i, VX], here[i, Y] - t * here[i, VY], work)
+
+
+@kernel
+def _touching(count, scene, work):
+    """Keeps those of `count` contacts whose balls touch and do not separate. Returns their number."""
+    contacts, here = work.contacts, work.here
+    left = 0
+    for c in range(count):
+        i, j = contacts.first[c], contacts.second[c]
+        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
+        distance = norm(dx, dy)
+        if distance > contact_distance(scene.spheres, scene.radius, i, j) + CONTACT_GAP:
+            continue
+        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
+        closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
+        if closing >= 0.0:
+            contacts.first[left], contacts.second[left] = i, j
+            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
+            left += 1
+    return left
 
 
 @kernel
@@ -83,38 +140,27 @@ def _touch_before(count, scene, work):
     Returns:
         The number of contacts that are left.
     """
-    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
-    first, second = contacts.first, contacts.second
-    for c in range(count):
-        back[first[c]] = back[second[c]] = 0.0
-    for c in range(count):
-        i, j = first[c], second[c]
-        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-        wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
-        reach = contact_distance(scene.spheres, radius, i, j)
-        ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
-        if ww > 0.0:  # |d - w t| = reach
-            t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
-            t = min(t, scene.numbers.dt)
-            back[i], back[j] = max(back[i], t), max(back[j], t)
-    for c in range(count):
-        for i in (first[c], second[c]):
-            _place(i, here[i, X] - back[i] * here[i, VX], here[i, Y] - back[i] * here[i, VY], work)
-            back[i] = 0.0
-    left = 0
-    for c in range(count):
-        i, j = first[c], second[c]
-        dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
-        distance = norm(dx, dy)
-        if distance > contact_distance(scene.spheres, radius, i, j) + CONTACT_GAP:
-            continue
-        nx, ny = (dx / distance, dy / distance) if distance > 0.0 else (contacts.nx[c], contacts.ny[c])
-        closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
-        if closing >= 0.0:
-            first[left], second[left] = i, j
-            contacts.nx[left], contacts.ny[left], contacts.closing[left] = nx, ny, closing
-            left += 1
-    return left
+    _find_times(count, scene, work)
+    for i in range(len(work.back)):
+        if work.back[i] > 0.0:
+            _step_back(i, work)
+    return _touching(count, scene, work)
+
+
+@inlined
+def _find_cushion_time(i, wall, beyond, speed, scene, work):
+    """Sets `back` of ball i to the time since it touched the cushion, by one step at most."""
+    here = work.here
+    path = Path(here[i, X], here[i, Y], here[i, VX], here[i, VY], 0.0, 0.0)
+    t = overlap_time(path, scene.radius[i], wall, beyond, speed, scene.outline)
+    work.back[i] = min(t, scene.numbers.dt)
+
+
+@inlined
+def _bounce_of(i, wall, scene, work):
+    """Returns the `Bounce` of ball i at its position; the normal of a tip depends on the position."""
+    nx, ny = wall_normal(work.state, i, wall, scene.outline)
+    return Bounce(nx, ny, max(0.0, nx * work.here[i, VX] + ny * work.here[i, VY]))
 
 
 @kernel
@@ -122,12 +168,58 @@ def _touch_cushion_before(i, wall, beyond, bounce, scene, work):
     """Moves ball i back along its path to the position at which it touched the cushion, by one step at most."""
     if bounce.speed == 0.0:
         return Bounce(bounce.nx, bounce.ny, -1.0)
-    x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
-    path = Path(x, y, vx, vy, 0.0, 0.0)
-    t = min(overlap_time(path, scene.radius[i], wall, beyond, bounce.speed, scene.outline), scene.numbers.dt)
-    _place(i, x - t * vx, y - t * vy, work)
-    nx, ny = wall_normal(work.state, i, wall, scene.outline)  # a tip's normal depends on the position
-    return Bounce(nx, ny, max(0.0, nx * vx + ny * vy))
+    _find_cushion_time(i, wall, beyond, bounce.speed, scene, work)
+    _step_back(i, work)
+    return _bounce_of(i, wall, scene, work)
+
+
+@kernel
+def _rewind(i, scene, work):
+    """Sets ball i to its motion at the time of impact, its `back` ago, at the position at which it touches exactly."""
+    here, row = work.here, work.state.rows[i]
+    move(work.state, i, -work.back[i], scene.numbers)
+    _step_back(i, work)
+    here[i, VX], here[i, VY] = row[VX], row[VY]
+
+
+@kernel
+def _finish_step(i, scene, work):
+    """Moves ball i with its new velocity for the rest of the step, which is its `back`."""
+    here, row = work.here, work.state.rows[i]
+    begin_phase(work.state, i, scene.numbers)
+    move(work.state, i, min(work.back[i], row[LASTS]), scene.numbers)
+    here[i, X], here[i, Y], here[i, VX], here[i, VY] = row[X], row[Y], row[VX], row[VY]
+    work.back[i] = 0.0
+
+
+@kernel
+def _impact_before(count, scene, work):
+    """Sets the balls of `count` contacts to their motion at the time of impact; see `_touch_before`."""
+    _find_times(count, scene, work)
+    for i in range(len(work.back)):
+        if work.back[i] > 0.0:
+            _rewind(i, scene, work)
+    return _touching(count, scene, work)
+
+
+@kernel
+def _finish_steps(count, scene, work):
+    """Moves the balls of `_impact_before` for the rest of the step."""
+    for i in range(len(work.back)):
+        if work.back[i] > 0.0:
+            _finish_step(i, scene, work)
+    return True
+
+
+@kernel
+def _impact_at_cushion(i, wall, beyond, bounce, scene, work):
+    """Sets ball i to its motion at the time of impact on the cushion, by one step back at most."""
+    work.back[i] = 0.0
+    if bounce.speed == 0.0:
+        return Bounce(bounce.nx, bounce.ny, -1.0)
+    _find_cushion_time(i, wall, beyond, bounce.speed, scene, work)
+    _rewind(i, scene, work)
+    return _bounce_of(i, wall, scene, work)
 
 
 @kernel
@@ -158,9 +250,10 @@ def _push_inside(i, wall, beyond, bounce, scene, work):
 
 
 _FIXES = {
-    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside),
-    "move_back": Fix(_touch_before, _keep_positions, _touch_cushion_before),
-    "none": Fix(_keep_contacts, _keep_positions, _keep_place),
+    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _keep_motion),
+    "move_back": Fix(_touch_before, _keep_positions, _touch_cushion_before, _keep_motion),
+    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_motion),
+    "time_of_impact": Fix(_impact_before, _finish_steps, _impact_at_cushion, _finish_step),
 }
 
 FIXES = tuple(_FIXES)
@@ -183,5 +276,7 @@ def _choice(kernels: Sequence[Any]) -> Any:
     return choose
 
 
-fix_before, fix_after, fix_at_cushion = (_choice(kernels) for kernels in zip(*_FIXES.values(), strict=True))
+fix_before, fix_after, fix_at_cushion, fix_after_cushion = (
+    _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
+)
 """The kernels of `Fix`, with the index of the treatment as an additional first argument."""

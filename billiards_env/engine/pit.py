@@ -26,7 +26,7 @@ from billiards_env.engine.log import (
     log_segment,
     phase_end,
 )
-from billiards_env.engine.overlaps import Bounce, fix_after, fix_at_cushion, fix_before
+from billiards_env.engine.overlaps import Bounce, fix_after, fix_after_cushion, fix_at_cushion, fix_before
 from billiards_env.engine.runner import INTERRUPTED, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
@@ -80,7 +80,7 @@ class Workspace(NamedTuple):
         contacts: The `Contacts` of one step.
         scratch: The `Scratch` arrays for their resolution.
         here: (n, 4) float64, position and velocity at the end of the step, in the columns X, Y, VX and VY.
-        back: (n,) float64, time by which a ball is moved back along its path, s.
+        back: (n,) float64, time by which a fix moves a ball back along its path, s.
         phase_end_hi: (n,) float64, time at which a ball's phase ends, s; infinite if it does not.
         phase_end_lo: (n,) float64, its second part.
         moving: (n,) int64, the numbers of the balls that move in the step.
@@ -277,6 +277,7 @@ def _hit_cushion(i, wall, scene, work):
     if speed > 0.0:
         reflect(work.state, i, nx, ny, 0.0, scene)
         here[i, VX], here[i, VY] = work.state.rows[i, VX], work.state.rows[i, VY]
+    fix_after_cushion(numbers.fix, i, scene, work)
     return speed
 
 

@@ -220,7 +220,7 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
       `"real_pool"`, a pool table with throw and the jaws of the pockets.
     - The tasks `"pot"`, `"position"`, `"clear"` and the run-outs need a table with pockets. `"nine_ball"` needs 9
       object balls and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly one object ball.
-    - The values of `fix` are `"push_apart"` (the same as None), `"move_back"` and `"none"`.
+    - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.checks.RANGES` contains the range of each number.
 

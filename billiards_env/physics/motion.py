@@ -170,17 +170,24 @@ def spin_after(wz, t, numbers):
 
 
 @inlined
+def move(state, i, t, numbers):
+    """Moves ball i's row by t seconds, forwards or back, within its phase. Its own time does not change."""
+    s = state.rows[i]
+    x, y, vx, vy = motion_after(state, i, t)
+    s[UX], s[UY] = slip_after(state, i, t)
+    s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
+    if s[WZ] != 0.0:
+        s[WZ] = spin_after(s[WZ], t, numbers)
+    s[LASTS] -= t
+
+
+@inlined
 def advance(state, i, time, numbers):
     """Advances ball i's row to a `Time` within its phase."""
     s = state.rows[i]
     t = since(time, own_time(state, i))
     if t > 0.0:
-        x, y, vx, vy = motion_after(state, i, t)
-        s[UX], s[UY] = slip_after(state, i, t)
-        s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
-        if s[WZ] != 0.0:
-            s[WZ] = spin_after(s[WZ], t, numbers)
-        s[LASTS] -= t
+        move(state, i, t, numbers)
     s[T0], s[T0_LO] = time.hi, time.lo
 
 

@@ -46,8 +46,8 @@ def simulate(
         velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`.
         mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: The timestep of "pit", s; None for "pic".
-        fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back" or
-            "none"; None for "pic".
+        fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back",
+            "none" or "time_of_impact"; None for "pic".
         spins: (n, 3) or (3,) angular velocities, rad/s, for "sliding" motion only; None for zero, or for a `Strike`,
             which includes the spin.
         in_play: (n,) bool; balls that are not in play are ignored and count as potted. By default all are in play.

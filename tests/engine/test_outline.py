@@ -166,7 +166,14 @@ def test_all_queues_have_the_same_bits(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "fix"), [("octagon", "none"), ("L", "push_apart"), ("pool_7ft", "move_back"), ("throat", "push_apart")]
+    ("name", "fix"),
+    [
+        ("octagon", "none"),
+        ("L", "push_apart"),
+        ("pool_7ft", "move_back"),
+        ("throat", "push_apart"),
+        ("pool_7ft", "time_of_impact"),
+    ],
 )
 def test_pit_approaches_pic_as_the_timestep_falls(name, fix):
     rng = np.random.default_rng(0)
@@ -196,7 +203,7 @@ def test_pit_loses_no_ball_outside_the_outline(fix, a_table, seed, dt, speed):
     assert (room > -(R + 2 * speed * dt)).all()
 
 
-@pytest.mark.parametrize("fix", ["push_apart", "move_back"])
+@pytest.mark.parametrize("fix", ["push_apart", "move_back", "time_of_impact"])
 def test_a_ball_that_has_passed_a_facing_returns_to_the_table(fix):
     """In one step it leaves the throat through the side wall, into the cushion."""
     scene = scene_of(TABLES["throat"], 1, FREE)
@@ -205,14 +212,17 @@ def test_a_ball_that_has_passed_a_facing_returns_to_the_table(fix):
     assert shot.velocities[0] == pytest.approx([0.0, -3.0])
 
 
-def test_move_back_has_the_exact_velocity_after_a_tip():
+@pytest.mark.parametrize("fix", ["move_back", "time_of_impact"])
+def test_a_ball_that_goes_back_along_its_path_has_the_exact_velocity_after_a_tip(fix):
     scene = scene_of(TABLES["L"], 1, FREE)
     tip = pieces(scene.table.outline)[1][0]
     start = [[tip.x - 0.3, tip.y - 0.35]]
     exact = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True)
-    shot = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True, mode="pit", dt=0.01, fix="move_back")
+    shot = simulate(scene, start, [1.2, 1.25], max_time=0.35, record=True, mode="pit", dt=0.01, fix=fix)
     assert kinds(exact) == kinds(shot) == [("cushion", 0, 6)]
     assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
+    if fix == "time_of_impact":
+        assert shot.positions == pytest.approx(exact.positions, abs=1e-13)
 
 
 # Named cases

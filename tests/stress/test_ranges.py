@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from billiards_env.checks import RANGES
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import simulate
@@ -92,7 +93,7 @@ def test_shots_within_the_ranges_end_on_the_table(seed):
         check(simulate(scene, places, velocities, spins=spins, max_events=MAX_EVENTS), scene, "pic")
         rng = np.random.default_rng(seed)
         dt = pick(rng, "dt", least=1e-3)
-        fix = str(rng.choice(["push_apart", "move_back", "none"]))
+        fix = str(rng.choice(FIXES))
         limit = min(1e5 * dt, scene.physics.max_time or math.inf)
         pit = simulate(
             scene, places, velocities, spins=spins, max_events=MAX_EVENTS, mode="pit", dt=dt, fix=fix, max_time=limit
