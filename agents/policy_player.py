@@ -27,7 +27,7 @@ def policy(setup: Setup, argument: str) -> Player:
 
     Raises:
         OSError: If the folder holds no finished run.
-        ValueError: If the policy was trained on another table or with another number of balls.
+        ValueError: If the policy was trained on another table, with another number of balls or with `observe_physics`.
         ModuleNotFoundError: If the extra `train` is not installed.
     """
     try:  # only a trained policy needs PyTorch
@@ -55,6 +55,8 @@ def policy(setup: Setup, argument: str) -> Player:
             f"player = 'policy:{argument}' with rules = {setup.rules!r}: expected a policy trained on the same table "
             f"with {expected} object ball{'s' if expected > 1 else ''}, not {trained.n_balls - 1}"
         )
+    if base.observe_physics:
+        raise ValueError(f"player = 'policy:{argument}': expected a policy trained without observe_physics")
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         game, place = place_cue_ball(setup, game, max_speed, rng)
