@@ -58,6 +58,15 @@ Seed = Annotated[Whole, Field(ge=0, lt=2**32)]  # the limit is that of Stable-Ba
 Together = Annotated[Whole, Field(ge=1, le=RANGES["num_envs"].most)]
 
 
+def _numbers(value: Any) -> Any:
+    """Returns plain data with texts such as "1e6" or "1/60" as numbers."""
+    if isinstance(value, Mapping):
+        return {key: _numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_numbers(item) for item in value]
+    return value if isinstance(value, bool) else number(value)
+
+
 def increasing(pair: tuple[float, float]) -> tuple[float, float]:
     """Returns a pair of numbers.
 
@@ -90,7 +99,7 @@ def resolved_env(given: Mapping[str, Any]) -> dict[str, Any]:
     del parameters["render_mode"]  # training does not render
     for key in given:
         one_of("key of env", key, tuple(parameters))
-    given = {key: value if isinstance(value, bool) else number(value) for key, value in given.items()}
+    given = _numbers(given)
     found = {name: given.get(name, parameter.default) for name, parameter in parameters.items()}
     if found["task"] in TASKS:
         task = TASKS[found["task"]]

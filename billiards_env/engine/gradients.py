@@ -413,6 +413,7 @@ def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, ti
     tape = _empty_tape(begin, end, first, bounds, n, count)
     tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
     for k in range(begin, end):
+        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
         at, after = bounds[k - first], bounds[k - first + 1]
         log, paths, given = events[at[0] : after[0]], segments[at[1] : after[1]], inputs[k]
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
@@ -604,6 +605,7 @@ def pull_lanes(
     marks, motion, pending = np.zeros((count, 3)), arrays.numbers.motion, 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
+        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
         at, after = bounds[k - first], bounds[k - first + 1]
         log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
         adjoint, sums = outputs[k], inputs[k]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from billiards_env.checks import RANGES, fits, one_of, short
 from billiards_env.engine import pic, pit
@@ -15,7 +18,7 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.physics.cushion import CUSHIONS
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.physics.walls import outline_arrays
-from billiards_env.scene import Scene, ball_friction
+from billiards_env.scene import Physics, Scene, ball_friction
 
 MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
 """The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
@@ -40,6 +43,10 @@ MAX_EVENTS = 10_000_000
 
 A break has hundreds of events, at most thousands; a heap of balls pressed into a corner by extreme spins has millions.
 """
+
+
+Varied = Mapping[str, NDArray[np.float64]]
+"""What differs from shot to shot: numbers of `Physics`, and the timestep "dt", by name, (m,)."""
 
 
 class Engine(NamedTuple):
@@ -119,24 +126,78 @@ def scene_arrays(scene: Scene) -> SceneArrays:
     return SceneArrays(Numbers(*numbers[0]), *arrays)
 
 
+def varied_fields(scene: Scene, engine: Engine, varied: Varied, m: int) -> tuple[Any, ...]:
+    """Returns `scene_fields` with the numbers of each of m shots. Without any that vary they are those of all shots."""
+    fields = scene_fields(scene, engine)
+    if not varied:
+        return fields
+    records = np.repeat(fields[0], max(m, 1))
+    vary(records[:m], slice(None), scene, engine, varied)
+    return (records, *fields[1:])
+
+
+def vary(records: NDArray[Any], rows: Any, scene: Scene, engine: Engine, varied: Varied) -> None:
+    """Writes the numbers of shots to rows of an array of records of `NUMBERS`; `varied` has a value for each row."""
+    for name, values in _numbers(scene, engine, varied)._asdict().items():
+        records[name][rows] = values
+
+
+def varied_shot(scene: Scene, engine: Engine, varied: Varied, k: int) -> tuple[Scene, Engine]:
+    """Returns the scene and the engine of shot k."""
+    if not varied:
+        return scene, engine
+    given = {name: values[k].item() for name, values in varied.items()}
+    dt = given.pop("dt", engine.dt)
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **given)), engine._replace(dt=dt)
+
+
+def physics_of_shots(physics: Physics, varied: Varied) -> Any:
+    """Returns an object with the fields of a `Physics`, of which those that vary are arrays (m,)."""
+    constants = {field.name: getattr(physics, field.name) for field in dataclasses.fields(physics)}
+    return SimpleNamespace(**constants | dict(varied))
+
+
 @functools.lru_cache(maxsize=256)
 def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
-    p, table, mass = scene.physics, scene.table, scene.balls.mass
+    p, table = scene.physics, scene.table
     cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
     for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
-    motion, cushion = MOTIONS[p.motion], CUSHIONS[p.cushion]
+    numbers = _numbers(scene, engine, {})
+    pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
+    outline = None
+    if table.outline:
+        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, pockets.tolist())
+    radius = np.array(scene.balls.radius)
+    sizes = len(set(scene.balls.radius))
+    arrays = SceneArrays(
+        numbers,
+        radius,
+        1.0 / np.array(scene.balls.mass),
+        pockets,
+        outline,
+        spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
+        ball_friction=BALL_BALL[p.ball_ball],
+        **{CUSHIONS[p.cushion].law: True},
+    )
+    return (np.array([numbers], NUMBERS), *arrays[1:])
+
+
+def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Numbers:
+    """Returns the `Numbers` of a scene and an engine. Those that depend on what varies are arrays (m,)."""
+    p = physics_of_shots(scene.physics, varied)
+    motion, table = MOTIONS[p.motion], scene.table
     mu_limit, mu_drop, mu_rate = ball_friction(p)
     slide, roll = p.mu_slide * p.g, p.mu_roll * p.g
     same = {name: getattr(p, name) for name in Numbers._fields if hasattr(p, name)}
-    numbers = Numbers(
-        **same | {"motion": motion},
+    return Numbers(
+        **same | {"motion": motion, "dt": varied.get("dt", engine.dt or 0.0)},
         slide=slide,
         roll=roll,
         mu_limit=mu_limit,
         mu_drop=mu_drop,
         mu_rate=mu_rate,
-        cushion_rubs=cushion.rubs,
+        cushion_rubs=CUSHIONS[p.cushion].rubs,
         e_loss=p.e_cushion_loss,
         e_onset=p.e_cushion_onset,
         e_floor=p.e_cushion_floor,
@@ -147,24 +208,6 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         cushion_height=table.cushion_height,
         tau=CONTACT_TIME,
         weak_speed=weak_speed(motion, slide, roll),
-        longest_run=longest_run(mass),
-        dt=engine.dt or 0.0,
+        longest_run=longest_run(scene.balls.mass),
         fix=FIXES.index(engine.fix or FIXES[0]),
     )
-    pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
-    outline = None
-    if table.outline:
-        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, pockets.tolist())
-    radius = np.array(scene.balls.radius)
-    sizes = len(set(scene.balls.radius))
-    arrays = SceneArrays(
-        numbers,
-        radius,
-        1.0 / np.array(mass),
-        pockets,
-        outline,
-        spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
-        ball_friction=BALL_BALL[p.ball_ball],
-        **{cushion.law: True},
-    )
-    return (np.array([numbers], NUMBERS), *arrays[1:])

@@ -30,15 +30,16 @@ def for_all_shots(run: Any) -> Any:
 
         `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.
         """
-        scene, shots, log = SceneArrays(scene[0][0], *scene[1:]), Shots(*shots), Log(*log)
+        shots, log = Shots(*shots), Log(*log)
         pending = 0
         for k in range(begin, end):
-            load(k, shots, scene, work.state)
-            spent = run(k, scene, work, limit, max_events, shots, log)
+            arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+            load(k, shots, arrays, work.state)
+            spent = run(k, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:
                 return True
-            store(k, shots, scene, work.state)
-            pending += spent + len(scene.radius)
+            store(k, shots, arrays, work.state)
+            pending += spent + len(arrays.radius)
             if pending > LOOK_AFTER:
                 if interrupted():
                     return True

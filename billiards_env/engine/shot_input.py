@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import math
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, real, short
-from billiards_env.engine.modes import scene_fields
+from billiards_env.checks import MAX_SPEED, MAX_SPIN, RANGES, Range, numbers, one_of, real, shaped, short
+from billiards_env.engine.modes import Engine, checked_engine, scene_fields
 from billiards_env.engine.shots import Shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import entry_point
@@ -17,7 +20,7 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.state import POCKET_RADIUS, POCKET_X, POCKET_Y, SPIN_X, SPIN_Y, SPIN_Z, SceneArrays, X, Y
 from billiards_env.physics.walls import half_sizes
-from billiards_env.scene import CONTACT_GAP, Scene, check_positions
+from billiards_env.scene import CONTACT_GAP, PHYSICS_NUMBERS, Physics, Scene, check_positions, check_ranges
 
 Floats = NDArray[np.float64]
 
@@ -150,6 +153,59 @@ def check_shot(
         _check_motion(scene, "velocities", shot.velocities, RANGES["speed"])
         _check_motion(scene, "spins", shot.spins, RANGES["spin"])
     return shot
+
+
+def check_varied(
+    scene: Scene, physics: Mapping[str, ArrayLike] | None, mode: str, dt: ArrayLike | None, fix: str | None, m: int
+) -> tuple[Engine, dict[str, Floats]]:
+    """Returns the engine of m shots, and what differs from shot to shot.
+
+    Args:
+        scene: The scene.
+        physics: As in `simulate_batch`.
+        mode: As in `simulate`.
+        dt: The timestep, s, or one for each shot, (m,); None for "pic".
+        fix: As in `simulate`.
+        m: The number of shots.
+
+    Raises:
+        ValueError: As `Physics` and `checked_engine` do. The message names the shot.
+        TypeError: If `physics` is not a mapping.
+    """
+    varied = {} if physics is None else _checked_physics(scene.physics, physics, m)
+    if np.ndim(dt) == 0:  # pyright: ignore[reportArgumentType]
+        return checked_engine(mode, dt, fix), varied  # pyright: ignore[reportArgumentType]
+    timesteps = shaped("dt", dt, (m,))
+    for k in {np.argmin(timesteps).item(), np.argmax(timesteps).item()} if m else ():
+        with _of_shot(k):
+            checked_engine(mode, timesteps[k].item(), fix)
+    return checked_engine(mode, timesteps[0].item() if m else 1.0, fix), {**varied, "dt": timesteps}
+
+
+def _checked_physics(physics: Physics, given: Any, m: int) -> dict[str, Floats]:
+    """Returns numbers of `Physics` for each of m shots, (m,), after a check."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"physics = {short(given)}: expected a mapping from names of numbers of Physics to arrays")
+    arrays = {}
+    for name, values in given.items():
+        one_of("key of physics", name, PHYSICS_NUMBERS)
+        arrays[name] = shaped(f"physics[{name!r}]", values, (m,))
+    try:
+        check_ranges(physics, {name: (array.min(), array.max()) for name, array in arrays.items() if m})
+    except ValueError:  # the extremes may be those of different shots
+        for k, row in enumerate(zip(*arrays.values(), strict=True)):
+            with _of_shot(k):
+                dataclasses.replace(physics, **dict(zip(arrays, row, strict=True)))
+    return arrays
+
+
+@contextlib.contextmanager
+def _of_shot(k: int) -> Iterator[None]:
+    """Adds the number of the shot to the message of a ValueError."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"shot {k}: {error}") from None
 
 
 def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:

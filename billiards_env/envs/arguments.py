@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from billiards_env.checks import one_of, shaped, short
+from billiards_env.checks import one_of, real, sequence, shaped, short
+from billiards_env.engine import Engine, checked_engine
 from billiards_env.envs.episodes import cue_ball_alone
 from billiards_env.envs.tasks import TASKS
-from billiards_env.scene import Scene, check_positions
+from billiards_env.scene import PHYSICS_NUMBERS, Scene, check_positions, check_ranges
+
+if TYPE_CHECKING:
+    from billiards_env.envs.billiards import BilliardsEnv
 
 
 def make_scene(
@@ -44,6 +48,42 @@ def make_scene(
     return scene if isinstance(scene, Scene) else Scene.from_dict(scene)
 
 
+def check_randomize(
+    randomize: Mapping[str, Any] | None, scene: Scene, engine: Engine
+) -> dict[str, tuple[float, float]]:
+    """Returns the ranges (low, high) of the numbers that each episode draws, by name, after a check.
+
+    Args:
+        randomize: The argument of the environment.
+        scene: The scene.
+        engine: The engine.
+
+    Raises:
+        ValueError: If a number is unknown or does not vary with this engine, or if a range is empty or has values that
+            `Physics` or the engine rejects.
+        TypeError: If `randomize` is not a mapping to pairs of numbers.
+    """
+    ranges = {}
+    if randomize is not None and not isinstance(randomize, Mapping):
+        raise TypeError(f"randomize = {short(randomize)}: expected a mapping from names of numbers to (low, high)")
+    for key, given in (randomize or {}).items():
+        if key == "dt" and engine.mode == "pic":
+            raise ValueError("randomize['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
+        one_of("key of randomize", key, (*PHYSICS_NUMBERS, "dt"))
+        name = f"randomize[{key!r}]"
+        pair = tuple(real(name, end) for end in sequence(name, given))
+        if len(pair) != 2 or pair[0] >= pair[1]:
+            raise ValueError(f"{name} = {short(given)}: expected (low, high) with low < high")
+        ranges[key] = pair
+    try:
+        check_ranges(scene.physics, {key: pair for key, pair in ranges.items() if key != "dt"})
+        for dt in ranges.get("dt", ()):
+            checked_engine(engine.mode, dt, engine.fix)
+    except ValueError as error:
+        raise ValueError(f"randomize: {error}") from None
+    return ranges
+
+
 def _set_spec(env: Any, spec: EnvSpec | None) -> None:
     if spec is not None and isinstance(spec.kwargs.get("scene"), Scene):
         spec.kwargs = {**spec.kwargs, "scene": spec.kwargs["scene"].to_dict()}
@@ -55,31 +95,32 @@ json_spec: Any = property(lambda env: env._spec, _set_spec)
 
 
 def check_options(
-    scene: Scene, task: str, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
-) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-    """Returns the positions and goals in the options of a reset, after a check.
+    env: BilliardsEnv, options: Mapping[str, Any] | None, mask: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None, dict[str, NDArray[np.float64]]]:
+    """Returns the positions, the goals and the physics in the options of a reset, after a check.
 
     Args:
-        scene: The scene.
-        task: The task.
+        env: The environment, or one with the arguments of all.
         options: The options.
-        mask: None for one environment. For m environments (m,) bool: those to reset. The positions and goals of the
-            others are not used and only have to be finite.
+        mask: None for one environment. For m environments (m,) bool: those to reset. The values of the others are not
+            used, and only their positions and goals have to be finite.
 
     Returns:
-        (n, 2) or (m, n, 2) positions of the balls, m, or None if they are not in the options, and (1, 2) or (m, 1, 2)
-        goals, m, or None.
+        (n, 2) or (m, n, 2) positions of the balls, m, or None if they are not in the options; (1, 2) or (m, 1, 2)
+        goals, m, or None; and numbers of `randomize` by name, () or (m,).
 
     Raises:
-        ValueError: If an option is unknown, or a position of a ball or a goal is impossible.
-        TypeError: If the options are not a mapping.
+        ValueError: If an option is unknown, a position of a ball or a goal is impossible, or a number is not in its
+            range.
+        TypeError: If the options or their physics are not a mapping.
     """
     if options is None:
-        return None, None
+        return None, None, {}
     if not isinstance(options, Mapping):
         raise TypeError(f"options = {short(options)}: expected a dict")
+    scene, goal_radius = env.scene, TASKS[env.task].goal_radius
     for key in options:
-        one_of("key of options", key, ("positions", "goal") if TASKS[task].goal_radius else ("positions",))
+        one_of("key of options", key, ("positions", *["goal"] * bool(goal_radius), *["physics"] * bool(env.randomize)))
     many = () if mask is None else (len(mask),)
     positions = goals = None
     if "positions" in options:
@@ -90,4 +131,21 @@ def check_options(
         goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
         in_play = None if mask is None else mask[:, None]
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
-    return positions, goals
+    return positions, goals, _checked_physics(env.randomize, options.get("physics", {}), mask)
+
+
+def _checked_physics(
+    ranges: Mapping[str, tuple[float, float]], given: Any, mask: NDArray[np.bool_] | None
+) -> dict[str, NDArray[np.float64]]:
+    """Returns the physics in the options of a reset, after a check."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"options['physics'] = {short(given)}: expected a mapping from names of randomize to numbers")
+    found = {}
+    for key, values in given.items():
+        one_of("key of options['physics']", key, tuple(ranges))
+        name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
+        array = found[key] = shaped(name, values, () if mask is None else mask.shape)
+        bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
+        if bad.size:
+            raise ValueError(f"{name} = {bad.flat[0]}: expected a number from {low:g} to {high:g}, as in randomize")
+    return found

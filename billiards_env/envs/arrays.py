@@ -23,6 +23,7 @@ class TaskNumbers(NamedTuple):
         scratch_penalty: Reward subtracted for a scratch.
         half_length: Scale of x in observations, m, see `Scene.half_extents`.
         half_width: Scale of y in observations, m.
+        observe_shots_left: Whether observations have the fraction of shots left.
     """
 
     targets: Any
@@ -33,6 +34,7 @@ class TaskNumbers(NamedTuple):
     scratch_penalty: float
     half_length: float
     half_width: float
+    observe_shots_left: bool
 
 
 class BallArrays(NamedTuple):

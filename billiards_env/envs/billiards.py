@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -15,14 +15,14 @@ from billiards_env.checks import finite, flag, one_of, real, whole
 from billiards_env.engine import checked_engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.actions import ACTIONS, check_action
-from billiards_env.envs.arguments import check_options, json_spec, make_scene
+from billiards_env.envs.arguments import check_options, check_randomize, json_spec, make_scene
 from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.info import info_arrays, single_info
+from billiards_env.envs.info import info_arrays, single_info, single_physics
 from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.tasks import TASKS, task_targets
 from billiards_env.scene import Scene, layouts
 
-_ONE = np.ones(1, np.bool_)
+_ONE, _FIRST = np.ones(1, np.bool_), np.zeros(1, np.int64)
 
 
 class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -69,7 +69,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     The observation is a `ndarray` with shape `(2 * n_balls,)` and dtype `float32`. It has two more numbers in the tasks
     with a goal (`"place"` and `"position"`), one more number for each object ball in the run-outs (`"nine_ball"` and
-    `"eight_ball"`), and one more number with `observe_shots_left=True`:
+    `"eight_ball"`), one more number with `observe_shots_left=True`, and one more for each number of `randomize` with
+    `observe_physics=True`:
 
     | Num         | Observation                                                     | Min | Max |
     |-------------|-----------------------------------------------------------------|-----|-----|
@@ -78,7 +79,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | next        | x of the goal / half the table's length (tasks with a goal)     | -1  | 1   |
     | next        | y of the goal / half the table's width (tasks with a goal)      | -1  | 1   |
     | next        | 1 if ball 1 may be touched first, else 0; then ball 2 (run-outs) | 0   | 1   |
-    | last        | shots left / `max_shots` (`observe_shots_left=True`)            | 0   | 1   |
+    | next        | shots left / `max_shots` (`observe_shots_left=True`)            | 0   | 1   |
+    | last        | the numbers of `randomize`, scaled (`observe_physics=True`)     | -1  | 1   |
 
     The origin is the centre of the table. Both numbers of a ball on the table are strictly between -1 and 1. A potted
     ball has the position of the pocket's centre, clipped to [-1, 1]. On a table with an outline of cushions, a ball can
@@ -138,8 +140,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     In a task with a goal, the goal is then drawn uniformly from all positions that the cue ball can have on an empty
     table. The goal does not change during an episode.
 
+    With `randomize` each episode then draws its physics. `randomize` maps names of numbers of `Physics` to ranges (low,
+    high), such as `{"mu_roll": (0.008, 0.015)}`, and with `mode="pit"` also "dt". A number is drawn uniformly from its
+    range and replaces that of the scene (or `dt`) during the episode. With `observe_physics=True` the observation has
+    these numbers, scaled from their ranges to [-1, 1].
+
     `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
-    table. `reset(options={"goal": [x, y]})` sets the goal.
+    table. `reset(options={"goal": [x, y]})` sets the goal, and `reset(options={"physics": {"mu_roll": 0.01}})` a number
+    of `randomize`, within its range.
 
     ## Episode End
 
@@ -160,7 +168,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Info
 
-    `reset` returns an empty dictionary. `step` returns these keys:
+    `reset` returns an empty dictionary, and with `randomize` the numbers of the episode by name (float). `step` returns
+    these keys, and these numbers:
 
     | Key          | Type       | Description                                              |
     |--------------|------------|----------------------------------------------------------|
@@ -211,6 +220,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `layout`             | str or None   | `None`       | starting positions; None for those of the task         |
     | `observe_shots_left` | bool          | `False`      | whether the observation has the fraction of shots left |
     | `scratch_penalty`    | float         | `0.1`        | reward subtracted for a scratch                        |
+    | `randomize`          | dict or None  | `None`       | ranges of physics that each episode draws              |
+    | `observe_physics`    | bool          | `False`      | whether the observation has the drawn physics          |
     | `render_mode`        | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`         |
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
@@ -267,6 +278,8 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         layout: str | None = None,
         observe_shots_left: bool = False,
         scratch_penalty: float = 0.1,
+        randomize: Mapping[str, Sequence[float]] | None = None,
+        observe_physics: bool = False,
         render_mode: str | None = None,
     ) -> None:
         one_of("task", task, tuple(TASKS))
@@ -284,6 +297,10 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         layouts.draw(self.layout, self.scene, np.random.default_rng(0))
         self.observe_shots_left = flag("observe_shots_left", observe_shots_left)
         self.scratch_penalty = real("scratch_penalty", scratch_penalty, "scratch_penalty")
+        self.randomize = check_randomize(randomize, self.scene, self.engine)
+        self.observe_physics = flag("observe_physics", observe_physics)
+        if observe_physics and not self.randomize:
+            raise ValueError("observe_physics = True without randomize: expected the ranges of the numbers it observes")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
         self.render_mode = render_mode
@@ -291,22 +308,33 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
 
-        self._episodes = self.episodes(1, 0 if self._renderer is None else 1)
+        self._episodes = Episodes(1, self, 0 if self._renderer is None else 1)
         self._info = info_arrays(self._episodes)
         arrays = self._episodes.arrays
         coordinates = 2 * (self.scene.n_balls + arrays.goals.shape[1])
         flags = max(arrays.legal_balls.shape[1] - 1, 0) + self.observe_shots_left
         self.action_space = gym.spaces.Box(-1.0, 1.0, (ACTIONS[action],), np.float32)
-        low = np.full(coordinates + flags, -1.0, np.float32)
-        low[coordinates:] = 0.0
+        low = np.full(coordinates + flags + self.observe_physics * len(self.randomize), -1.0, np.float32)
+        low[coordinates : coordinates + flags] = 0.0
         self.observation_space = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         self._rewards = np.empty(1)
         self._numbers = ACTIONS[action]
         self._size = len(low)
 
     def episodes(self, count: int, n_recorded: int = 0) -> Episodes:
-        """Returns `count` new episodes with the arguments of this environment. `n_recorded` is that of `Episodes`."""
-        return Episodes(count, self, n_recorded)
+        """Returns `count` new episodes with the arguments of this environment and the physics of its present episode.
+
+        `n_recorded` is that of `Episodes`.
+        """
+        episodes = Episodes(count, self, n_recorded)
+        if self.randomize:
+            episodes.set_physics(np.arange(count), self._episodes.physics)
+        return episodes
+
+    @property
+    def episode_scene(self) -> Scene:
+        """The scene with the physics of the present episode: `scene`, unless `randomize` changes it."""
+        return self._episodes.scene_and_engine(0)[0]
 
     @property
     def positions(self) -> NDArray[np.float64]:
@@ -336,17 +364,17 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Args:
             seed: Seed of the generator that draws the starting states. The same seed gives the same episodes bit for
                 bit.
-            options: None, or a dict with "positions": (n, 2) positions of the balls, m, or "goal": (2,) m in a task
-                with a goal, or both. The rest of the starting state is drawn.
+            options: None, or a dict with any of "positions": (n, 2) positions of the balls, m, "goal": (2,) m in a task
+                with a goal, and "physics": numbers of `randomize` by name. The rest of the starting state is drawn.
 
         Returns:
-            The observation and an empty info.
+            The observation, and an info with the numbers of `randomize` alone.
 
         Raises:
             ValueError: If an option is unknown, or a position or the goal is impossible.
             TypeError: If the options are not a mapping.
         """
-        positions, goal = check_options(self.scene, self.task, options)
+        positions, goal, physics = check_options(self, options)
         super().reset(seed=int(seed) if isinstance(seed, np.integer) else seed)
         episodes = self._episodes
         episodes.shots.positions[0] = (
@@ -354,11 +382,14 @@ class BilliardsEnv(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         if episodes.goal_plan is not None:
             episodes.arrays.goals[0] = layouts.draw_one(episodes.goal_plan, self.np_random) if goal is None else goal
+        if self.randomize:
+            drawn = episodes.scaled(self.np_random.random((1, len(self.randomize))))
+            episodes.set_physics(_FIRST, drawn | physics)
         observations = np.empty((1, self._size), np.float32)
         episodes.begin(0, 1, _ONE, observations)
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, 0)])
-        return observations[0], {}
+        return observations[0], single_physics(self._info)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Plays one shot.

@@ -6,17 +6,18 @@ import dataclasses
 import functools
 import math
 import warnings
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of, scene_fields
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine.modes import varied_fields, varied_shot, vary
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
-from billiards_env.jit import entry_point, inlined
+from billiards_env.jit import entry_point, inlined, streams
 from billiards_env.jit.specialised import specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -25,6 +26,7 @@ from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 
 if TYPE_CHECKING:
+    from billiards_env.engine import Engine
     from billiards_env.envs.billiards import BilliardsEnv
 
 Floats = NDArray[np.float64]
@@ -45,6 +47,7 @@ class Episodes:
         goal_plan: The layout that goals are drawn from: the cue ball anywhere, alone on the table. None if the task has
             no goal.
         miscues: (m,) bool: whether the tip slipped in the last shot; False for the action "velocity".
+        physics: The numbers of `BilliardsEnv.randomize` by name, (m,) each.
         recorded: The last shot of the first `n_recorded` episodes with its trajectory, by episode.
     """
 
@@ -89,18 +92,21 @@ class Episodes:
             scratch_penalty=env.scratch_penalty,
             half_length=scene.half_extents[0],
             half_width=scene.half_extents[1],
+            observe_shots_left=env.observe_shots_left,
         )
         # The arguments of the entry points. The arrays are those of the attributes above, also after a deep copy.
         self._numbers, self._arrays = tuple(numbers), tuple(self.arrays)
         self._shots, self._balls = tuple(shots), tuple(self.balls)
-        self._run_shots, self._scene = run_shots_of(env.engine, n), scene_fields(scene, env.engine)
+        self.physics = {name: np.full(count, low) for name, (low, _) in env.randomize.items()}
+        self._run_shots = run_shots_of(env.engine, n)
+        self._scene = varied_fields(scene, env.engine, self.physics, count)
         self._limit = scene.physics.max_time or math.inf
         self._cue = tuple(cue_numbers(scene)) if env.action == "strike" else None
 
     def draw(
         self, begin: int, end: int, mask: Bools, streams: NDArray[np.uint64], balls: bool = True, goals: bool = True
     ) -> None:
-        """Draws positions of the balls, then goals if the task has any.
+        """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:
             begin: See the class.
@@ -117,10 +123,43 @@ class Episodes:
             layouts.draw_tables(self.plan, begin, end, mask, streams, self.shots.positions)
         if goals and self.goal_plan is not None:
             layouts.draw_tables(self.goal_plan, begin, end, mask, streams, self.arrays.goals)
+        if self.physics:
+            units, rows = np.empty((end - begin, len(self.physics))), np.flatnonzero(mask[begin:end])
+            draw_units(begin, end, mask, streams, units)
+            self.set_physics(begin + rows, self.scaled(units[rows]))
+
+    def scaled(self, units: Floats) -> dict[str, Floats]:
+        """Returns numbers in the ranges of the physics that varies, by name, for draws (m, p) from [0, 1)."""
+        ranges = self.env.randomize.items()
+        return {
+            name: np.minimum(low + (high - low) * units[:, j], high) for j, (name, (low, high)) in enumerate(ranges)
+        }
+
+    def set_physics(self, rows: NDArray[np.int64], numbers: Mapping[str, Floats]) -> None:
+        """Sets numbers of the physics of episodes, for which it varies. `rows` are the numbers of the episodes."""
+        for name, values in numbers.items():
+            self.physics[name][rows] = values
+        varied = {name: values[rows] for name, values in self.physics.items()}
+        vary(self._scene[0], rows, self.env.scene, self.env.engine, varied)
+
+    def physics_arrays(self) -> list[NDArray[Any]]:
+        """Returns the arrays that `set_physics` changes, none without physics that varies."""
+        return [*self.physics.values(), self._scene[0]] if self.physics else []
+
+    def scene_and_engine(self, k: int) -> tuple[Scene, Engine]:
+        """Returns the scene and the engine of episode k."""
+        return varied_shot(self.env.scene, self.env.engine, self.physics, k)
 
     def begin(self, begin: int, end: int, mask: Bools, observations: NDArray[np.float32]) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations (m, size)."""
         begin_episodes(begin, end, mask, self._numbers, self._arrays, observations)
+        if self.env.observe_physics:
+            self._observe_physics(begin, end, observations)
+
+    def _observe_physics(self, begin: int, end: int, observations: NDArray[np.float32]) -> None:
+        first = observations.shape[1] - len(self.physics)
+        for j, (name, (low, high)) in enumerate(self.env.randomize.items()):
+            observations[begin:end, first + j] = 2.0 * (self.physics[name][begin:end] - low) / (high - low) - 1.0
 
     def shoot(self, begin: int, end: int, actions: Floats, rewards: Floats, observations: NDArray[np.float32]) -> None:
         """Plays a shot in each episode that is not over. The others have the reward 0, and their tally does not change.
@@ -150,13 +189,15 @@ class Episodes:
             balls.in_play[begin:end] = ~balls.potted_before[begin:end]
             raise
         scoring(self.env.task)(begin, end, self._numbers, self._arrays, rewards, observations)
+        if self.env.observe_physics:
+            self._observe_physics(begin, end, observations)
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""
-        env, shots = self.env, self.shots
+        shots, (scene, engine) = self.shots, self.scene_and_engine(k)
         positions, velocities, spins, in_play = (array[k].copy() for array in shots[:4])
         start = ShotInput(positions, velocities, spins, in_play, self._limit)
-        shot = run_shot(env.scene, start, env.engine, record=True)
+        shot = run_shot(scene, start, engine, record=True)
         for name, array in shots._asdict().items():
             if name == "in_play":
                 array[k] = ~shot.potted
@@ -169,7 +210,7 @@ class Episodes:
         n_events, seconds, start = self.shots.n_events[k], self.shots.time[k], self.balls.positions_before[k].tolist()
         warnings.warn(
             f"the engine ended a shot at its limit, after {n_events} events and {seconds} s; "
-            f"scene {self.env.scene.to_dict()}, positions {start}, action {action.tolist()}",
+            f"scene {self.scene_and_engine(k)[0].to_dict()}, positions {start}, action {action.tolist()}",
             RuntimeWarning,
             stacklevel=3,
         )
@@ -185,7 +226,7 @@ def observe(k, numbers, arrays, observations):
     """Writes the observation of episode k.
 
     It holds the positions of the balls and goals, divided by `Scene.half_extents`, and in a run-out whether each object
-    ball is legal. If there is room for one more number, this is the fraction of the shots that are left.
+    ball is legal, then the fraction of the shots that are left, if it is observed.
     """
     positions, goals, legal = arrays.positions, arrays.goals, arrays.legal_balls
     n, n_goals = positions.shape[1], goals.shape[1]
@@ -199,8 +240,17 @@ def observe(k, numbers, arrays, observations):
     for i in range(1, legal.shape[1]):
         observations[k, last] = 1.0 if legal[k, i] else 0.0
         last += 1
-    if observations.shape[1] > last:
+    if numbers.observe_shots_left:
         observations[k, last] = 1.0 if arrays.fresh[k] else arrays.shots_left[k] / numbers.max_shots
+
+
+@entry_point
+def draw_units(begin, end, mask, episode_streams, units):
+    """Draws numbers (end - begin, p) from [0, 1) for the episodes in the mask, each from its own stream."""
+    for k in range(begin, end):
+        if mask[k]:
+            for j in range(units.shape[1]):
+                units[k - begin, j] = streams.next_double(episode_streams[k])
 
 
 @entry_point

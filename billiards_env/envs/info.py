@@ -21,10 +21,12 @@ class InfoArrays(NamedTuple):
     Attributes:
         numbers: The keys with a number, (m,). That of "status" is an index into `STATUS`.
         rows: The keys with an array, (m, n).
+        physics: Those of the keys with a number that `reset` returns, too: the numbers that each episode draws.
     """
 
     numbers: dict[str, NDArray[Any]]
     rows: dict[str, NDArray[Any]]
+    physics: dict[str, NDArray[Any]]
 
 
 def info_arrays(episodes: Episodes) -> InfoArrays:
@@ -36,10 +38,12 @@ def info_arrays(episodes: Episodes) -> InfoArrays:
         "status": shots.status,
         "first_hit": shots.first_hit,
         **{name: getattr(arrays, name) for name in TALLY},
+        **episodes.physics,
     }
     if episodes.env.action == "strike":
         numbers["miscue"] = episodes.miscues
-    return InfoArrays(numbers, {"cushions": shots.cushions, "potted": arrays.potted})
+    rows = {"cushions": shots.cushions, "potted": arrays.potted}
+    return InfoArrays(numbers, rows, episodes.physics)
 
 
 def single_info(arrays: InfoArrays) -> dict[str, Any]:
@@ -51,10 +55,20 @@ def single_info(arrays: InfoArrays) -> dict[str, Any]:
     return info
 
 
+def single_physics(arrays: InfoArrays) -> dict[str, float]:
+    """Returns the `info` of the reset of a single episode."""
+    return {key: values.item() for key, values in arrays.physics.items()}
+
+
 def copied_info(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
     """Returns copies of the arrays, with the names of the status."""
     info = {key: values.copy() for key, values in (arrays.numbers | arrays.rows).items()}
     return {**info, "status": _STATUS[info["status"]]}
+
+
+def copied_physics(arrays: InfoArrays) -> dict[str, NDArray[Any]]:
+    """Returns copies of the arrays of the physics."""
+    return {key: values.copy() for key, values in arrays.physics.items()}
 
 
 def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.arguments import check_options, json_spec
 from billiards_env.envs.arrays import TALLY
 from billiards_env.envs.billiards import BilliardsEnv
-from billiards_env.envs.info import copied_info, info_arrays, masked_info
+from billiards_env.envs.info import copied_info, copied_physics, info_arrays, masked_info
 from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.jit import streams
 
@@ -50,6 +50,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     |--------------|--------------------|-------------------------------------------------------------------------|
     | `positions`  | `(num_envs, n, 2)` | positions of the balls, in metres from the centre of the table          |
     | `goal`       | `(num_envs, 2)`    | goals of tasks with a goal, in metres from the centre of the table      |
+    | `physics`    | `(num_envs,)` each | numbers of `randomize` by name                                          |
     | `reset_mask` | `(num_envs,)` bool | the environments to reset; the others continue their episodes           |
 
     ## Autoreset
@@ -178,11 +179,11 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         Args:
             seed: Seed of the first environment, from which environment i gets `seed + i`, or a sequence with one seed
                 per environment. None leaves the random streams as they are.
-            options: None or a dict with any of "positions", "goal" and "reset_mask", see the class. Environments
-                outside the mask are neither reset nor seeded.
+            options: None or a dict with any of "positions", "goal", "physics" and "reset_mask", see the class.
+                Environments outside the mask are neither reset nor seeded.
 
         Returns:
-            (num_envs, size) observations of all environments, and an empty info.
+            (num_envs, size) observations of all environments, and an info with the numbers of `randomize` alone.
 
         Raises:
             ValueError: If a seed or an option is wrong, or a position or a goal is impossible.
@@ -194,7 +195,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if isinstance(options, dict) and "reset_mask" in options:
             mask = _checked_mask(options["reset_mask"], self.num_envs)
             options = {key: value for key, value in options.items() if key != "reset_mask"}
-        positions, goals = check_options(self.single_env.scene, self.single_env.task, options, mask)
+        positions, goals, physics = check_options(self.single_env, options, mask)
         if not (self._begun | mask).all():
             raise ResetNeeded(
                 "reset_mask leaves out environments that have never been reset: reset all environments first"
@@ -214,6 +215,9 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         def work(begin: int, end: int) -> None:
             episodes.draw(begin, end, mask, self._streams, balls=positions is None, goals=goals is None)
+            if physics:
+                rows = begin + np.flatnonzero(mask[begin:end])
+                episodes.set_physics(rows, {name: values[rows] for name, values in physics.items()})
             episodes.begin(begin, end, mask, observations)
 
         self._begun &= ~mask  # an interrupted reset has to be repeated
@@ -221,7 +225,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         self._begun |= mask
         if self._renderer is not None:
             self._renderer.begin([drawn_layout(episodes, k) for k in range(self._n_shown)])
-        return observations, {}
+        return observations, masked_info(copied_physics(self._info), mask)
 
     def step(self, actions: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64], Bools, Bools, dict[str, Any]]:
         """Plays one shot in every environment, except in those that this step resets.
@@ -253,6 +257,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         rewards, over, last = np.empty(m), np.empty(m, np.bool_), self._new_observations()
         observations = self._new_observations() if same_step else last
         goals = arrays.goals if self._renderer is None else arrays.goals.copy()
+        physics = copied_physics(self._info)
 
         def work(begin: int, end: int) -> None:
             episodes.shoot(begin, end, checked, rewards, last)
@@ -266,7 +271,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
 
         changed = [arrays.positions, arrays.in_play, arrays.legal_balls, arrays.fresh, *self._tally]
         if resets or same_step:
-            changed += [self._streams, arrays.goals]
+            changed += [self._streams, arrays.goals, *episodes.physics_arrays()]
         before = [array.copy() for array in changed]
         try:
             parallel_for(work, m, self.threads)
@@ -285,7 +290,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
         if status.max() >= AT_EVENT_LIMIT:
             for k in np.flatnonzero((status >= AT_EVENT_LIMIT) & ~skip)[:1]:
                 episodes.warn_cut_off(k, checked[k])
-        info = copied_info(self._info)
+        info = copied_info(self._info) | physics
         if same_step and over.any():
             infos = {
                 **masked_info(info, ~over),
@@ -296,6 +301,8 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
             }
         else:
             infos = masked_info(info, ~skip)
+        if physics:  # also that of the episodes that this step has begun
+            infos |= masked_info(copied_physics(self._info), np.ones(m, np.bool_))
         return observations, rewards, over, np.zeros(m, np.bool_), infos
 
     def render(self) -> tuple[Any, ...] | None:

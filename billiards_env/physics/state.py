@@ -144,7 +144,7 @@ class SceneArrays(NamedTuple):
     argument begins with `if field is None`.
 
     The argument `scene` of an entry point has the fields as a plain tuple, which numba unpacks in half the time. Its
-    first field is an array of one record of `NUMBERS`.
+    first field is an array of records of `NUMBERS`, one for all shots or one for each shot.
     """
 
     numbers: Numbers

@@ -27,7 +27,7 @@ def situation(env: BilliardsEnv) -> Situation:
     """Returns the situation in an environment. The rating of an action is its reward."""
     targets = env.legal_balls if env.legal_balls.size else env.targets
     return Situation(
-        env.scene,
+        env.episode_scene,
         env.positions,
         env.potted,
         targets,

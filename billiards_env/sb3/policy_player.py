@@ -28,7 +28,7 @@ def policy(setup: Setup, argument: str) -> Player:
 
     Raises:
         OSError: If the folder holds no finished run.
-        ValueError: If the policy was trained on another table or with another number of balls.
+        ValueError: If the policy was trained on another table, with another number of balls or with `observe_physics`.
     """
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
@@ -49,6 +49,8 @@ def policy(setup: Setup, argument: str) -> Player:
             f"{error} the table and the balls of its training; --scene of billiards play, for example --scene pool, "
             "chooses them"
         )
+    if base.observe_physics:
+        raise ValueError(f"player = 'policy:{argument}': expected a policy trained without observe_physics")
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
         game, place = place_cue_ball(setup, game, max_speed, rng)

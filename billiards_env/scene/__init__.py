@@ -4,6 +4,7 @@ from billiards_env.scene.scene import (
     CONTACT_GAP,
     CUSHIONS,
     MOTIONS,
+    PHYSICS_NUMBERS,
     SCENES,
     Balls,
     Cue,
@@ -11,6 +12,7 @@ from billiards_env.scene.scene import (
     Scene,
     ball_friction,
     check_positions,
+    check_ranges,
     check_scene,
 )
 from billiards_env.scene.table import TABLES, Pocket, Table
@@ -19,6 +21,7 @@ __all__ = [
     "CONTACT_GAP",
     "CUSHIONS",
     "MOTIONS",
+    "PHYSICS_NUMBERS",
     "SCENES",
     "TABLES",
     "Balls",
@@ -29,5 +32,6 @@ __all__ = [
     "Table",
     "ball_friction",
     "check_positions",
+    "check_ranges",
     "check_scene",
 ]

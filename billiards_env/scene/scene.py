@@ -45,6 +45,7 @@ UK cue ball            0.0238125 m,    WEPF: 1 7/8 in across, 94 g
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -225,6 +226,26 @@ class Physics:
                     f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
                     "no energy"
                 )
+
+
+PHYSICS_NUMBERS = tuple(
+    field.name
+    for field in dataclasses.fields(Physics)
+    if field.name not in ("motion", "cushion", "ball_ball", "max_time")
+)
+"""The fields of `Physics` that are constants of the laws."""
+
+
+def check_ranges(physics: Physics, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Checks that numbers of a `Physics` may have all values in ranges (low, high).
+
+    Its rules are monotonic in each number, so the ends of the ranges decide.
+
+    Raises:
+        ValueError: As `Physics` does, for the first combination of ends that it rejects.
+    """
+    for ends in itertools.product(*ranges.values()):
+        dataclasses.replace(physics, **dict(zip(ranges, ends, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

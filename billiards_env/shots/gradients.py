@@ -19,9 +19,9 @@ unless the motion is "ideal".
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, REASONS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW
-from billiards_env.engine.modes import scene_fields
+from billiards_env.engine.modes import PIC, Varied, physics_of_shots, varied_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import derivatives as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
@@ -71,11 +71,13 @@ class Record(NamedTuple):
         scene: The scene.
         time: (m,) Durations, s.
         parts: The logs, in the order of the shots.
+        varied: The numbers of `Physics` that differ from shot to shot.
     """
 
     scene: Scene
     time: Floats
     parts: Sequence[Part]
+    varied: Varied = MappingProxyType({})
 
 
 class Nonsmooth(NamedTuple):
@@ -92,22 +94,26 @@ class Nonsmooth(NamedTuple):
     reason: Any
 
 
-def physics_inputs(physics: Physics) -> dict[str, Floats]:
-    """Returns the derivative of the numbers of the engine with respect to each number of a `Physics`, by its name."""
+def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> dict[str, Floats]:
+    """Returns the derivative of the numbers of the engine with respect to each number of a `Physics`, by its name.
+
+    Those that depend on `varied`, numbers (m,) that differ from shot to shot, are (m, 14). The others are (14,).
+    """
     found: dict[str, Floats] = {}
+    p = physics_of_shots(physics, varied)
 
-    def add(name: str, **rates: float) -> None:
-        found[name] = np.zeros(NUMBER_INPUTS)
+    def add(name: str, **rates: Any) -> None:
+        found[name] = np.zeros((*np.broadcast_shapes(*map(np.shape, rates.values())), NUMBER_INPUTS))
         for column, rate in rates.items():
-            found[name][getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
+            found[name][..., getattr(columns, f"D_{column.upper()}") - columns.D_NUMBERS] = rate
 
-    add("g", slide=physics.mu_slide, roll=physics.mu_roll)
-    add("mu_slide", slide=physics.g, mu_cloth=1.0)
-    add("mu_roll", roll=physics.g)
-    limit, drop, _ = ball_friction(dataclasses.replace(physics, mu_ball_factor=1.0))
+    add("g", slide=p.mu_slide, roll=p.mu_roll)
+    add("mu_slide", slide=p.g, mu_cloth=1.0)
+    add("mu_roll", roll=p.g)
+    limit, drop, _ = ball_friction(physics_of_shots(physics, {**varied, "mu_ball_factor": np.array(1.0)}))
     add("mu_ball_factor", mu_limit=limit, mu_drop=drop)
-    if physics.mu_ball is not None:
-        add("mu_ball", mu_limit=physics.mu_ball_factor)
+    if p.mu_ball is not None:
+        add("mu_ball", mu_limit=p.mu_ball_factor)
     for name in ("spin_decay", "e_ball", "e_cushion", "mu_cushion"):
         add(name, **{name: 1.0})
     for name in ("loss", "onset", "floor"):
@@ -156,7 +162,7 @@ class _Inputs(NamedTuple):
             assert self.strike is not None
             balls[:, :, 0, 2:7] += np.einsum("mij,mkj->mki", self.strike, change)
         elif name in self.numbers:
-            inputs[..., BALL_INPUTS * n :] += change[..., None] * self.numbers[name]
+            inputs[..., BALL_INPUTS * n :] += change[..., None] * self.numbers[name][..., None, :]
         else:
             balls[..., _BALL_INPUTS[name]] += change * self.by_mass() if name == "mass" else change
 
@@ -168,7 +174,7 @@ class _Inputs(NamedTuple):
             assert self.strike is not None
             return np.einsum("mij,mki->mkj", self.strike, balls[:, :, 0, 2:7])
         if name in self.numbers:
-            return adjoint[..., BALL_INPUTS * n :] @ self.numbers[name]
+            return (adjoint[..., BALL_INPUTS * n :] * self.numbers[name][..., None, :]).sum(-1)
         found = balls[..., _BALL_INPUTS[name]]
         return found * self.by_mass() if name == "mass" else found
 
@@ -192,7 +198,7 @@ def _inputs(record: Record, strike: ArrayLike | None) -> _Inputs:
                 f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity is "
                 f"{begun[off][0].tolist()} m/s, not {velocity[off][0].tolist()}"
             )
-    return _Inputs(scene, physics_inputs(scene.physics), derivative)
+    return _Inputs(scene, physics_inputs(scene.physics, record.varied), derivative)
 
 
 def start_states(record: Record) -> Floats:
@@ -235,7 +241,7 @@ def _output_shape(record: Record, name: str) -> tuple[int, ...]:
 def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arrays: Any) -> None:
     """Calls `push_lanes` or `pull_lanes` on pieces of the shots; `arrays` are its last arguments."""
     scene = record.scene
-    fields, is_sphere = scene_fields(scene), scene.balls.shape == "sphere"
+    fields, is_sphere = varied_fields(scene, PIC, record.varied, len(record.time)), scene.balls.shape == "sphere"
     begins = [part.begin for part in record.parts]
 
     def work(begin: int, end: int) -> None:

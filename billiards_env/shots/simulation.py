@@ -12,8 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import flag, numbers, short, whole
 from billiards_env.engine.log import NO_LOG, empty_log
-from billiards_env.engine.modes import MAX_EVENTS, PIC, Engine, checked_engine, run_shots_of, scene_fields
-from billiards_env.engine.shot_input import ShotInput, check_shot
+from billiards_env.engine.modes import (
+    MAX_EVENTS,
+    PIC,
+    Engine,
+    Varied,
+    checked_engine,
+    run_shots_of,
+    scene_fields,
+    varied_fields,
+    varied_shot,
+)
+from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
 from billiards_env.engine.threads import parallel_for
 from billiards_env.scene import Scene, check_scene
@@ -167,9 +177,9 @@ class BatchResult:
     status: NDArray[Any]
     first_hit: NDArray[np.int64]
     n_contact_rule: NDArray[np.int64]
-    _arguments: tuple[
-        Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]
-    ]  # those of `simulate`, with a leading axis
+    _arguments: tuple[Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]]  # of `simulate`, with a leading axis
+    _engine: Engine = PIC
+    _varied: Varied = dataclasses.field(default_factory=dict)
     _parts: list[Part] | None = None  # the logs of recorded shots
 
     def __len__(self) -> int:
@@ -186,6 +196,8 @@ class BatchResult:
         positions, velocities, spins, in_play = (None if array is None else array[k] for array in start)
         assert positions is not None
         assert velocities is not None
+        scene, engine = varied_shot(scene, self._engine, self._varied, k)
+        settings = settings | engine._asdict()
         return simulate(scene, positions, velocities, spins=spins, in_play=in_play, record=True, **settings)
 
     def jvp(
@@ -252,7 +264,7 @@ class BatchResult:
 
         if self._parts is None:
             raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., mode='pic', record=True)")
-        return Record(self._arguments[0], self.time, self._parts)
+        return Record(self._arguments[0], self.time, self._parts, self._varied)
 
     def __repr__(self) -> str:
         m, n = self.potted.shape
@@ -279,8 +291,9 @@ def simulate_batch(
     velocities: ArrayLike | Strike,
     *,
     mode: str = "pic",
-    dt: float | None = None,
+    dt: ArrayLike | None = None,
     fix: str | None = None,
+    physics: Mapping[str, ArrayLike] | None = None,
     spins: ArrayLike | None = None,
     in_play: ArrayLike | None = None,
     max_time: float | None = None,
@@ -295,8 +308,10 @@ def simulate_batch(
         positions: (m, n, 2) centres of the balls, m; ball 0 is the cue ball.
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone, or a `Strike` of m strikes.
         mode: The engine, as in `simulate`.
-        dt: As in `simulate`.
+        dt: The timestep of "pit", s, or one for each shot, (m,); None for "pic".
         fix: As in `simulate`.
+        physics: Numbers of `Physics` that differ from shot to shot, by name, such as {"mu_roll": ...}, (m,) each. They
+            replace those of the scene. `max_time` is not one of them.
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: As in `simulate`.
@@ -320,7 +335,6 @@ def simulate_batch(
         [1, 1, -1]
     """
     check_scene(scene)
-    engine = checked_engine(mode, dt, fix)
     whole("max_events", max_events, "max_events")
     if flag("record", record) and mode != "pic":
         raise ValueError(f"record = True with mode = {mode!r}: expected mode='pic', the derivatives of a batch need it")
@@ -330,13 +344,15 @@ def simulate_batch(
     if threads is not None:
         whole("threads", threads, "threads")
     m = len(positions)
+    engine, varied = check_varied(scene, physics, mode, dt, fix, m)
     shots = empty_shots(m, scene.n_balls)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
     given, turning = _motion(velocities, spins)
     moving, turning = numbers("velocities", given), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
-    run_shots, arrays, plain = run_shots_of(engine, scene.n_balls), scene_fields(scene, engine), tuple(shots)
+    run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
+    arrays = varied_fields(scene, engine, varied, m)
     parts = None
     if record:
         parts = _run_recorded(
@@ -345,9 +361,10 @@ def simulate_batch(
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
     outcome = shots._asdict() | {"status": np.array(STATUS, dtype=object)[shots.status]}
-    settings = {"mode": mode, "dt": dt, "fix": fix, "max_time": max_time, "max_events": max_events}
+    settings = {"max_time": max_time, "max_events": max_events}
     arguments = scene, (positions, moving, turning, playing), settings
-    return BatchResult(potted=~outcome.pop("in_play"), _arguments=arguments, _parts=parts, **outcome)
+    potted = ~outcome.pop("in_play")
+    return BatchResult(potted=potted, _arguments=arguments, _engine=engine, _varied=varied, _parts=parts, **outcome)
 
 
 _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need

@@ -81,14 +81,17 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     last = env.observe_shots_left
     places = 2 * (n + (TASKS[env.task].goal_radius > 0))
     flags = n - 1 if TASKS[env.task].opening else 0
-    assert env.observation_space.shape == (places + flags + last,)
+    drawn, seen = env.randomize, env.observe_physics * len(env.randomize)
+    assert env.observation_space.shape == (places + flags + last + seen,)
     assert env.observation_space.dtype == np.float32
     assert env.action_space == gym.spaces.Box(-1, 1, (2,), np.float32)
     documented = {key: kind for key, kind in DOCUMENTED_INFO.items() if key != "miscue"}  # that is for strikes only
+    documented |= dict.fromkeys(drawn, "float")
     env.action_space.seed(0)
     rng = np.random.default_rng(0)
     for episode in range(5):
         observation, info = env.reset(seed=episode)
+        assert all(low <= info.pop(name) <= high for name, (low, high) in drawn.items())
         assert info == {}
         assert observation in env.observation_space
         assert np.abs(observation[:places]).max() < 1
@@ -111,7 +114,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             assert np.array_equal(on_table, ~info["potted"])
             assert np.array_equal(observation[places : places + flags], env.legal_balls[1 : 1 + flags])
             if last:
-                assert observation[-1] == np.float32(info["shots_left"] / env.max_shots)
+                assert observation[places + flags] == np.float32(info["shots_left"] / env.max_shots)
         assert total == info["score"]
         assert shots <= env.max_shots
         if not info["potted"].any() and env.engine.mode == "pic":

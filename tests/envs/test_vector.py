@@ -28,6 +28,8 @@ variants = pytest.mark.parametrize(
     ids=lambda value: ",".join(map(str, value.values()))[:60] if isinstance(value, dict) else value.value,
 )
 SOFT = {"n_object_balls": 2, "max_shots": 3, "max_speed": 2.0}  # some episodes end with a scratch, some at the limit
+VARIED = {**SOFT, "randomize": {"mu_roll": [0.004, 0.02], "g": [5.0, 15.0]}, "observe_physics": True}
+soft = pytest.mark.parametrize("kwargs", [SOFT, VARIED], ids=["soft", "varied"])
 
 
 def pair(num_envs, autoreset, threads=None, **kwargs):
@@ -78,8 +80,9 @@ def test_results_equal_those_of_single_environments(kwargs, mode):
 
 
 @modes
-def test_results_are_equal_with_several_threads_and_many_episodes(mode):
-    compare(*pair(150, mode, threads=4, **SOFT), steps=12)
+@soft
+def test_results_are_equal_with_several_threads_and_many_episodes(mode, kwargs):
+    compare(*pair(150, mode, threads=4, **kwargs), steps=12)
 
 
 @modes
@@ -107,8 +110,9 @@ def test_unseeded_environments_have_different_layouts_which_np_random_seed_repro
 
 
 @modes
-def test_a_masked_reset_does_not_change_the_others(mode):
-    native, sync = pair(6, mode, **SOFT)
+@soft
+def test_a_masked_reset_does_not_change_the_others(mode, kwargs):
+    native, sync = pair(6, mode, **kwargs)
     compare(native, sync, steps=2)
     rng = np.random.default_rng(1)
     for step in range(8):
@@ -157,8 +161,9 @@ def test_goals_from_options():
 
 
 @modes
-def test_returned_arrays_share_no_memory(mode):
-    envs = BilliardsVectorEnv(40, autoreset_mode=mode, **SOFT)
+@soft
+def test_returned_arrays_share_no_memory(mode, kwargs):
+    envs = BilliardsVectorEnv(40, autoreset_mode=mode, **kwargs)
     rng = np.random.default_rng(0)
 
     def arrays(results):
@@ -168,7 +173,7 @@ def test_returned_arrays_share_no_memory(mode):
             elif isinstance(value, np.ndarray) and value.dtype != object:
                 yield value
 
-    twin = BilliardsVectorEnv(40, autoreset_mode=mode, **SOFT)
+    twin = BilliardsVectorEnv(40, autoreset_mode=mode, **kwargs)
     twin.reset(seed=0)
     given = list(arrays(envs.reset(seed=0)))
     for _ in range(4):
@@ -184,7 +189,7 @@ def test_returned_arrays_share_no_memory(mode):
             twin.reset(options={"reset_mask": mask})
     for a, b in itertools.combinations(given, 2):
         assert not np.may_share_memory(a, b)
-    inner = [envs._streams, *envs._episodes.shots, *envs._episodes.arrays]
+    inner = [envs._streams, *envs._episodes.shots, *envs._episodes.arrays, *envs._episodes.physics_arrays()]
     assert not any(np.may_share_memory(a, b) for a in given for b in inner)
 
 
@@ -333,8 +338,9 @@ def test_wrappers_of_gymnasium(mode):
 
 
 @pytest.mark.parametrize("copy_of", [copy.deepcopy, lambda envs: pickle.loads(pickle.dumps(envs))])
-def test_a_copy_continues_like_its_original(copy_of):
-    envs = BilliardsVectorEnv(64, autoreset_mode="SameStep", **SOFT)
+@soft
+def test_a_copy_continues_like_its_original(copy_of, kwargs):
+    envs = BilliardsVectorEnv(64, autoreset_mode="SameStep", **kwargs)
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, (3, 64, 2))
     envs.step(actions[0])

@@ -61,6 +61,14 @@ def test_playable_returns_a_game_that_the_policy_can_play(trained, tiny, tmp_pat
         assert playable(tmp_path) == rules
 
 
+def test_a_policy_that_observes_physics_is_refused(tiny, tmp_path):
+    config = Config.from_dict(tiny(env={"randomize": {"mu_roll": [0.005, 0.015]}, "observe_physics": True}))
+    (tmp_path / "config.yaml").write_text(config.to_yaml())
+    save_policy(make_policy(config), tmp_path / "policy.pt")
+    with pytest.raises(ValueError, match="expected a policy trained without observe_physics"):
+        policy(setup("straight"), str(tmp_path))
+
+
 def test_a_policy_of_another_game_or_table_is_refused(trained):
     with pytest.raises(ValueError, match="expected a policy trained with 2 object balls, not 1"):
         policy(setup("carom"), str(trained))

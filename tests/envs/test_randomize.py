@@ -1,0 +1,192 @@
+"""Domain randomisation: each episode draws its physics."""
+
+import json
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+from billiards_env import simulate
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs.actions import cue_strike
+from billiards_env.players.env_player import situation
+from billiards_env.shots import records
+
+RANGES = {"mu_roll": [0.004, 0.02], "e_ball": [0.8, 1.0]}
+STEPPED: dict[str, Any] = {"mode": "pit", "dt": 1 / 60, "randomize": {"dt": [0.002, 0.05], "mu_slide": [0.1, 0.4]}}
+
+
+@pytest.mark.parametrize("kwargs", [{"randomize": RANGES}, STEPPED], ids=["pic", "pit"])
+def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
+    env, drawn = BilliardsEnv(**kwargs), set()
+    for seed in range(5):
+        _, info = env.reset(seed=seed)
+        scene, positions, action = env.episode_scene, env.positions, [0.6, 0.1 * seed]
+        assert all(getattr(scene.physics, name) == value for name, value in info.items() if name != "dt")
+        options = {} if env.engine.mode == "pic" else {"mode": "pit", "dt": info["dt"]}
+        shot = simulate(scene, positions, cue_strike(action, scene, env.max_speed), **options)
+        *_, after = env.step(action)
+        assert env.positions.tobytes() == shot.positions.tobytes()
+        assert after["shot_time"] == shot.time
+        assert {name: after[name] for name in info} == info
+        drawn.add(tuple(info.values()))
+    assert len(drawn) == 5
+
+
+def test_the_numbers_are_uniform_in_their_ranges_and_observed_between_minus_one_and_one():
+    envs = BilliardsVectorEnv(4000, randomize=RANGES, observe_physics=True, observe_shots_left=True)
+    observations, infos = envs.reset(seed=0)
+    assert (observations[:, 4] == 1.0).all()  # the shots left
+    for seen, (name, (low, high)) in zip(observations[:, 5:].T, RANGES.items(), strict=True):
+        assert infos[f"_{name}"].all()
+        assert ((infos[name] >= low) & (infos[name] <= high)).all()
+        np.testing.assert_allclose(seen, 2 * (infos[name] - low) / (high - low) - 1, atol=1e-6)
+        counts = np.histogram(infos[name], 10, (low, high))[0]
+        assert (np.abs(counts - 400) < 100).all()  # five standard deviations
+
+
+def test_the_layouts_of_the_first_episodes_are_those_without_randomize():
+    plain, varied = (BilliardsEnv(task="place", randomize=ranges) for ranges in (None, RANGES))
+    assert plain.reset(seed=3)[0].tobytes() == varied.reset(seed=3)[0].tobytes()
+    options = {"positions": [[-0.5, 0.0], [0.5, 0.0]], "goal": [0.0, 0.3]}
+    assert varied.reset(seed=4, options=options)[1] != varied.reset(options=options)[1]  # the physics is still drawn
+    assert varied.reset(seed=4, options=options)[1] == varied.reset(seed=4, options=options)[1]
+
+
+def test_options_of_a_reset_set_numbers():
+    arguments: dict[str, Any] = {"randomize": RANGES, "observe_physics": True}
+    envs, single = BilliardsVectorEnv(3, **arguments), BilliardsEnv(**arguments)
+    mu_roll = np.array([0.004, 0.008, 0.02])
+    observations, infos = envs.reset(seed=5, options={"physics": {"mu_roll": mu_roll}})
+    assert observations[:, -2].tolist() == [-1.0, -0.5, 1.0]
+    actions = np.full((3, 2), 0.4)
+    *_, after = envs.step(actions)
+    for k in range(3):
+        observation, info = single.reset(seed=5 + k, options={"physics": {"mu_roll": mu_roll[k]}})
+        assert observation.tobytes() == observations[k].tobytes()
+        assert info == {name: infos[name][k] for name in RANGES}
+        assert info["e_ball"] == single.reset(seed=5 + k)[1]["e_ball"]  # the others are drawn
+        single.reset(seed=5 + k, options={"physics": {"mu_roll": mu_roll[k]}})
+        assert single.episode_scene.physics.mu_roll == mu_roll[k]
+        assert single.step(actions[k])[4]["shot_time"] == after["final_info"]["shot_time"][k]
+    mu_roll[0] = 9.0  # not in the mask, so not used
+    mask = np.array([False, True, True])
+    again, infos = envs.reset(options={"physics": {"mu_roll": mu_roll}, "reset_mask": mask})
+    assert again[1:, -2].tolist() == [-0.5, 1.0]
+    assert infos["mu_roll"].tolist() == [0.0, 0.008, 0.02]
+    assert infos["_mu_roll"].tolist() == mask.tolist()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"physics": 0.01}, r"options\['physics'\] = 0.01: expected a mapping"),
+        ({"physics": {"g": 9.0}}, r"key of options\['physics'\] = 'g': expected one of 'mu_roll', 'e_ball'"),
+        ({"physics": {"mu_roll": [0.01]}}, r"options\['physics'\]\['mu_roll'\] has shape \(1,\): expected \(\)"),
+        (
+            {"physics": {"mu_roll": 0.03}},
+            r"\['mu_roll'\] = 0.03: expected a number from 0.004 to 0.02, as in randomize",
+        ),
+        ({"physics": {"mu_roll": np.nan}}, r"\['mu_roll'\] = nan: expected a number from 0.004 to 0.02"),
+    ],
+)
+def test_bad_numbers_in_options_are_rejected(options, message):
+    env = BilliardsEnv(randomize=RANGES)
+    with pytest.raises((TypeError, ValueError), match=message):
+        env.reset(options=options)
+    with pytest.raises(ValueError, match="key of options = 'physics': expected one of 'positions'"):
+        BilliardsEnv().reset(options=options)
+
+
+def test_an_interrupted_step_keeps_the_physics(monkeypatch):
+    envs, twin = (BilliardsVectorEnv(3, randomize=RANGES, observe_physics=True) for _ in range(2))
+    actions = np.full((2, 3, 2), [[[0.7, 0.1]], [[-0.3, 0.4]]])
+    for one in (envs, twin):
+        one.reset(seed=0)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(envs._episodes, "begin", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        envs.step(actions[0])
+    monkeypatch.undo()
+    for action in actions:
+        results, expected = envs.step(action), twin.step(action)
+        assert results[0].tobytes() == expected[0].tobytes()
+        for name in RANGES:
+            assert results[4]["final_info"][name].tobytes() == expected[4]["final_info"][name].tobytes()
+        assert (results[4]["final_info"]["shot_time"] == expected[4]["final_info"]["shot_time"]).all()
+
+
+def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
+    env, plain = (BilliardsEnv(randomize=RANGES, render_mode=mode) for mode in ("rgb_array", None))
+    _, info = env.reset(seed=0)
+    plain.reset(seed=0)
+    assert situation(env).scene.physics.mu_roll == info["mu_roll"]
+    episodes = env.episodes(3)
+    assert all(episodes.physics[name].tolist() == [info[name]] * 3 for name in RANGES)
+    assert env.step([0.5, 0.1])[4]["shot_time"] == plain.step([0.5, 0.1])[4]["shot_time"]
+    env._episodes.recorded[0].save(tmp_path / "shot.json")
+    record = records.load(tmp_path / "shot.json")
+    assert record.scene.physics.e_ball == info["e_ball"]
+    assert records.replay(record).positions.tobytes() == env.positions.tobytes()
+
+
+def test_the_spec_with_ranges_survives_json_and_pickle():
+    env = gym.make("Billiards-v0", randomize={"mu_roll": (0.004, 0.02)}, observe_physics=True)
+    assert env.spec is not None
+    assert json.loads(env.spec.to_json())["kwargs"]["randomize"] == {"mu_roll": [0.004, 0.02]}
+    expected, _ = env.reset(seed=1)
+    for spec in (EnvSpec.from_json(env.spec.to_json()), pickle.loads(pickle.dumps(env.spec))):
+        assert gym.make(spec).reset(seed=1)[0].tobytes() == expected.tobytes()
+
+
+def test_ranges_in_a_configuration():
+    config = pytest.importorskip("agents.config").Config
+    env = {"mode": "pit", "dt": "1/60", "randomize": {"dt": ["1/240", "1e-1"]}}
+    found = config.from_dict({"timesteps": 0, "env": env})
+    assert found.env["randomize"] == {"dt": [1 / 240, 0.1]}
+    assert found.is_saved_as(found.to_dict())
+
+
+@pytest.mark.parametrize("head", ["gaussian", "mixture", "hits", "pots"])
+@pytest.mark.parametrize("observe_physics", [False, True])
+def test_policies_play_with_varying_physics(head, observe_physics):
+    weights = pytest.importorskip("billiards_env.sb3.weights")
+    arguments = {"randomize": RANGES, "observe_physics": observe_physics, "observe_shots_left": True}
+    description = {"head": head, "hidden": [8], "activation": "tanh", "components": 2}
+    policy = weights.build_policy(arguments, description)
+    envs = BilliardsVectorEnv(3, **arguments)
+    actions, _ = policy.predict(envs.reset(seed=0)[0], deterministic=True)
+    assert actions in envs.action_space
+    envs.step(actions)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"randomize": 3}, "randomize = 3: expected a mapping"),
+        ({"randomize": {"mu_rol": [1, 2]}}, "key of randomize = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
+        ({"randomize": {"dt": [0.01, 0.02]}}, r"randomize\['dt'\] with mode='pic': expected mode='pit'"),
+        ({"randomize": {"mu_roll": 0.01}}, r"randomize\['mu_roll'\] = 0.01: expected a list"),
+        ({"randomize": {"mu_roll": [0.01]}}, r"randomize\['mu_roll'\] = \[0.01\]: expected \(low, high\)"),
+        ({"randomize": {"mu_roll": [0.02, 0.01]}}, r"randomize\['mu_roll'\] = \[0.02, 0.01\]: .* with low < high"),
+        ({"randomize": {"mu_roll": ["a", 1]}}, r"randomize\['mu_roll'\] = 'a': expected a number, not str"),
+        ({"randomize": {"mu_roll": [-1, 1]}}, "randomize: physics.mu_roll = -1.0: expected a number from 1e-12 to 100"),
+        (
+            {"randomize": {"e_cushion": [0.5, 0.9], "e_cushion_floor": [0.4, 0.6]}},
+            "randomize: physics.e_cushion_floor = 0.6: expected at most e_cushion = 0.5",
+        ),
+        ({**STEPPED, "randomize": {"dt": [0, 1]}}, "randomize: dt = 0.0 with mode='pit': expected the timestep"),
+        ({"observe_physics": True}, "observe_physics = True without randomize"),
+        ({"observe_physics": 1, "randomize": RANGES}, "observe_physics = 1: expected True or False"),
+    ],
+)
+def test_bad_ranges_are_rejected(kwargs, message):
+    for make in (BilliardsEnv, BilliardsVectorEnv):
+        with pytest.raises((TypeError, ValueError), match=message):
+            make(**kwargs)

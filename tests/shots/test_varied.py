@@ -1,0 +1,188 @@
+"""Batches in which each shot has its own physics and timestep."""
+
+import dataclasses
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.engine.modes import PIC, scene_fields, varied_fields
+from billiards_env.scene import PHYSICS_NUMBERS
+from billiards_env.shots import records
+from billiards_env.shots.gradients import physics_inputs
+from tests.helpers.shots import check_batch, draw_starts
+
+SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_carom", "snooker", "uk_pool")}
+SCENES["rolling"] = dataclasses.replace(
+    SCENES["pool"], physics=dataclasses.replace(SCENES["pool"].physics, motion="rolling", cushion="restitution")
+)
+RANGES = {
+    "g": (8.0, 11.0),
+    "mu_slide": (0.1, 0.4),
+    "mu_roll": (0.005, 0.015),
+    "spin_decay": (5.0, 20.0),
+    "e_ball": (0.8, 1.0),
+    "e_cushion": (0.85, 1.0),
+    "mu_cushion": (0.0, 0.3),
+    "mu_ball": (0.0, 0.2),
+    "mu_ball_factor": (0.5, 2.0),
+    "cushion_frequency_ratio": (1.5, 2.0),
+    "e_cushion_loss": (0.0, 0.2),
+    "e_cushion_onset": (0.0, 2.0),
+    "e_cushion_floor": (0.7, 0.85),
+}
+
+
+def test_the_ranges_of_these_tests_have_every_number():
+    assert set(RANGES) == set(PHYSICS_NUMBERS)
+
+
+def varied(names, m, seed=0) -> dict[str, Any]:
+    """Returns random numbers of `Physics` for m shots."""
+    rng = np.random.default_rng(seed)
+    return {name: rng.uniform(*RANGES[name], m) for name in names}
+
+
+def with_physics(scene, physics, k):
+    """Returns the scene of shot k."""
+    numbers = {name: values[k] for name, values in physics.items()}
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers))
+
+
+def same_record(shot, other):
+    """Fails unless two recorded shots are equal bit for bit, with their scenes."""
+    assert shot.events.tobytes() == other.events.tobytes()
+    assert shot.trajectory.rows.tobytes() == other.trajectory.rows.tobytes()
+    assert (shot.scene, shot.engine) == (other.scene, other.engine)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sampled_from(sorted(SCENES)), st.sets(st.sampled_from(PHYSICS_NUMBERS), min_size=1), st.integers(0, 9), st.data()
+)
+def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names, seed, data):
+    scene, m = SCENES[name], 3
+    places, starts, spins = draw_starts(scene, m)
+    if "e_cushion_loss" in names:
+        names |= {"e_cushion_floor"}  # "stronge" cushions need one
+    given: dict[str, Any] = {} if scene.physics.motion != "sliding" else {"spins": spins}
+    physics = varied(sorted(names), m, seed)
+    batch: Any = simulate_batch(scene, places, starts, physics=physics, record=True, **given)
+    singles: list[Any] = [
+        simulate(
+            with_physics(scene, physics, k), places[k], starts[k], record=True, **{n: s[k] for n, s in given.items()}
+        )
+        for k in range(m)
+    ]
+    check_batch(batch, singles)
+    for shot, single in zip(batch, singles, strict=True):
+        same_record(shot, single)
+    tangents: dict[str, Any] = {"velocities": np.ones((3, 2)), **dict.fromkeys(names, 1.0)}
+    change = batch.jvp(tangents)
+    by = data.draw(st.sampled_from(sorted(tangents)))
+    gradient = batch.vjp({"positions": np.ones((3, 2))}, by)
+    for k, single in enumerate(singles):
+        assert change[k].tobytes() == single.jvp(tangents).tobytes()
+        assert gradient[k].tobytes() == single.vjp({"positions": np.ones((3, 2))}, by).tobytes()
+
+
+@pytest.mark.parametrize("fix", ["push_apart", "move_back", "none"])
+def test_each_shot_has_its_own_timestep(fix):
+    scene, m = SCENES["pool"], 12
+    places, starts, spins = draw_starts(scene, m)
+    physics, dt = varied(("mu_roll", "e_ball"), m), np.geomspace(1e-3, 0.05, m)
+    batch: Any = simulate_batch(scene, places, starts, mode="pit", dt=dt, fix=fix, physics=physics, spins=spins)
+    options = [{"mode": "pit", "dt": step, "fix": fix, "spins": spin} for step, spin in zip(dt, spins, strict=True)]
+    singles: list[Any] = [
+        simulate(with_physics(scene, physics, k), places[k], starts[k], record=True, **options[k]) for k in range(m)
+    ]
+    check_batch(batch, singles)
+    same_record(batch[-1], singles[-1])
+
+
+def test_pieces_of_a_batch_on_several_threads_have_the_physics_of_their_shots():
+    scene, m = SCENES["uk_pool"], 400
+    places, starts, spins = draw_starts(scene, m)
+    physics = varied(("mu_roll", "e_cushion", "mu_ball"), m)
+    batch, twin = (
+        simulate_batch(scene, places, starts, spins=spins, physics=physics, record=threads > 1, threads=threads)
+        for threads in (1, 2)
+    )
+    assert batch.positions.tobytes() == twin.positions.tobytes()
+    gradient = twin.vjp({"positions": np.ones((m, 3, 2))}, ("mu_roll", "g"), threads=2)
+    for k in (0, m // 2, m - 1):
+        single = simulate(with_physics(scene, physics, k), places[k], starts[k], spins=spins[k], record=True)
+        assert single.positions.tobytes() == batch.positions[k].tobytes()
+        assert gradient["mu_roll"][k] == single.vjp({"positions": np.ones((3, 2))}, "mu_roll")
+        assert gradient["g"][k] == single.vjp({"positions": np.ones((3, 2))}, "g")
+
+
+def test_the_friction_of_balls_is_an_input_of_the_derivatives_if_the_shots_have_a_constant():
+    physics = SCENES["uk_pool"].physics  # it has the law of Marlow
+    assert physics_inputs(physics, {"mu_ball": np.array([0.1])}).keys() - physics_inputs(physics).keys() == {"mu_ball"}
+
+
+def test_a_shot_of_a_batch_is_saved_with_its_physics(tmp_path):
+    scene = SCENES["pool"]
+    places, starts, _ = draw_starts(scene, 3)
+    mu_roll = np.array([0.006, 0.01, 0.014])
+    batch = simulate_batch(scene, places, starts, physics={"mu_roll": mu_roll})
+    mu_roll[:] = 1.0  # the batch has a copy
+    for batch_or_copy in (batch, pickle.loads(pickle.dumps(batch))):
+        batch_or_copy[2].save(tmp_path / "shot.json")
+        record = records.load(tmp_path / "shot.json")
+        assert record.scene.physics.mu_roll == 0.014
+        assert records.replay(record).positions.tobytes() == batch.positions[2].tobytes()
+
+
+def test_a_batch_with_shared_physics_has_the_numbers_of_its_scene():
+    scene = SCENES["pool"]
+    assert varied_fields(scene, PIC, {}, 1000) is scene_fields(scene)
+    places, starts, _ = draw_starts(scene, 3)
+    assert simulate_batch(scene, places, starts)[1].scene is scene
+
+
+def test_a_batch_without_shots_may_have_physics():
+    nothing = np.empty((0, 3, 2)), np.empty((0, 2))
+    assert len(simulate_batch(SCENES["pool"], *nothing, physics={"mu_roll": []})) == 0
+    assert len(simulate_batch(SCENES["pool"], *nothing, mode="pit", dt=[])) == 0
+
+
+def test_numbers_may_fit_together_in_each_shot_alone():
+    scene = SCENES["pool"]
+    places, starts, _ = draw_starts(scene, 2)
+    batch = simulate_batch(scene, places, starts, physics={"e_cushion": [0.6, 0.9], "e_cushion_floor": [0.5, 0.8]})
+    assert batch[1].scene.physics.e_cushion_floor == 0.8  # pyright: ignore[reportOptionalMemberAccess]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"physics": {"mu_rol": [1, 1, 1]}}, "key of physics = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
+        ({"physics": {"max_time": [1, 1, 1]}}, "key of physics = 'max_time': expected one of 'g'"),
+        ({"physics": {"mu_roll": [0.1, 0.1]}}, r"physics\['mu_roll'\] has shape \(2,\): expected \(3,\)"),
+        ({"physics": {"mu_roll": ["a"] * 3}}, r"physics\['mu_roll'\] = \['a', 'a', 'a'\]: expected finite numbers"),
+        ({"physics": [1.0]}, r"physics = \[1.0\]: expected a mapping"),
+        (
+            {"physics": {"mu_roll": [0.1, -1, 0.1]}},
+            "shot 1: physics.mu_roll = -1.0: expected a number from 1e-12 to 10",
+        ),
+        ({"physics": {"e_ball": [1, 1, np.nan]}}, "shot 2: physics.e_ball = nan: expected a number from 0 to 1"),
+        (
+            {"physics": {"e_cushion": [0.8, 0.9, 0.6], "e_cushion_floor": [0.5, 0.6, 0.7]}},
+            "shot 2: physics.e_cushion_floor = 0.7: expected at most e_cushion = 0.6",
+        ),
+        ({"mode": "pit", "dt": [0.1, 0.1]}, r"dt has shape \(2,\): expected \(3,\)"),
+        ({"mode": "pit", "dt": [0.1, 0.1, 0]}, "shot 2: dt = 0.0 with mode='pit': expected the timestep"),
+        ({"dt": [0.1, 0.1, 0.1]}, "shot 0: dt = 0.1 with mode='pic': expected None"),
+    ],
+)
+def test_bad_physics_is_rejected(arguments, message):
+    scene = SCENES["pool"]
+    places, starts, _ = draw_starts(scene, 3)
+    with pytest.raises((TypeError, ValueError), match=message):
+        simulate_batch(scene, places, starts, **arguments)
