@@ -8,8 +8,9 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
 Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
-(l,) and "event_positions" (l, 2). The units are SI units. The derivatives of events after this time are zero. For a
-batch all arrays have a leading axis m, and l is the largest number of events of a shot.
+(l,) and "event_positions" (l, 2), and the margins until this time: "ball_margins" (n, n), "pocket_margins" (n, p) and
+"cushion_margins" (n, c), see `Margins`. The units are SI units. The derivatives of events after this time are zero. For
+a batch all arrays have a leading axis m, and l is the largest number of events of a shot.
 
 A velocity is changed at a constant spin, and a spin at a constant velocity. A radius changes at constant positions,
 velocities and spins; the table and its pockets do not change. Friction stops a ball at rest as soon as it moves, so
@@ -29,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, REASONS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW
+from billiards_env.engine.margins import push_margins
 from billiards_env.engine.modes import scene_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import derivatives as columns
@@ -42,6 +44,7 @@ _BALL_INPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": sl
 _BALL_OUTPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": slice(4, 7)}
 _EVENT_OUTPUTS = {"event_times": 0, "event_positions": slice(1, 3)}
 OUTPUTS = (*_BALL_OUTPUTS, *_EVENT_OUTPUTS)
+MARGINS = ("ball_margins", "pocket_margins", "cushion_margins")
 
 
 class Part(NamedTuple):
@@ -88,6 +91,33 @@ class Nonsmooth(NamedTuple):
 
     event: Any
     reason: Any
+
+
+class Margins(NamedTuple):
+    """The signed distances of n balls to changes of outcome, m; for a batch with a leading axis.
+
+    The margin of a ball and a body is positive if they touch or the ball enters the pocket, and negative if it misses
+    them. It passes through zero as a hit becomes a miss. A miss has minus the least gap. A hit has the depth of the
+    ball in the body where the two would be nearest if they did not interact: see `engine.margins`. The largest
+    of several approaches counts. It is minus infinity for balls that are not in play, for a ball and itself, and for a cushion
+    of an outline that a ball does not face. It is infinity for a cushion that a ball touches on a path without a point
+    at which it turns back.
+
+    Attributes:
+        balls: (n, n) float64 of two balls; symmetric.
+        pockets: (n, p) float64: how far the centre of the ball enters the circle of the pocket.
+        cushions: (n, c) float64, of the cushions by their numbers in the events.
+        ball_times: (n, n) float64, s, when the two are nearest.
+        pocket_times: (n, p) float64, the same.
+        cushion_times: (n, c) float64, the same.
+    """
+
+    balls: Floats
+    pockets: Floats
+    cushions: Floats
+    ball_times: Floats
+    pocket_times: Floats
+    cushion_times: Floats
 
 
 def physics_inputs(physics: Physics) -> dict[str, Floats]:
@@ -224,7 +254,10 @@ def _most_events(record: Record, names: Sequence[str]) -> int:
 
 def _output_shape(record: Record, name: str) -> tuple[int, ...]:
     """Returns the shape of an output of one shot."""
-    one_of("of", name, OUTPUTS)
+    one_of("of", name, (*OUTPUTS, *MARGINS))
+    if name in MARGINS:
+        columns_of = margin_columns(record.scene)[name]
+        return (record.scene.n_balls, columns_of.stop - columns_of.start)
     column = {**_BALL_OUTPUTS, **_EVENT_OUTPUTS}[name]
     width = () if isinstance(column, int) else (column.stop - column.start,)
     return (_most_events(record, (name,)) if name in _EVENT_OUTPUTS else record.scene.n_balls, *width)
@@ -268,6 +301,59 @@ def _pull(
     return inputs
 
 
+def margin_columns(scene: Scene) -> dict[str, slice]:
+    """Returns the columns of each kind of margin in the arrays of `push_margins`."""
+    outline = scene_fields(scene)[4]
+    n, p = scene.n_balls, len(scene.table.pockets)
+    c = 4 if outline is None else len(outline[0]) + len(outline[1])
+    return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
+
+
+def push_margins_of(
+    record: Record, times: Floats, inputs: Floats, names: Sequence[str], threads: int | None
+) -> tuple[Floats, Floats, Floats]:
+    """Calls `push_margins` for the kinds `names` of margins. Returns its outputs."""
+    (m, k), n = inputs.shape[:2], record.scene.n_balls
+    bodies = margin_columns(record.scene)["cushion_margins"].stop
+    margins, nearest, slopes = np.empty((m, n, bodies)), np.empty((m, n, bodies)), np.empty((m, k, n, bodies))
+    kinds = np.array([name in names for name in MARGINS])
+    _for_all(record, push_margins, threads, times, inputs, kinds, margins, nearest, slopes)
+    return margins, nearest, slopes
+
+
+def _forwards(
+    record: Record, names: Sequence[str], inputs: Floats, times: Floats, threads: int | None
+) -> dict[str, Floats]:
+    """Returns the changes of outputs by name, (m, k, ...), for changes of the inputs of the engine."""
+    found: dict[str, Floats] = {}
+    if set(names) & set(OUTPUTS):
+        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, names), threads)
+        found |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
+    if set(names) & set(MARGINS):
+        slopes, columns_of = push_margins_of(record, times, inputs, names, threads)[2], margin_columns(record.scene)
+        found |= {name: slopes[..., columns_of[name]] for name in names if name in MARGINS}
+    return found
+
+
+def _by_columns(
+    record: Record, known: _Inputs, names: Sequence[str], by: str, times: Floats, threads: int | None
+) -> dict[str, Floats]:
+    """Returns the Jacobians (m, k, ...) of outputs by name, with respect to the k numbers of an input."""
+    m, shape = len(record.time), known.shape(by)
+    k = math.prod(shape)
+    inputs = np.zeros((m, k, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    known.push(by, np.broadcast_to(np.eye(k).reshape(k, *shape), (m, k, *shape)), inputs)
+    return _forwards(record, names, inputs, times, threads)
+
+
+def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
+    """Implements `BatchResult.margins`."""
+    nothing = np.empty((len(record.time), 0, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    *found, _ = push_margins_of(record, _times(record, t), nothing, MARGINS, threads)
+    columns_of = margin_columns(record.scene).values()
+    return Margins(*(array[..., column] for array in found for column in columns_of))
+
+
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
     """Returns an output by name, (m, k, ...)."""
     if of in _BALL_OUTPUTS:
@@ -308,10 +394,10 @@ def jvp(
         change = _given("tangents", name, value, m, known.shape(name))
         known.push(name, change[:, None], inputs)
     for name in names:
-        one_of("of", name, OUTPUTS)
-    times = _times(record, t)[:, None]
-    outputs, at_events, _ = _push(record, times, inputs, _most_events(record, names), threads)
-    found = {name: _chosen(name, outputs[:, 0], at_events)[:, 0] for name in names}
+        one_of("of", name, (*OUTPUTS, *MARGINS))
+    found = {
+        name: change[:, 0] for name, change in _forwards(record, names, inputs, _times(record, t), threads).items()
+    }
     return found[of] if isinstance(of, str) else found
 
 
@@ -333,8 +419,15 @@ def vjp(
         name: _given("cotangents", name, value, m, _output_shape(record, name))[:, None]
         for name, value in cotangents.items()
     }
-    inputs = _pull_of(record, given, _times(record, t), 1, names, threads)
+    times, to_margins = _times(record, t), {name: given.pop(name) for name in MARGINS if name in given}
+    inputs = _pull_of(record, given, times, 1, names, threads)
     found = {name: known.pull(name, inputs)[:, 0] for name in names}
+    for name in names if to_margins else ():  # forwards: a margin has a time of its own
+        by_columns = _by_columns(record, known, tuple(to_margins), name, times, threads)
+        for of, cotangent in to_margins.items():
+            found[name] = found[name] + np.einsum("mjk,mijk->mi", cotangent[:, 0], by_columns[of]).reshape(
+                m, *known.shape(name)
+            )
     return found[by] if isinstance(by, str) else found
 
 
@@ -354,16 +447,13 @@ def _pull_of(
 def jacobian(
     record: Record, of: str, by: str, t: ArrayLike | None, strike: ArrayLike | None, threads: int | None
 ) -> Floats:
-    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer."""
+    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer; margins by columns."""
     known, m, times = _inputs(record, strike), len(record.time), _times(record, t)
     left, right = _output_shape(record, of), known.shape(by)
     rows, cols = math.prod(left), math.prod(right)
-    if cols <= rows:
-        unit = np.broadcast_to(np.eye(cols).reshape(cols, *right), (m, cols, *right))
-        inputs = np.zeros((m, cols, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
-        known.push(by, unit, inputs)
-        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, (of,)), threads)
-        found = np.moveaxis(_chosen(of, outputs[:, 0], at_events).reshape(m, cols, rows), 1, 2)
+    if cols <= rows or of in MARGINS:
+        found = _by_columns(record, known, (of,), by, times, threads)[of]
+        found = np.moveaxis(found.reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))
         inputs = _pull_of(record, {of: unit}, times, rows, (by,), threads)
