@@ -98,10 +98,10 @@ class Margins(NamedTuple):
 
     The margin of a ball and a body is positive if they touch or the ball enters the pocket, and negative if it misses
     them. It passes through zero as a hit becomes a miss. A miss has minus the least gap. A hit has the depth of the
-    ball in the body where the two would be nearest if they did not interact: see `engine.margins`. The largest
-    of several approaches counts. It is minus infinity for balls that are not in play, for a ball and itself, and for a cushion
-    of an outline that a ball does not face. It is infinity for a cushion that a ball touches on a path without a point
-    at which it turns back.
+    ball in the body where the two would be nearest if they did not interact: see `engine.margins`. The largest of
+    several approaches counts. It is minus infinity for balls that are not in play, for a ball and itself, and for a
+    cushion of an outline that a ball does not face. It is infinity for a cushion that a ball touches on a path that
+    does not turn back.
 
     Attributes:
         balls: (n, n) float64 of two balls; symmetric.
@@ -352,6 +352,13 @@ def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins
     *found, _ = push_margins_of(record, _times(record, t), nothing, MARGINS, threads)
     columns_of = margin_columns(record.scene).values()
     return Margins(*(array[..., column] for array in found for column in columns_of))
+
+
+def by_cue_ball(record: Record, names: Sequence[str], threads: int | None = 1) -> dict[str, Floats]:
+    """Returns the derivatives (m, 2, ...) of outputs by name, at the end, by the velocity of the cue ball."""
+    inputs = np.zeros((len(record.time), 2, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    inputs[:, [0, 1], [2, 3]] = 1.0
+    return _forwards(record, names, inputs, record.time, threads)
 
 
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:

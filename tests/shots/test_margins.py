@@ -82,7 +82,7 @@ def test_a_margin_passes_smoothly_through_zero(body):
     def margin(offset):
         velocity = speed * along + offset * way
         shot = simulate(scene, positions, velocity, record=True)
-        return margins_of(shot)[of][index], shot.jacobian(of)[*index, 0] @ way
+        return margins_of(shot)[of][index], shot.jacobian(of)[index][0] @ way
 
     low, high = 0.0, 1.0
     hits = margin(low)[0] > 0
