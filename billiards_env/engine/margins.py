@@ -106,6 +106,7 @@ class Shot(NamedTuple):
 
     Attributes:
         segments: The pieces of its paths.
+        wanted: (n, q) bool, the margins to compute.
         given: (k, 9 n + 14) the changes of its inputs.
         tangent: (n, k, 7) the changes of the states at the beginning of the current pieces.
         scene: The `SceneArrays`.
@@ -115,6 +116,7 @@ class Shot(NamedTuple):
     """
 
     segments: Any
+    wanted: Any
     given: Any
     tangent: Any
     scene: SceneArrays
@@ -175,6 +177,13 @@ def _path_from(row, begin):
     t = since(begin, Time(row[T0], row[T0_LO]))
     vx, vy, ax, ay = row[VX], row[VY], row[AX], row[AY]
     return Path(row[X] + t * (vx + 0.5 * t * ax), row[Y] + t * (vy + 0.5 * t * ay), vx + t * ax, vy + t * ay, ax, ay)
+
+
+@inlined
+def _between(first, second, begin):
+    """Returns the `Path` of one ball relative to another from a `Time`, for their rows of `Log.segments`."""
+    a, b = _path_from(first[SEGMENT_ROW:], begin), _path_from(second[SEGMENT_ROW:], begin)
+    return Path(a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.ax - b.ax, a.ay - b.ay)
 
 
 @kernel
@@ -248,7 +257,7 @@ def _approach(i, j, q, path, t, ends, begin, reach, shot):
 @inlined
 def _pass_circle(i, j, q, path, end, swept, begin, reach, shot):
     """Stores the margin of ball i to a circle on a piece of its path, if it is the largest."""
-    if not misses_circle(path, swept, reach - shot.found.margin[i, q]):
+    if shot.wanted[i, q] and not misses_circle(path, swept, reach - shot.found.margin[i, q]):
         t = nearest_time(path, end)
         if t > 0.0:
             _approach(i, j, q, path, t, t == end, begin, reach, shot)
@@ -276,6 +285,8 @@ def _pass_line(i, q, path, end, begin, nx, ny, room, line, shot):
         line: The row of `Outline.lines`; None for a side of a rectangle.
         shot: The `Shot`.
     """
+    if not shot.wanted[i, q]:
+        return
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     t = end
     if v > 0.0 and v + end * a < 0.0:
@@ -314,7 +325,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
     for k in range(len(tips)):
         tip, q = tips[k], first + len(lines) + k
         from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
-        if misses_circle(from_tip, swept, reach - shot.found.margin[i, q]):
+        if not shot.wanted[i, q] or misses_circle(from_tip, swept, reach - shot.found.margin[i, q]):
             continue
         t = nearest_time(from_tip, end)
         x, y = place_after(path, t)
@@ -323,11 +334,8 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
 
 
 @kernel
-def _pass_by(i, now, kinds, shot):
-    """Stores the margins of ball i to bodies that it is nearest to on its current piece until a `Time`.
-
-    `kinds` are the kinds of bodies: balls, pockets and cushions.
-    """
+def _pass_by(i, now, shot):
+    """Stores the margins of ball i to bodies that it is nearest to on its current piece until a `Time`."""
     segments, scene, tape = shot.segments, shot.scene, shot.tape
     piece, n = tape.current[i], len(scene.radius)
     if segments[piece, SEGMENT_PHASE] == POTTED:
@@ -338,62 +346,50 @@ def _pass_by(i, now, kinds, shot):
     if end <= 0.0:
         return
     moves = path.vx != 0.0 or path.vy != 0.0
-    if moves and (kinds[1] or kinds[2]):
+    if moves:
         swept = sweep(path, end)
-        if kinds[1]:
-            for p in range(len(scene.pockets)):
-                pocket = scene.pockets[p]
-                from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-                _pass_circle(i, -1, n + p, from_pocket, end, swept, begin, pocket[POCKET_RADIUS], shot)
-        if kinds[2]:
-            _pass_cushions(scene.outline, i, n + len(scene.pockets), path, end, swept, begin, shot)
-    if kinds[0]:
-        for j in range(n):
-            other = segments[tape.current[j]]
-            if j == i or other[SEGMENT_PHASE] == POTTED:
-                continue
-            second = other[SEGMENT_ROW:]
-            if not (moves or second[VX] != 0.0 or second[VY] != 0.0):
-                continue
-            start = Time(second[T0], second[T0_LO])
-            if before(start, begin):
-                start = begin
-            a, b = _path_from(row, start), _path_from(second, start)
-            between = Path(a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.ax - b.ax, a.ay - b.ay)
-            end = since(now, start)
-            if end <= 0.0:
-                continue
-            reach = contact_distance(scene.spheres, scene.radius, i, j)
-            if i < j:
-                _pass_circle(i, j, j, between, end, sweep(between, end), start, reach, shot)
-            else:
-                back = Path(-between.x, -between.y, -between.vx, -between.vy, -between.ax, -between.ay)
-                _pass_circle(j, i, i, back, end, sweep(back, end), start, reach, shot)
+        for p in range(len(scene.pockets)):
+            pocket = scene.pockets[p]
+            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
+            _pass_circle(i, -1, n + p, from_pocket, end, swept, begin, pocket[POCKET_RADIUS], shot)
+        _pass_cushions(scene.outline, i, n + len(scene.pockets), path, end, swept, begin, shot)
+    for k in range(n):
+        other = segments[tape.current[k]]
+        if k == i or other[SEGMENT_PHASE] == POTTED:
+            continue
+        low, high = min(i, k), max(i, k)
+        second = other[SEGMENT_ROW:]
+        if not shot.wanted[low, high] or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
+            continue
+        start = Time(second[T0], second[T0_LO])
+        if before(start, begin):
+            start = begin
+        end = since(now, start)
+        if end > 0.0:
+            path = _between(segments[tape.current[low]], segments[tape.current[high]], start)
+            reach = contact_distance(scene.spheres, scene.radius, low, high)
+            _pass_circle(low, high, high, path, end, sweep(path, end), start, reach, shot)
 
 
 @kernel
-def _begin(kinds, shot):
+def _begin(shot):
     """Stores the margins at the start of the shot."""
     segments, scene, start = shot.segments, shot.scene, Time(0.0, 0.0)
-    n = len(scene.radius)
+    n, wanted = len(scene.radius), shot.wanted
     for i in range(n):
-        row = segments[i, SEGMENT_ROW:]
         if segments[i, SEGMENT_PHASE] == POTTED:
             continue
-        path = _path_from(row, start)
-        if kinds[0]:
-            for j in range(i + 1, n):
-                if segments[j, SEGMENT_PHASE] != POTTED:
-                    second = segments[j, SEGMENT_ROW:]
-                    reach = contact_distance(scene.spheres, scene.radius, i, j)
-                    _approach(i, j, j, relative_to(path, second[X], second[Y]), 0.0, False, start, reach, shot)
-        if kinds[1]:
-            for p in range(len(scene.pockets)):
-                pocket = scene.pockets[p]
+        path = _path_from(segments[i, SEGMENT_ROW:], start)
+        for j in range(i + 1, n):
+            if wanted[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
+                reach = contact_distance(scene.spheres, scene.radius, i, j)
+                _approach(i, j, j, _between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
+        for p in range(len(scene.pockets)):
+            pocket = scene.pockets[p]
+            if wanted[i, n + p]:
                 from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
                 _approach(i, -1, n + p, from_pocket, 0.0, False, start, pocket[POCKET_RADIUS], shot)
-        if kinds[2]:
-            _pass_cushions(scene.outline, i, n + len(scene.pockets), path, 0.0, sweep(path, 0.0), start, shot)
+        _pass_cushions(scene.outline, i, n + len(scene.pockets), path, 0.0, sweep(path, 0.0), start, shot)
 
 
 @inlined
@@ -446,14 +442,14 @@ def _hit_tip(tip, i, q, path, now, shot):
 
 
 @kernel
-def _meet(e, events, kinds, shot):
+def _meet(e, events, shot):
     """Stores the margin of the contact at event e."""
     segments, scene, tape = shot.segments, shot.scene, shot.tape
     kind, i, other = int(events[e, KIND]), int(events[e, BALL]), int(events[e, OTHER])
     now, piece = Time(events[e, TIME], events[e, TIME_LO]), tape.first[e]
     row, a = segments[tape.current[i], SEGMENT_ROW:], tape.before[piece]
     path = Path(a[DX], a[DY], a[DVX], a[DVY], row[AX], row[AY])
-    if kind == BALL_BALL and kinds[0]:
+    if kind == BALL_BALL and shot.wanted[min(i, other), max(i, other)]:
         second, b = segments[tape.current[other], SEGMENT_ROW:], tape.before[piece + 1]
         sign = 1.0 if i < other else -1.0
         between = Path(
@@ -467,9 +463,9 @@ def _meet(e, events, kinds, shot):
         low, high = min(i, other), max(i, other)
         reach = contact_distance(scene.spheres, scene.radius, i, other)
         _approach(low, high, high, between, turn_time(between), False, now, reach, shot)
-    elif kind == BALL_POCKET and kinds[1]:
+    elif kind == BALL_POCKET and shot.wanted[i, len(scene.radius) + other]:
         _enter_pocket(i, other, path, now, shot)
-    elif kind == BALL_CUSHION and kinds[2]:
+    elif kind == BALL_CUSHION and shot.wanted[i, len(scene.radius) + len(scene.pockets) + other]:
         _hit_cushion(scene.outline, i, other, piece, path, now, shot)
 
 
@@ -489,7 +485,7 @@ def _move_ends(i, shot):
 
 @allocating_entry_point
 def push_margins(
-    begin, end, first, scene, is_sphere, events, segments, bounds, times, inputs, kinds, margins, nearest, slopes
+    begin, end, first, scene, is_sphere, events, segments, bounds, times, inputs, wanted, margins, nearest, slopes
 ):
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
@@ -504,8 +500,8 @@ def push_margins(
         bounds: See there.
         times: (m,) float64, s: only the shot until then counts.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
-        kinds: (3,) bool, whether to compute the margins to balls, to pockets and to cushions.
-        margins: (m, n, q) float64 out, see `Found`; minus infinity for the other kinds.
+        wanted: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
+        margins: (m, n, q) float64 out, see `Found`; minus infinity for the others.
         nearest: (m, n, q) float64 out, `Found.time`.
         slopes: (m, k, n, q) float64 out, see there.
     """
@@ -518,20 +514,20 @@ def push_margins(
         log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
         found = Found(margins[k], nearest[k], rates, slopes[k])
-        shot = Shot(paths, inputs[k], tangent, arrays, is_sphere, tape, found)
+        shot = Shot(paths, wanted, inputs[k], tangent, arrays, is_sphere, tape, found)
         found.margin[:] = -math.inf
         found.time[:] = 0.0
         found.slope[:] = 0.0
         begin_lanes(n, inputs[k], paths, arrays, tangent, tape)
-        _begin(kinds, shot)
+        _begin(shot)
         found.rate[:] = 0.0
         for e in range(len(log)):
             if log[e, TIME] > times[k]:
                 break
             balls = 2 if log[e, KIND] == BALL_BALL else 1
             for s in range(balls):
-                _pass_by(int(log[e, BALL + s]), Time(log[e, TIME], log[e, TIME_LO]), kinds, shot)
-            _meet(e, log, kinds, shot)
+                _pass_by(int(log[e, BALL + s]), Time(log[e, TIME], log[e, TIME_LO]), shot)
+            _meet(e, log, shot)
             if count:
                 for s in range(balls):
                     load(int(log[e, BALL + s]), s, count, inputs[k], tangent, tape.lanes)
@@ -546,7 +542,7 @@ def push_margins(
                 end_call(interrupted())
                 pending = 0
         for i in range(n):
-            _pass_by(i, Time(times[k], 0.0), kinds, shot)
+            _pass_by(i, Time(times[k], 0.0), shot)
         for i in range(n):
             for j in range(i):
                 found.margin[i, j], found.time[i, j] = found.margin[j, i], found.time[j, i]

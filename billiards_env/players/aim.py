@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from billiards_env.checks import Range, numbers, real, short, whole
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.scene import Scene, check_scene
-from billiards_env.shots.gradients import by_cue_ball
+from billiards_env.shots.gradients import margin_columns, margins_by_cue_ball, rest_by_cue_ball
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 
@@ -33,13 +33,15 @@ SHOTS = 100_000
 
 _STARTS = 24  # shots that Newton's method begins with, in the first round; then a share of the random shots
 _SHARE = 0.02
+_ENOUGH = 4  # such shots, without the others
 _STEPS = 12  # of Newton's method
 _SHARES = np.array([1.0, 0.5, 0.2, 0.05])  # of a step that the line search tries
 _CLEAR = 0.002  # m; the margin that a step aims at
 _EXACT = 1e-10  # m; residual at which Newton's method ends
 _LONGEST = 0.3  # largest step, over the speed
 _LEAST_SPEED = 0.05  # of the random shots, over the largest speed
-_ROUND, _GROWTH = 2_000, 3  # number of random shots in the first round, and its growth
+_ROUND, _GROWTH = 1_500, 3  # number of random shots in the first round, and its growth
+_FAN, _FAN_SPEED = 720, 0.6  # shots in all directions, and their speed over the largest
 
 # The shots near a pot: speeds as shares of the way from the least to the largest, turns as shares of the tolerance
 _POTS = 6  # pots with the largest tolerance
@@ -157,8 +159,10 @@ class _Tried(NamedTuple):
     solved: Bools
 
     def best(self, count: int) -> _Tried:
-        """Returns the shots that are nearest to the goals."""
-        return _Tried(*(array[np.lexsort((self.off, self.missed))[:count]] for array in self))
+        """Returns the shots that are nearest to the goals; those that miss fewer of them, if there are several."""
+        order = np.lexsort((self.off, self.missed))[:count]
+        fewest = order[self.missed[order] == self.missed[order[0]]]
+        return _Tried(*(array[fewest if len(fewest) >= _ENOUGH else order] for array in self))
 
 
 def aim(
@@ -235,18 +239,27 @@ def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchRe
 
 
 def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator[Floats]:
-    """Yields velocities (k, 2) of shots to begin with: pots or hits by geometry, and then more and more random ones."""
+    """Yields velocities (k, 2) of shots to begin with: pots or hits by geometry, and then more and more random ones.
+
+    Three of four random shots have a heading near one that touches the ball of the first `Pot` or touch.
+    """
     pots = [_pots(problem, goal) for goal in problem.goals if isinstance(goal, Pot)]
     hits = [_hits(problem, goal.ball) for goal in problem.goals if isinstance(goal, FirstTouch | Touch)]
     known = np.concatenate((*(pots or hits), np.empty((0, 2))))
-    if len(known):
-        yield known
-    elif shots == 0:
-        yield np.zeros((1, 2))
+    if len(known) or shots == 0:
+        yield known if len(known) else np.zeros((1, 2))
+    if shots == 0:
+        return
+    headings = np.linspace(-np.pi, np.pi, _FAN, endpoint=False)
+    fan = _run(problem, _FAN_SPEED * problem.max_speed * np.column_stack((np.cos(headings), np.sin(headings))))
+    balls = [goal.ball for goal in problem.goals if isinstance(goal, Pot | FirstTouch | Touch)]
+    if balls and (fan.cushions_before_hit[:, balls[0]] >= 0).any():
+        headings = headings[fan.cushions_before_hit[:, balls[0]] >= 0]
     count = _ROUND
     while shots > 0:
         count = min(count, shots)
-        angles = rng.uniform(-np.pi, np.pi, count)
+        near = rng.choice(headings, count) + rng.normal(0.0, 2.0 * np.pi / _FAN, count)
+        angles = np.where(rng.uniform(size=count) < 0.75, near, rng.uniform(-np.pi, np.pi, count))
         speeds = problem.max_speed * rng.uniform(_LEAST_SPEED, 1.0, count)
         yield speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
         shots, count = shots - count, _GROWTH * count
@@ -353,35 +366,52 @@ def _steps(rows: Floats, residuals: Floats) -> Floats:
 
 def _leave_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     """Returns the derivatives (m, r, 2) and the residuals (m, r) of the places of the balls at rest."""
-    by = by_cue_ball(batch._record("jacobian"), ("positions",))["positions"]  # (m, 2, n, 2)
+    by = rest_by_cue_ball(batch._record("jacobian"))
     balls = [leave.ball for leave in _leaves(problem)]
     residuals = batch.positions[:, balls] - [leave.position for leave in _leaves(problem)]
     return np.moveaxis(by[:, :, balls], 1, 3).reshape(len(batch), -1, 2), residuals.reshape(len(batch), -1)
 
 
-def _margin_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
-    """Returns the same of the margins of the goals that are not met: of pots and of touches."""
-    met, every = _met(problem, batch), np.arange(len(batch))
-    margins, by = batch.margins(threads=1), by_cue_ball(batch._record("jacobian"), ("ball_margins", "pocket_margins"))
-    rows, residuals = [], []
-
-    def add(active: Bools, name: str, values: Floats, ball: int, body: Any, sign: float) -> None:
-        known = active & np.isfinite(values[every, ball, body])
-        rows.append(np.where(known[:, None], sign * by[name][every, :, ball, body], 0.0))
-        residuals.append(np.where(known, sign * values[every, ball, body] - _CLEAR, 0.0))
-
-    for g, goal in enumerate(problem.goals):
-        missed = ~met[:, g]
+def _wanted(problem: _Problem) -> Bools:
+    """Returns the margins (n, q) that the goals need, see `margins_by_cue_ball`."""
+    scene = problem.scene
+    n, pockets = scene.n_balls, len(scene.table.pockets)
+    wanted = np.zeros((n, margin_columns(scene)["cushion_margins"].stop), bool)
+    for goal in problem.goals:
         if isinstance(goal, Pot):
-            pocket = margins.pockets[:, goal.ball].argmax(axis=1) if goal.pocket is None else goal.pocket
-            add(missed, "pocket_margins", margins.pockets, goal.ball, pocket, 1.0)
+            wanted[goal.ball, n : n + pockets] = True if goal.pocket is None else np.arange(pockets) == goal.pocket
         elif isinstance(goal, Touch | FirstTouch):
-            add(missed, "ball_margins", margins.balls, CUE_BALL, goal.ball, 1.0)
-            if isinstance(goal, FirstTouch):
-                add(missed & (batch.first_hit > 0), "ball_margins", margins.balls, CUE_BALL, batch.first_hit, -1.0)
-    if not rows:
-        return np.zeros((len(batch), 1, 2)), np.zeros((len(batch), 1))
-    return np.stack(rows, axis=1), np.stack(residuals, axis=1)
+            wanted[CUE_BALL, 1:n] = True
+    return wanted
+
+
+def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
+    """Returns the margins (m, g) of the pots and touches of shots and their derivatives (m, g, 2).
+
+    A shot that first touches another ball has the margin by which it must miss this ball.
+    """
+    every, n = np.arange(len(batch)), problem.scene.n_balls
+    values, slopes = margins_by_cue_ball(batch._record("jacobian"), _wanted(problem))
+    found, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
+    for g, goal in enumerate(problem.goals):
+        if not isinstance(goal, Pot | Touch | FirstTouch):
+            continue
+        ball, body, sign = CUE_BALL, np.full(len(batch), goal.ball), np.ones(len(batch))
+        if isinstance(goal, Pot):
+            ball, body = goal.ball, n + values[:, goal.ball, n : n + len(problem.scene.table.pockets)].argmax(axis=1)
+        elif isinstance(goal, FirstTouch):
+            wrong = (batch.first_hit > 0) & (batch.first_hit != goal.ball)
+            body, sign = np.where(wrong, batch.first_hit, body), np.where(wrong, -1.0, 1.0)
+        found[:, g] = sign * values[every, ball, body]
+        by[:, g] = sign[:, None] * slopes[every, :, ball, body]
+    return found, by
+
+
+def _margin_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
+    """Returns the same of the margins of the pots and touches that are missed."""
+    found, by = _margins(problem, batch)
+    missed = (found < _CLEAR) & np.isfinite(found)
+    return np.where(missed[..., None], by, 0.0), np.where(missed, found - _CLEAR, 0.0)
 
 
 def _room(problem: _Problem, tried: _Tried) -> Floats:
@@ -389,13 +419,6 @@ def _room(problem: _Problem, tried: _Tried) -> Floats:
     room, solved = np.zeros(len(tried.missed)), np.flatnonzero(tried.solved)
     if _leaves(problem) or not len(solved):
         return room
-    margins = _run(problem, tried.velocities[solved], record=True).margins(threads=1)
-    least = np.full(len(solved), np.inf)
-    for goal in problem.goals:
-        if isinstance(goal, Pot):
-            pockets = margins.pockets[:, goal.ball]
-            least = np.minimum(least, pockets.max(axis=1) if goal.pocket is None else pockets[:, goal.pocket])
-        elif isinstance(goal, Touch | FirstTouch):
-            least = np.minimum(least, margins.balls[:, CUE_BALL, goal.ball])
-    room[solved] = least
+    found, _ = _margins(problem, _run(problem, tried.velocities[solved], record=True))
+    room[solved] = found.min(axis=1)
     return room

@@ -309,15 +309,22 @@ def margin_columns(scene: Scene) -> dict[str, slice]:
     return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
 
 
-def push_margins_of(
-    record: Record, times: Floats, inputs: Floats, names: Sequence[str], threads: int | None
+def _wanted(scene: Scene, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Returns which margins belong to outputs, as an argument of `push_margins`."""
+    columns_of = margin_columns(scene)
+    wanted = np.zeros((scene.n_balls, columns_of["cushion_margins"].stop), np.bool_)
+    for name in set(names) & set(MARGINS):
+        wanted[:, columns_of[name]] = True
+    return wanted
+
+
+def _push_margins(
+    record: Record, times: Floats, inputs: Floats, wanted: NDArray[np.bool_], threads: int | None
 ) -> tuple[Floats, Floats, Floats]:
-    """Calls `push_margins` for the kinds `names` of margins. Returns its outputs."""
-    (m, k), n = inputs.shape[:2], record.scene.n_balls
-    bodies = margin_columns(record.scene)["cushion_margins"].stop
-    margins, nearest, slopes = np.empty((m, n, bodies)), np.empty((m, n, bodies)), np.empty((m, k, n, bodies))
-    kinds = np.array([name in names for name in MARGINS])
-    _for_all(record, push_margins, threads, times, inputs, kinds, margins, nearest, slopes)
+    """Calls `push_margins`. Returns its outputs."""
+    shape = (len(times), *wanted.shape)
+    margins, nearest, slopes = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *wanted.shape))
+    _for_all(record, push_margins, threads, times, inputs, wanted, margins, nearest, slopes)
     return margins, nearest, slopes
 
 
@@ -330,7 +337,8 @@ def _forwards(
         outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, names), threads)
         found |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
     if set(names) & set(MARGINS):
-        slopes, columns_of = push_margins_of(record, times, inputs, names, threads)[2], margin_columns(record.scene)
+        slopes = _push_margins(record, times, inputs, _wanted(record.scene, names), threads)[2]
+        columns_of = margin_columns(record.scene)
         found |= {name: slopes[..., columns_of[name]] for name in names if name in MARGINS}
     return found
 
@@ -349,16 +357,30 @@ def _by_columns(
 def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
     """Implements `BatchResult.margins`."""
     nothing = np.empty((len(record.time), 0, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
-    *found, _ = push_margins_of(record, _times(record, t), nothing, MARGINS, threads)
+    *found, _ = _push_margins(record, _times(record, t), nothing, _wanted(record.scene, MARGINS), threads)
     columns_of = margin_columns(record.scene).values()
     return Margins(*(array[..., column] for array in found for column in columns_of))
 
 
-def by_cue_ball(record: Record, names: Sequence[str], threads: int | None = 1) -> dict[str, Floats]:
-    """Returns the derivatives (m, 2, ...) of outputs by name, at the end, by the velocity of the cue ball."""
+def _cue_ball_inputs(record: Record) -> Floats:
+    """Returns unit changes (m, 2, 9 n + 14) of the velocity of the cue ball."""
     inputs = np.zeros((len(record.time), 2, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
     inputs[:, [0, 1], [2, 3]] = 1.0
-    return _forwards(record, names, inputs, record.time, threads)
+    return inputs
+
+
+def rest_by_cue_ball(record: Record) -> Floats:
+    """Returns the derivatives (m, 2, n, 2) of the positions at the end by the velocity of the cue ball."""
+    return _push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2]
+
+
+def margins_by_cue_ball(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Returns margins (m, n, q) of balls to the balls, pockets and cushions, and their derivatives (m, 2, n, q).
+
+    The derivatives are those by the velocity of the cue ball. Only the margins `wanted` (n, q) are computed.
+    """
+    margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), wanted, 1)
+    return margins, slopes
 
 
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
