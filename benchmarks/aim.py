@@ -3,6 +3,8 @@
 For each random layout with one object ball the goal is to pot this ball into a pocket and to leave the cue ball within
 1 cm of a point. Both are those of a random shot that pots the ball, so every goal can be reached. Many of these shots
 use cushions before the pot. A search with random shots has the same goal. Times are processor times of one core.
+
+A second table compares the players in tasks of the environment.
 """
 
 from __future__ import annotations
@@ -13,11 +15,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
+from billiards_env.evaluation import measure as evaluate
 from billiards_env.players.aim import Leave, Pot, aim
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 
 MAX_SPEED = 4.0  # m/s
+TASKS = ("place", "position", "carom", "three_cushion")
+PLAYERS = ("geometric", "search:200", "search:1000", "aim")
 _DRAWN = 2_000  # random shots among which the shot of a goal is drawn; a layout without a pot among them does not count
 _AT_ONCE = 20_000  # shots of the search in one batch
 
@@ -75,6 +80,16 @@ def measure(count: int, shots: int) -> dict[str, Any]:
     return {"machine": on, "shots": shots, "columns": ["direct", "aim", "search", "ms", "residual"], "rows": rows}
 
 
+def measure_players(episodes: int) -> list[list[Any]]:
+    """Returns the task, the player, the share of the episodes that it solves and its ms per shot."""
+    rows = []
+    for task in TASKS:
+        for player in PLAYERS:
+            found = evaluate(player, {"task": task}, (0.0, 0.0), episodes, 0)
+            rows.append([task, player, found["success_rate"], found["ms_per_decision"]])
+    return rows
+
+
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     direct, solved, searched, ms, residual = (np.array(column) for column in zip(*result["rows"], strict=True))
@@ -96,10 +111,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             )
         )
     head = ("goals", "layouts", "search", "aim", "aim, of those of search", "median ms", "90 % ms", "median residual")
+    played = {(task, player): f"{100 * share:.1f} % ({ms:.1f} ms)" for task, player, share, ms in result["players"]}
+    tasks = [(task, *(played[task, player] for player in PLAYERS)) for task in TASKS]
     return {
         "machine": machine_line(result["machine"]),
         "how": f"Search: {result['shots']:,} random shots per layout. One core; processor times of `aim`.",
         "solved": table(head, rows),
+        "players": table(("task", *PLAYERS), tasks),
     }
 
 
@@ -110,9 +128,10 @@ def main(arguments: list[str] | None = None) -> None:
         "Measure how often aim reaches a goal.",
         layouts=Count(1_000, "number of layouts"),
         shots=Count(100_000, "random shots of the search per layout"),
+        episodes=Count(300, "episodes of each player in each task"),
     )
     args = parser.parse_args(arguments)
-    report(measure(args.layouts, args.shots), blocks, args.output)
+    report({**measure(args.layouts, args.shots), "players": measure_players(args.episodes)}, blocks, args.output)
 
 
 if __name__ == "__main__":

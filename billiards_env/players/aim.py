@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import Range, numbers, real, short, whole
+from billiards_env.checks import Range, finite, real, shaped, short, whole
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.pots import SPEED, TOLERANCE, Tables, find_pots
 from billiards_env.scene import Scene, check_scene
@@ -105,6 +105,12 @@ class Cushions:
 
 
 Goal = Pot | Leave | Touch | FirstTouch | Cushions
+
+
+def carom_goals(balls: Sequence[int], cushions: int = 0) -> tuple[tuple[Goal, ...], ...]:
+    """Returns the ways to touch all balls, the last one after a number of cushion contacts: the goals of each."""
+    touches = tuple(Touch(ball) for ball in balls)
+    return tuple((*touches, Cushions(cushions, before=last)) for last in balls) if cushions else (touches,)
 
 
 class Aim(NamedTuple):
@@ -196,7 +202,7 @@ def aim(
     Example:
         >>> from billiards_env import Scene
         >>> from billiards_env.players.aim import Leave, Pot, aim
-        >>> found = aim(Scene.named("pool"), [[-0.6, 0.0], [0.6, 0.3]], [Pot(1, 3), Leave((0.0, -0.2))])
+        >>> found = aim(Scene.named("pool"), [[-0.6, 0.0], [0.6, 0.3]], [Pot(1, 3), Leave((0.5, -0.3))])
         >>> found.solved, found.shot.potted.tolist(), found.residual < 1e-9
         (True, [False, True], True)
     """
@@ -220,17 +226,22 @@ def _checked(
     scene: Scene, positions: ArrayLike, goals: Goal | Sequence[Goal], max_speed: float, in_play: ArrayLike | None
 ) -> _Problem:
     check_scene(scene)
-    n, given = scene.n_balls, goals if isinstance(goals, Sequence) else (goals,)
+    n, given = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not given or not all(isinstance(goal, Goal) for goal in given):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
     for goal in given:
-        for name in ("ball", "before"):
-            if getattr(goal, name, None) is not None:
-                whole(f"{type(goal).__name__}.{name}", getattr(goal, name), Range(0, n - 1))
+        name = type(goal).__name__
+        if not isinstance(goal, Cushions):
+            whole(f"{name}.ball", goal.ball, Range(0 if isinstance(goal, Leave) else 1, n - 1))
+        elif goal.before is not None:
+            whole(f"{name}.before", goal.before, Range(1, n - 1))
         if isinstance(goal, Pot) and goal.pocket is not None:
-            whole("Pot.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
+            whole(f"{name}.pocket", goal.pocket, Range(0, len(scene.table.pockets) - 1))
+        if isinstance(goal, Leave):
+            finite(f"{name}.position", goal.position, (2,))
+    places = shaped("positions", positions, (n, 2))
     playing = np.ones(n, bool) if in_play is None else np.array(in_play, bool)
-    return _Problem(scene, numbers("positions", positions), playing, tuple(given), real("max_speed", max_speed))
+    return _Problem(scene, places, playing, given, real("max_speed", max_speed, "max_speed"))
 
 
 def _run(problem: _Problem, velocities: Floats, record: bool = False) -> BatchResult:

@@ -57,7 +57,7 @@ def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
 
 def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
     path = tmp_path / "aim.json"
-    aim.main(["--layouts", "3", "--shots", "100", "--output", str(path)])
+    aim.main(["--layouts", "3", "--shots", "100", "--episodes", "2", "--output", str(path)])
     written = json.loads(path.read_text())
     assert len(written["rows"]) == 3
     assert "aim, of those of search" in capsys.readouterr().out
