@@ -168,7 +168,8 @@ class _Tried(NamedTuple):
         """Returns the shots that are nearest to the goals; those that miss fewer of them, if there are several."""
         order = np.lexsort((self.off, self.missed))[:count]
         fewest = order[self.missed[order] == self.missed[order[0]]]
-        return _Tried(*(array[fewest if len(fewest) >= _ENOUGH else order] for array in self))
+        chosen = fewest if len(fewest) >= _ENOUGH else order
+        return _Tried(self.velocities[chosen], self.missed[chosen], self.off[chosen], self.solved[chosen])
 
 
 def aim(

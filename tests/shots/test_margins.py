@@ -1,6 +1,7 @@
 """Margins: their sign agrees with the outcome, and their derivatives with differences."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ ALL = {**SCENES, "pool": Scene.named("pool", 2)}
 KINDS = dict(zip(MARGINS, ("ball_ball", "pocket", "cushion"), strict=True))
 
 
-def margins_of(shot, t=None):
+def margins_of(shot, t=None) -> Any:
     return dict(zip(MARGINS, shot.margins(t), strict=False))
 
 
@@ -51,7 +52,7 @@ def test_the_derivatives_are_those_of_differences(name, seed):
             if key in ("positions", "velocities"):
                 changed[("positions", "velocities").index(key)] += h * tangent
             elif key == "radius":
-                radius = tuple(r + h * x for r, x in zip(scene.balls.radius, tangent, strict=True))
+                radius = tuple(r + h * x for r, x in zip(scene.balls.radius, np.array(tangent), strict=True))
                 of = dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, radius=radius))
             else:
                 physics = dataclasses.replace(scene.physics, mu_roll=scene.physics.mu_roll + h * tangent)
