@@ -31,17 +31,18 @@ Bools = NDArray[np.bool_]
 SHOTS = 100_000
 """The largest number of random shots with which `aim` begins, if those by geometry do not reach the goals."""
 
-_STARTS = 12  # shots that Newton's method begins with, in the first round; then a share of the random shots
+_STARTS = 10  # shots that Newton's method begins with, in the first round; then a share of the random shots
 _SHARE = 0.05
 _ENOUGH = 4  # such shots, without the others
 _STEPS = 8  # of Newton's method
-_SHARES = np.array([1.0, 0.4, 0.1])  # of a step that the line search tries
+_SHARES = np.array([1.0, 0.3])  # of a step that the line search tries
+_GAIN = 0.8  # the largest distance after a step, over that before it
 _CLEAR = 0.002  # m; the margin that a step aims at
 _EXACT = 1e-10  # m; residual at which Newton's method ends
 _LONGEST = 0.3  # largest step, over the speed
 _LEAST_SPEED = 0.05  # of the random shots, over the largest speed
-_ROUND, _GROWTH = 400, 2  # number of random shots in the first round, and its growth
-_FAN, _FAN_SPEED = 360, 0.6  # shots in all directions, and their speed over the largest
+_ROUND, _GROWTH = 800, 2  # number of random shots in the first round, and its growth
+_FAN, _FAN_SPEED = 240, 0.6  # shots in all directions, and their speed over the largest
 
 # The shots near a pot: speeds as shares of the way from the least to the largest, turns as shares of the tolerance
 _POTS = 6  # pots with the largest tolerance
@@ -357,7 +358,7 @@ def _solve(problem: _Problem, tried: _Tried) -> _Tried:
         ranks = np.where(after.missed == 0, after.off, 1e6 * after.missed).reshape(len(which), -1)
         best = ranks.argmin(axis=1)
         best += len(_SHARES) * np.arange(len(which))
-        improves = (missed > 0) | ((after.missed[best] == 0) & (after.off[best] < tried.off[which]))
+        improves = (missed > 0) | ((after.missed[best] == 0) & (after.off[best] < _GAIN * tried.off[which]))
         active[which[~improves]] = False
         for array, new in zip(tried, after, strict=True):
             array[which[improves]] = new[best[improves]]
