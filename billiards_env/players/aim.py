@@ -217,7 +217,7 @@ def aim(
         if found[-1].solved.any():
             break
     tried = _Tried(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
-    order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed))
+    order = np.lexsort((-_room(problem, tried), np.maximum(tried.off, _EXACT), tried.missed, ~tried.solved))
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
     shot = simulate(scene, problem.positions, velocity, in_play=problem.in_play, record=True)
