@@ -102,16 +102,16 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             (
                 name,
                 str(chosen.sum()),
-                f"{100 * searched[chosen].mean():.1f} %",
-                f"{100 * solved[chosen].mean():.1f} %",
-                f"{100 * both.mean():.1f} %" if len(both) else "",
+                f"{100 * searched[chosen].mean():.1f}%",
+                f"{100 * solved[chosen].mean():.1f}%",
+                f"{100 * both.mean():.1f}%" if len(both) else "",
                 f"{np.median(ms[chosen]):.1f}",
                 f"{np.quantile(ms[chosen], 0.9):.1f}",
                 f"{np.median(residual[chosen & solved]):.0e} m" if solved[chosen].any() else "",
             )
         )
-    head = ("goals", "layouts", "search", "aim", "aim, of those of search", "median ms", "90 % ms", "median residual")
-    played = {(task, player): f"{100 * share:.1f} % ({ms:.1f} ms)" for task, player, share, ms in result["players"]}
+    head = ("goals", "layouts", "search", "aim", "aim, of those of search", "median ms", "90% ms", "median residual")
+    played = {(task, player): f"{100 * share:.1f}% ({ms:.1f} ms)" for task, player, share, ms in result["players"]}
     tasks = [(task, *(played[task, player] for player in PLAYERS)) for task in TASKS]
     return {
         "machine": machine_line(result["machine"]),

@@ -299,7 +299,7 @@ class ShotResult:
             >>> from billiards_env import Scene, simulate
             >>> scene = Scene.named("ideal")  # balls of 28.575 mm: the cue ball passes at a gap of 3 mm
             >>> shot = simulate(scene, [[-0.5, 0.06015], [0.0, 0.0]], [1.0, 0.0], max_time=0.9, record=True)
-            >>> round(shot.margins().balls[0, 1], 6)
+            >>> round(float(shot.margins().balls[0, 1]), 6)
             -0.003
         """
         from billiards_env.shots import gradients
