@@ -106,8 +106,8 @@ def find_player(
     """Returns the player of a name.
 
     Args:
-        text: "random", "geometric" or "search:K" (see `players.strategies`), "policy:FOLDER" for the policy of a run,
-            or "module:function" for your own function `act(observation) -> action`.
+        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "policy:FOLDER" for the policy of a
+            run, or "module:function" for your own function `act(observation) -> action`.
         env: The environment that it plays in.
         noise: The execution noise in the simulations of "search", see `players.strategies.search`.
         seed: The seed of the random numbers of "random" and "search".

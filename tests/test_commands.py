@@ -37,6 +37,7 @@ TESTED = {
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",
     "benchmarks.error_limit": "benchmarks/test_benchmarks.py",
+    "benchmarks.aim": "benchmarks/test_benchmarks.py",
     "benchmarks.gradients": "benchmarks/test_benchmarks.py",
     "studies.figures": "studies/test_figures.py",
     "benchmarks.pooltool_worker": "benchmarks/test_comparison.py",

@@ -2,7 +2,7 @@
 
 `trace` computes the states before and after each event from the log. Then `push_lanes` multiplies changes of the start
 by the derivative of each flight and event in turn (a Jacobian times vectors), and `pull_lanes` multiplies adjoints of
-the end by the transposes in reverse order (vectors times the Jacobian). Both use `_apply_event`. Its lanes are the
+the end by the transposes in reverse order (vectors times the Jacobian). Both use `apply_event`. Its lanes are the
 changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
 The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
@@ -149,7 +149,7 @@ class Tape(NamedTuple):
 
 
 @allocating
-def _empty_tape(begin, end, first, bounds, n, lanes):
+def empty_tape(begin, end, first, bounds, n, lanes):
     """Returns the `Tape` for shots `begin` to `end` - 1 of a log that begins with shot `first`."""
     events = pieces = 1
     for k in range(begin - first, end - first):
@@ -172,7 +172,7 @@ def _empty_tape(begin, end, first, bounds, n, lanes):
 
 
 @inlined
-def _flight(segments, piece, until, scene):
+def flight_until(segments, piece, until, scene):
     """Returns the `Flight` on a piece until a `Time`."""
     segment = segments[piece]
     row = segment[SEGMENT_ROW:]
@@ -228,7 +228,7 @@ def trace(events, segments, scene, is_sphere, tape):
             i = int(events[e, BALL + s])
             p, here = tape.current[i], piece + s
             tape.previous[here] = p
-            flight = _flight(segments, p, now, scene)
+            flight = flight_until(segments, p, now, scene)
             if tape.joint[i] and flight.dt == 0.0:
                 _copy(tape.after[p], tape.before[here])
             else:
@@ -289,18 +289,18 @@ def _copy_state(row, state):
 
 
 @inlined
-def _apply_event(e, count, events, segments, scene, is_sphere, tape):
+def apply_event(e, count, events, segments, scene, is_sphere, tape):
     """Changes the first `count` lanes by event e and the flights of its balls before it."""
     numbers, lanes, piece = scene.numbers, tape.lanes, tape.first[e]
     kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
     i, other = int(events[e, BALL]), int(events[e, OTHER])
     before, after = tape.before[piece], tape.after[piece]
     last, phase = tape.previous[piece], int(segments[piece, SEGMENT_PHASE])
-    flight = _flight(segments, last, now, scene)
+    flight = flight_until(segments, last, now, scene)
     after_rates = _rates(segments, piece, after, scene, tape)
     if kind == BALL_BALL:
         a, b = before, tape.before[piece + 1]
-        second = _flight(segments, tape.previous[piece + 1], now, scene)
+        second = flight_until(segments, tape.previous[piece + 1], now, scene)
         impact = impact_of(a, b, i, other, is_sphere, scene)
         push = push_of(scene.ball_friction, impact)
         before_i = _rates(segments, last, a, scene, tape)
@@ -355,7 +355,7 @@ def _apply_event(e, count, events, segments, scene, is_sphere, tape):
 def _apply_end(i, count, until, segments, scene, tape):
     """Changes the first `count` lanes, with ball i, by its last flight until a time (s)."""
     piece, numbers, state = tape.current[i], scene.numbers, tape.state
-    flight = _flight(segments, piece, Time(until, 0.0), scene)
+    flight = flight_until(segments, piece, Time(until, 0.0), scene)
     fly(segments[piece, SEGMENT_ROW:], flight, numbers, state)
     for c in range(count):
         flight_lane(tape.lanes[c], 0, flight)
@@ -363,7 +363,7 @@ def _apply_end(i, count, until, segments, scene, tape):
 
 
 @inlined
-def _load(i, s, count, inputs, tangent, lanes):
+def load(i, s, count, inputs, tangent, lanes):
     """Copies the changes of ball i and of its constants to the columns of ball s of the lanes."""
     for c in range(count):
         lane = lanes[c]
@@ -373,7 +373,7 @@ def _load(i, s, count, inputs, tangent, lanes):
 
 
 @inlined
-def _store(i, s, count, lanes, tangent):
+def store(i, s, count, lanes, tangent):
     """Copies the columns of ball s of the lanes to the changes of ball i."""
     for c in range(count):
         for j in range(BALL_WIDTH):
@@ -386,6 +386,23 @@ def _start(i, count, segments, scene, lanes):
     for c in range(count):
         phase = int(segments[i, SEGMENT_PHASE])
         start_lane(lanes[c], segments[i, SEGMENT_ROW:], phase, scene.radius[i], scene.numbers)
+
+
+@inlined
+def begin_lanes(n, inputs, segments, scene, tangent, tape):
+    """Begins a pass forwards: the lanes take the changes of the constants, and `tangent` those of the n balls."""
+    lanes, count = tape.lanes, len(inputs)
+    for c in range(count):
+        for j in range(NUMBER_INPUTS):
+            lanes[c, D_NUMBERS + j] = inputs[c, BALL_INPUTS * n + j]
+    for i in range(n):
+        tape.current[i] = i
+        for c in range(count):
+            for j in range(BALL_WIDTH):
+                tangent[i, c, j] = inputs[c, BALL_INPUTS * i + j]
+        load(i, 0, count, inputs, tangent, lanes)
+        _start(i, count, segments, scene, lanes)
+        store(i, 0, count, lanes, tangent)
 
 
 @allocating_entry_point
@@ -410,7 +427,7 @@ def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, ti
     """
     arrays = SceneArrays(scene[0][0], *scene[1:])
     n, count, most = len(arrays.radius), inputs.shape[1], at_events.shape[2]
-    tape = _empty_tape(begin, end, first, bounds, n, count)
+    tape = empty_tape(begin, end, first, bounds, n, count)
     tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
     for k in range(begin, end):
         arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
@@ -419,28 +436,18 @@ def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, ti
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
         if count == 0:
             continue
-        for c in range(count):
-            for j in range(NUMBER_INPUTS):
-                lanes[c, D_NUMBERS + j] = given[c, BALL_INPUTS * n + j]
-        for i in range(n):
-            tape.current[i] = i
-            for c in range(count):
-                for j in range(BALL_WIDTH):
-                    tangent[i, c, j] = given[c, BALL_INPUTS * i + j]
-            _load(i, 0, count, given, tangent, lanes)
-            _start(i, count, paths, arrays, lanes)
-            _store(i, 0, count, lanes, tangent)
+        begin_lanes(n, given, paths, arrays, tangent, tape)
         at_events[k] = 0.0
         done = 0
         for q in range(times.shape[1]):
             while done < len(log) and log[done, TIME] <= times[k, q]:
                 balls = 2 if log[done, KIND] == BALL_BALL else 1
                 for s in range(balls):
-                    _load(int(log[done, BALL + s]), s, count, given, tangent, lanes)
-                _apply_event(done, count, log, paths, arrays, is_sphere, tape)
+                    load(int(log[done, BALL + s]), s, count, given, tangent, lanes)
+                apply_event(done, count, log, paths, arrays, is_sphere, tape)
                 for s in range(balls):
                     i = int(log[done, BALL + s])
-                    _store(i, s, count, lanes, tangent)
+                    store(i, s, count, lanes, tangent)
                     tape.current[i] = tape.first[done] + s
                 if done < most:
                     for c in range(count):
@@ -452,7 +459,7 @@ def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, ti
                     end_call(interrupted())
                     pending = 0
             for i in range(n):
-                _load(i, 0, count, given, tangent, lanes)
+                load(i, 0, count, given, tangent, lanes)
                 _apply_end(i, count, times[k, q], paths, arrays, tape)
                 for c in range(count):
                     for j in range(BALL_WIDTH):
@@ -601,7 +608,7 @@ def pull_lanes(
     """
     arrays = SceneArrays(scene[0][0], *scene[1:])
     n, count, most = len(arrays.radius), outputs.shape[1], at_events.shape[2]
-    tape = _empty_tape(begin, end, first, bounds, n, MOST_LANES)
+    tape = empty_tape(begin, end, first, bounds, n, MOST_LANES)
     marks, motion, pending = np.zeros((count, 3)), arrays.numbers.motion, 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
@@ -642,7 +649,7 @@ def pull_lanes(
                 phase = _phase_before(piece + 1, paths, tape)
                 lanes = _ball_columns(BALL_WIDTH, phase, 0, lanes, motion, tape.column)
             lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
-            _apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
+            apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
             _pull(lanes, n, i, j, begin_at, marked, marks, tape, adjoint, sums)
             pending += lanes
             if pending > _LOOK_AFTER:

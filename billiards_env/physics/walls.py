@@ -251,7 +251,7 @@ def any_wall_time(path, radius, end, outline):
         if t > first or t == math.inf:
             continue
         x, y = place_after(path, t)
-        if not _faces(tips[k], x, y):
+        if not faces(tips[k], x, y):
             continue
         wall = len(lines) + k
         if t < first or (number >= len(lines) and _comes_first(path, t, wall, number, outline)):
@@ -272,7 +272,7 @@ def _comes_first(path, t, wall, other, outline):
 
 
 @inlined
-def _faces(tip, x, y):
+def faces(tip, x, y):
     """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
     dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
     return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
@@ -425,7 +425,7 @@ def _distance_outside(x, y, outline):
         if line[HALF_LINE] > 0.0:
             nearest = min(nearest, _line_distance(x, y, line))
     for tip in outline.tips:
-        if _faces(tip, x, y):
+        if faces(tip, x, y):
             nearest = min(nearest, abs(norm(x - tip[TIP_X], y - tip[TIP_Y]) - tip[TIP_RADIUS]))
     return nearest
 
@@ -468,7 +468,7 @@ def _piece_overlap(x, y, radius, wall, outside, outline):
         return (beyond + radius if hits else 0.0), nx, ny
     tip = tips[wall - len(lines)]
     distance = norm(tip[TIP_X] - x, tip[TIP_Y] - y)
-    hits = _faces(tip, x, y) and (outside == 0.0 or abs(distance - tip[TIP_RADIUS]) <= outside + CONTACT_GAP)
+    hits = faces(tip, x, y) and (outside == 0.0 or abs(distance - tip[TIP_RADIUS]) <= outside + CONTACT_GAP)
     return (tip[TIP_RADIUS] + radius - distance if hits else 0.0), nx, ny
 
 

@@ -15,7 +15,8 @@ END = "N: new game   R: replay   U: undo   S: save"
 
 _HINTS = {
     "placing": "place: click, space   move: mouse, arrows   undo: U   keys: H   rules: F1",
-    "aiming": "aim: drag, arrows   fine: comma, period   zoom: F   shoot: space   undo: U   keys: H   rules: F1",
+    "aiming": "aim: drag, arrows   fine: comma, period   pot: A   zoom: F   shoot: space   undo: U   keys: H   "
+    "rules: F1",
     "thinking": "undo: U   save: S   quit: Q   keys: H   rules: F1",
     "rolling": "skip: click, space   slower, faster: - +   undo: U   quit: Q   keys: H",
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   keys: H",

@@ -366,6 +366,13 @@ def aim_at(model: Model, point: Point) -> Model:
 
 
 @_only("aiming")
+def aim_along(model: Model, velocity: NDArray[np.float64]) -> Model:
+    """Aims at a velocity (2,) of the cue ball, m/s, with a level cue and no english."""
+    x, y = velocity.tolist()
+    return _aimed(model, angle=math.atan2(y, x), speed=math.hypot(x, y), tip=(0.0, 0.0), elevation=0.0)
+
+
+@_only("aiming")
 def set_tip(model: Model, side: float, top: float) -> Model:
     """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""
     if not model.has_spin:

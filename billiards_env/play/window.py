@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,10 +20,13 @@ from billiards_env.drawing.window import FASTER_KEYS, SLOWER_KEYS, Screen
 from billiards_env.games import GameState, History, Stroke, opening, records
 from billiards_env.play import model as actions
 from billiards_env.play.controls import STEEPEST
+from billiards_env.play.hint import pot_at, velocity_for
 from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
+
+T = TypeVar("T")
 
 COMMANDS: dict[int, tuple[Any, ...]] = {
     pygame.K_c: (actions.level,),
@@ -74,6 +77,27 @@ class _Thought(NamedTuple):
     start: float
 
 
+class _Hint(NamedTuple):
+    """The search of the aim for a pot in a state of the game."""
+
+    game: GameState
+    velocity: Future[NDArray[np.float64] | None]
+
+
+def _in_thread(work: Callable[[], T]) -> Future[T]:
+    """Returns the result of a function that runs in a thread. The window need not wait for it when it closes."""
+    result = Future[T]()
+
+    def run() -> None:
+        try:
+            result.set_result(work())
+        except BaseException as error:  # raised again where the result is used
+            result.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return result
+
+
 class GameWindow:
     """A game in a window.
 
@@ -109,7 +133,9 @@ class GameWindow:
         # The part that the mouse drags: a control, "arrow", "table" or nothing
         self._dragged: str | None = None
         self._clicked, self._seconds = -1.0, 0.0
+        self._mouse = (0, 0)  # pixels
         self._thought: _Thought | None = None
+        self._hint: _Hint | None = None
         self._shown: object = None
         self._frame = self._view.draw(model)
 
@@ -148,6 +174,8 @@ class GameWindow:
         """
         for event in pygame.event.get():
             self._take(event)
+        if self._hint is not None and self._hint.velocity.done():
+            self._take_hint(self._hint)
         if self.model.phase == "thinking":
             self._think()
         elif not self.asking:
@@ -182,18 +210,27 @@ class GameWindow:
     def _start_thought(self) -> _Thought:
         """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
         model, (rng,) = self.model, self._rng.spawn(1)
-        player, stroke = self._players[model.game.state.player], Future[Stroke]()
+        player = self._players[model.game.state.player]
         assert player is not None
-
-        def think() -> None:
-            try:
-                stroke.set_result(player(model.setup, model.game, model.max_speed, rng))
-            except BaseException as error:  # raised again where the result is used
-                stroke.set_exception(error)
-
-        # The window need not wait for a daemon thread when it closes.
-        threading.Thread(target=think, daemon=True).start()
+        stroke = _in_thread(lambda: player(model.setup, model.game, model.max_speed, rng))
         return _Thought(model.game, stroke, time.monotonic())
+
+    def _start_hint(self) -> None:
+        """Starts a thread that finds the aim for the ball and the pocket under the mouse."""
+        model = self.model
+        pot = pot_at(model, self._view.point_of(self._mouse)) if model.phase == "aiming" else None
+        if pot is None:
+            self.message = "point at a ball or a pocket"
+        else:
+            self.message, self._hint = "", _Hint(model.game, _in_thread(lambda: velocity_for(model, pot)))
+
+    def _take_hint(self, hint: _Hint) -> None:
+        """Aims as the thread has found, unless the game went on."""
+        self._hint, velocity = None, hint.velocity.result()
+        if velocity is None:
+            self.message = "no pot found"
+        elif hint.game is self.model.game:
+            self._do(actions.aim_along, velocity)
 
     def _quit(self) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""
@@ -226,6 +263,8 @@ class GameWindow:
                 self._quit()
             elif event.key == pygame.K_s:
                 self.save()
+            elif event.key == pygame.K_a:
+                self._start_hint()
             elif event.key == pygame.K_n and self.model.phase == "over":
                 self._new_game()
             elif event.key in ELEVATIONS:
@@ -244,6 +283,7 @@ class GameWindow:
         elif event.type == pygame.MOUSEBUTTONUP and event.button == 1:
             self._dragged = None
         elif event.type == pygame.MOUSEMOTION:
+            self._mouse = event.pos
             self._drag(event.pos)
             self._do(actions.move_to, self._view.point_of(event.pos))
         elif event.type == pygame.MOUSEWHEEL:

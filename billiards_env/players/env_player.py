@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.tasks import TASKS
+from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.strategies import Situation
 
 Floats = NDArray[np.float64]
@@ -34,7 +36,21 @@ def situation(env: BilliardsEnv) -> Situation:
         env.max_speed,
         lambda actions: rewards(env, actions),
         action_size=ACTIONS[env.action],
+        goals=_goals(env, np.flatnonzero(targets & ~env.potted).tolist()),
     )
+
+
+def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
+    """Returns the ways to score in the task of an environment, with the legal balls."""
+    task = env.task
+    if task in ("carom", "three_cushion"):
+        return carom_goals(balls, cushions=3 if task == "three_cushion" else 0)
+    leave = tuple(Leave((x, y), TASKS[task].goal_radius) for x, y in env.goals.tolist())
+    if task == "place":
+        return tuple((Touch(ball), *leave) for ball in balls) or (leave,)
+    if TASKS[task].pockets:
+        return tuple((FirstTouch(ball), Pot(ball), *leave) for ball in balls)
+    return ()
 
 
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:

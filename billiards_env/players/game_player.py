@@ -4,7 +4,7 @@ A player is a function `(setup, game, max_speed, rng) -> Stroke`. Its arguments 
 speed of the fastest shot in m/s and a random generator. A maker of players is a function `(setup, argument) -> player`.
 `find_player` accepts
 
-* "random", "geometric" and "search", the strategies of `billiards_env.players.strategies`;
+* "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
@@ -33,6 +33,7 @@ from billiards_env.checks import suggestion
 from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
+from billiards_env.players.aim import FirstTouch, Pot, carom_goals
 from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
@@ -132,7 +133,11 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         rate,
         state.cue_balls[0],
     )
-    return found._replace(tried_first=full_hit(found)[None])
+    targets = np.flatnonzero(found.targets & ~found.potted).tolist()
+    goals = carom_goals(targets, cushions=3 if setup.rules == "three_cushion" else 0)
+    if setup.game_rules.pockets:
+        goals = tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
+    return found._replace(tried_first=full_hit(found)[None], goals=goals)
 
 
 def make_stroke(velocity: Floats, max_speed: float, place: Point | None) -> Stroke:

@@ -5,6 +5,8 @@
   (`billiards_env.players.pots`). If there is no pot at all, it plays a full hit on the nearest target at the largest
   speed. It does not use the engine.
 * "search" simulates shots and plays the best one; "search:20" simulates 20 shots.
+* "aim" computes shots that reach the goals of a task or a game (`billiards_env.players.aim`), and plays the best one.
+  If there is none, it searches.
 
 A strategy is a function `(situation, rng) -> action`. An action is the velocity of the cue ball divided by the largest
 speed, (2,), or a strike, (5,), see `billiards_env.envs.actions`. "search" also tries pots with random english and
@@ -22,6 +24,8 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
 from billiards_env.envs.actions import aimed_strikes, perturb
+from billiards_env.players.aim import Goal
+from billiards_env.players.aim import aim as aim_at
 from billiards_env.players.pots import PotShots, Tables, pot_shots
 from billiards_env.scene import Scene
 
@@ -32,6 +36,10 @@ SHOTS = 200
 
 FINALISTS, REPEATS = 16, 16
 """With execution noise, "search" simulates each of its best `FINALISTS` shots `REPEATS` times with random errors."""
+
+
+AIM_SHOTS = 3_000
+"""The largest number of random shots with which "aim" begins."""
 
 
 class Situation(NamedTuple):
@@ -47,6 +55,7 @@ class Situation(NamedTuple):
         cue: The number of the cue ball.
         tried_first: (k, 2) velocities that "search" tries before all others.
         action_size: The number of values of an action, 2 or 5.
+        goals: Several ways to score: the goals of each.
     """
 
     scene: Scene
@@ -58,6 +67,7 @@ class Situation(NamedTuple):
     cue: int = 0
     tried_first: Floats = np.empty((0, 2))
     action_size: int = 2
+    goals: tuple[tuple[Goal, ...], ...] = ()
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
@@ -118,6 +128,29 @@ def search(
     return actions[np.argmax(ratings)]
 
 
+def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, float] = (0.0, 0.0)) -> Floats:
+    """Returns an action that reaches the goals of one way to score, or that of `search`, if none scores.
+
+    Of the shots with the highest rating the first one has the largest margins.
+    """
+    found = [np.empty((0, situation.action_size))]
+    for goals in situation.goals if situation.cue == 0 else ():
+        aimed = aim_at(
+            situation.scene,
+            situation.positions,
+            goals,
+            max_speed=situation.max_speed,
+            in_play=~situation.potted,
+            shots=AIM_SHOTS,
+        )
+        if aimed.solved:
+            velocities = np.concatenate((aimed.velocity[None], aimed.alternatives))
+            found.append(with_numbers(velocities / situation.max_speed, situation.action_size))
+    actions = np.concatenate(found)
+    ratings = situation.rate(actions)
+    return actions[np.argmax(ratings)] if ratings.max(initial=0.0) > 0.0 else search(situation, rng, noise=noise)
+
+
 def with_numbers(actions: Floats, numbers: int) -> Floats:
     """Returns actions (..., k), padded with zeros to `numbers` numbers."""
     return np.concatenate((actions, np.zeros((*actions.shape[:-1], numbers - actions.shape[-1]))), axis=-1)
@@ -150,7 +183,7 @@ def anywhere(count: int, rng: np.random.Generator) -> Floats:
     return speeds[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
 
 
-STRATEGIES: dict[str, Strategy] = {"random": random, "geometric": geometric, "search": search}
+STRATEGIES: dict[str, Strategy] = {"random": random, "geometric": geometric, "search": search, "aim": aim}
 
 
 def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strategy:
@@ -158,13 +191,15 @@ def find_strategy(text: str, noise: tuple[float, float] = (0.0, 0.0)) -> Strateg
 
     Args:
         text: One of `STRATEGIES`; "search:K" simulates K shots.
-        noise: The execution noise in the simulations of "search"; see `search`.
+        noise: The execution noise in the simulations of "search" and "aim"; see `search`.
 
     Raises:
         ValueError: If there is no such strategy, or K is not a whole number >= 1.
     """
     name, colon, count = text.partition(":")
     one_of("player", name, tuple(STRATEGIES))
+    if name == "aim" and not colon:
+        return functools.partial(aim, noise=noise)
     if name != "search" and not colon:
         return STRATEGIES[name]
     if name != "search" or (colon and not (count.isdecimal() and int(count) >= 1)):

@@ -8,8 +8,9 @@ Inputs (the names of `by` and of tangents) for a shot of n balls:
 * "strike" (5,): speed, heading, side, top and elevation of the strike of the cue ball.
 
 Outputs (the names of `of` and of cotangents) are "positions", "velocities" and "spins" at a time, and "event_times"
-(l,) and "event_positions" (l, 2). All units are SI units. The derivatives of events after this time are zero. For a
-batch all arrays have a leading axis m, and l is the largest number of events of a shot.
+(l,) and "event_positions" (l, 2), and the margins until this time: "ball_margins" (n, n), "pocket_margins" (n, p) and
+"cushion_margins" (n, c), see `Margins`. All units are SI units. The derivatives of events after this time are zero. For
+a batch all arrays have a leading axis m, and l is the largest number of events of a shot.
 
 A velocity is changed at a constant spin, and a spin at a constant velocity. A radius changes at constant positions,
 velocities and spins; the table and its pockets do not change. If a ball at rest gets a small velocity or spin, friction
@@ -30,7 +31,8 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.checks import numbers, one_of, short
 from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, REASONS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW
-from billiards_env.engine.modes import PIC, Varied, physics_of_shots, varied_fields
+from billiards_env.engine.margins import push_margins
+from billiards_env.engine.modes import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import derivatives as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
@@ -43,6 +45,7 @@ _BALL_INPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": sl
 _BALL_OUTPUTS = {"positions": slice(0, 2), "velocities": slice(2, 4), "spins": slice(4, 7)}
 _EVENT_OUTPUTS = {"event_times": 0, "event_positions": slice(1, 3)}
 OUTPUTS = (*_BALL_OUTPUTS, *_EVENT_OUTPUTS)
+MARGINS = ("ball_margins", "pocket_margins", "cushion_margins")
 
 
 class Part(NamedTuple):
@@ -92,6 +95,33 @@ class Nonsmooth(NamedTuple):
 
     event: Any
     reason: Any
+
+
+class Margins(NamedTuple):
+    """The signed distances of n balls to changes of outcome, m; for a batch with a leading axis.
+
+    The margin of a ball and a body is positive if they touch or the ball enters the pocket, and negative if it misses
+    them. It passes through zero as a hit becomes a miss. A miss has minus the least gap. A hit has the depth of the
+    ball in the body where the two would be nearest if they did not interact: see `engine.margins`. The largest of
+    several approaches counts. It is minus infinity for balls that are not in play, for a ball and itself, and for a
+    cushion of an outline that a ball does not face. It is infinity for a cushion that a ball touches on a path that
+    does not turn back.
+
+    Attributes:
+        balls: (n, n) float64 of two balls; symmetric.
+        pockets: (n, p) float64: how far the centre of the ball enters the circle of the pocket.
+        cushions: (n, c) float64, of the cushions by their numbers in the events.
+        ball_times: (n, n) float64, s, when the two are nearest.
+        pocket_times: (n, p) float64, the same.
+        cushion_times: (n, c) float64, the same.
+    """
+
+    balls: Floats
+    pockets: Floats
+    cushions: Floats
+    ball_times: Floats
+    pocket_times: Floats
+    cushion_times: Floats
 
 
 def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> dict[str, Floats]:
@@ -232,7 +262,10 @@ def _most_events(record: Record, names: Sequence[str]) -> int:
 
 def _output_shape(record: Record, name: str) -> tuple[int, ...]:
     """Returns the shape of an output of one shot."""
-    one_of("of", name, OUTPUTS)
+    one_of("of", name, (*OUTPUTS, *MARGINS))
+    if name in MARGINS:
+        columns_of = margin_columns(record.scene)[name]
+        return (record.scene.n_balls, columns_of.stop - columns_of.start)
     column = {**_BALL_OUTPUTS, **_EVENT_OUTPUTS}[name]
     width = () if isinstance(column, int) else (column.stop - column.start,)
     return (_most_events(record, (name,)) if name in _EVENT_OUTPUTS else record.scene.n_balls, *width)
@@ -276,6 +309,88 @@ def _pull(
     return inputs
 
 
+def margin_columns(scene: Scene) -> dict[str, slice]:
+    """Returns the columns of each kind of margin in the arrays of `push_margins`."""
+    outline = scene_fields(scene)[4]
+    n, p = scene.n_balls, len(scene.table.pockets)
+    c = 4 if outline is None else len(outline[0]) + len(outline[1])
+    return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
+
+
+def _wanted(scene: Scene, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Returns which margins belong to outputs, as an argument of `push_margins`."""
+    columns_of = margin_columns(scene)
+    wanted = np.zeros((scene.n_balls, columns_of["cushion_margins"].stop), np.bool_)
+    for name in set(names) & set(MARGINS):
+        wanted[:, columns_of[name]] = True
+    return wanted
+
+
+def _push_margins(
+    record: Record, times: Floats, inputs: Floats, wanted: NDArray[np.bool_], threads: int | None
+) -> tuple[Floats, Floats, Floats]:
+    """Calls `push_margins`. Returns its outputs."""
+    shape = (len(times), *wanted.shape)
+    margins, nearest, slopes = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *wanted.shape))
+    _for_all(record, push_margins, threads, times, inputs, wanted, margins, nearest, slopes)
+    return margins, nearest, slopes
+
+
+def _forwards(
+    record: Record, names: Sequence[str], inputs: Floats, times: Floats, threads: int | None
+) -> dict[str, Floats]:
+    """Returns the changes of outputs by name, (m, k, ...), for changes of the inputs of the engine."""
+    found: dict[str, Floats] = {}
+    if set(names) & set(OUTPUTS):
+        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, names), threads)
+        found |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
+    if set(names) & set(MARGINS):
+        slopes = _push_margins(record, times, inputs, _wanted(record.scene, names), threads)[2]
+        columns_of = margin_columns(record.scene)
+        found |= {name: slopes[..., columns_of[name]] for name in names if name in MARGINS}
+    return found
+
+
+def _by_columns(
+    record: Record, known: _Inputs, names: Sequence[str], by: str, times: Floats, threads: int | None
+) -> dict[str, Floats]:
+    """Returns the Jacobians (m, k, ...) of outputs by name, with respect to the k numbers of an input."""
+    m, shape = len(record.time), known.shape(by)
+    k = math.prod(shape)
+    inputs = np.zeros((m, k, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    known.push(by, np.broadcast_to(np.eye(k).reshape(k, *shape), (m, k, *shape)), inputs)
+    return _forwards(record, names, inputs, times, threads)
+
+
+def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
+    """Implements `BatchResult.margins`."""
+    nothing = np.empty((len(record.time), 0, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    *found, _ = _push_margins(record, _times(record, t), nothing, _wanted(record.scene, MARGINS), threads)
+    columns_of = margin_columns(record.scene).values()
+    return Margins(*(array[..., column] for array in found for column in columns_of))
+
+
+def _cue_ball_inputs(record: Record) -> Floats:
+    """Returns unit changes (m, 2, 9 n + 14) of the velocity of the cue ball."""
+    inputs = np.zeros((len(record.time), 2, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
+    inputs[:, [0, 1], [2, 3]] = 1.0
+    return inputs
+
+
+def rest_by_cue_ball(record: Record) -> Floats:
+    """Returns the derivatives (m, 2, n, 2) of the positions at the end by the velocity of the cue ball."""
+    return _push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2]
+
+
+def margins_by_cue_ball(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Returns margins (m, n, q) of balls to the balls, pockets and cushions, and their derivatives (m, 2, n, q).
+
+    The derivatives are those by the velocity of the cue ball. Only the margins `wanted` (n, q) are computed.
+    """
+    margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), wanted, 1)
+    return margins, slopes
+
+
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
     """Returns an output by name, (m, k, ...)."""
     if of in _BALL_OUTPUTS:
@@ -316,10 +431,10 @@ def jvp(
         change = _given("tangents", name, value, m, known.shape(name))
         known.push(name, change[:, None], inputs)
     for name in names:
-        one_of("of", name, OUTPUTS)
-    times = _times(record, t)[:, None]
-    outputs, at_events, _ = _push(record, times, inputs, _most_events(record, names), threads)
-    found = {name: _chosen(name, outputs[:, 0], at_events)[:, 0] for name in names}
+        one_of("of", name, (*OUTPUTS, *MARGINS))
+    found = {
+        name: change[:, 0] for name, change in _forwards(record, names, inputs, _times(record, t), threads).items()
+    }
     return found[of] if isinstance(of, str) else found
 
 
@@ -341,8 +456,15 @@ def vjp(
         name: _given("cotangents", name, value, m, _output_shape(record, name))[:, None]
         for name, value in cotangents.items()
     }
-    inputs = _pull_of(record, given, _times(record, t), 1, names, threads)
+    times, to_margins = _times(record, t), {name: given.pop(name) for name in MARGINS if name in given}
+    inputs = _pull_of(record, given, times, 1, names, threads)
     found = {name: known.pull(name, inputs)[:, 0] for name in names}
+    for name in names if to_margins else ():  # forwards: a margin has a time of its own
+        by_columns = _by_columns(record, known, tuple(to_margins), name, times, threads)
+        for of, cotangent in to_margins.items():
+            found[name] = found[name] + np.einsum("mjk,mijk->mi", cotangent[:, 0], by_columns[of]).reshape(
+                m, *known.shape(name)
+            )
     return found[by] if isinstance(by, str) else found
 
 
@@ -362,16 +484,13 @@ def _pull_of(
 def jacobian(
     record: Record, of: str, by: str, t: ArrayLike | None, strike: ArrayLike | None, threads: int | None
 ) -> Floats:
-    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer."""
+    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer; margins by columns."""
     known, m, times = _inputs(record, strike), len(record.time), _times(record, t)
     left, right = _output_shape(record, of), known.shape(by)
     rows, cols = math.prod(left), math.prod(right)
-    if cols <= rows:
-        unit = np.broadcast_to(np.eye(cols).reshape(cols, *right), (m, cols, *right))
-        inputs = np.zeros((m, cols, BALL_INPUTS * record.scene.n_balls + NUMBER_INPUTS))
-        known.push(by, unit, inputs)
-        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, (of,)), threads)
-        found = np.moveaxis(_chosen(of, outputs[:, 0], at_events).reshape(m, cols, rows), 1, 2)
+    if cols <= rows or of in MARGINS:
+        found = _by_columns(record, known, (of,), by, times, threads)[of]
+        found = np.moveaxis(found.reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))
         inputs = _pull_of(record, {of: unit}, times, rows, (by,), threads)

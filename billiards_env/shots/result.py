@@ -36,7 +36,7 @@ from billiards_env.scene import Scene
 if TYPE_CHECKING:
     from billiards_env.drawing.plot import Axes
     from billiards_env.drawing.recording import Recording
-    from billiards_env.shots.gradients import Nonsmooth, Record
+    from billiards_env.shots.gradients import Margins, Nonsmooth, Record
     from billiards_env.shots.sensitivity import Sensitivity
 
 Floats = NDArray[np.float64]
@@ -282,6 +282,30 @@ class ShotResult:
 
         found = gradients.nonsmooth(self._record("nonsmooth"), 1)
         return gradients.Nonsmooth(int(found.event[0]), str(found.reason[0]))
+
+    def margins(self, t: float | None = None) -> Margins:
+        """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.
+
+        Their derivatives are `shot.jacobian("pocket_margins", "velocities")`, and the same of "ball_margins" and
+        "cushion_margins".
+
+        Args:
+            t: Time until which the shot counts, s; None for its end.
+
+        Raises:
+            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
+
+        Example:
+            >>> from billiards_env import Scene, simulate
+            >>> scene = Scene.named("ideal")  # balls of 28.575 mm: the cue ball passes at a gap of 3 mm
+            >>> shot = simulate(scene, [[-0.5, 0.06015], [0.0, 0.0]], [1.0, 0.0], max_time=0.9, record=True)
+            >>> round(float(shot.margins().balls[0, 1]), 6)
+            -0.003
+        """
+        from billiards_env.shots import gradients
+
+        found = gradients.margins(self._record("margins"), t, 1)
+        return gradients.Margins(*(array[0] for array in found))
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Part, Record

@@ -31,7 +31,7 @@ from billiards_env.shots.result import ShotResult, read_log
 from billiards_env.shots.strikes import Strike
 
 if TYPE_CHECKING:
-    from billiards_env.shots.gradients import Nonsmooth, Part, Record
+    from billiards_env.shots.gradients import Margins, Nonsmooth, Part, Record
 
 
 def simulate(
@@ -258,6 +258,12 @@ class BatchResult:
         from billiards_env.shots import gradients
 
         return gradients.nonsmooth(self._record("nonsmooth"), threads)
+
+    def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
+        """Returns `ShotResult.margins` of all shots, with a leading axis."""
+        from billiards_env.shots import gradients
+
+        return gradients.margins(self._record("margins"), t, threads)
 
     def _record(self, method: str) -> Record:
         from billiards_env.shots.gradients import Record

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import RESULTS, accuracy, accuracy_report, error_limit, gradients, speed, start_up, stress, vector
+from benchmarks import RESULTS, accuracy, accuracy_report, aim, error_limit, gradients, speed, start_up, stress, vector
 from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
 
@@ -53,6 +53,14 @@ def test_speed_writes_and_prints_all_results(tmp_path, monkeypatch, capsys):
     assert [row["disks"] for row in written["growth"]] == [2, 16]
     out = capsys.readouterr().out
     assert all(row["case"] in out for row in written["batch"])
+
+
+def test_aim_writes_and_prints_what_it_solves(tmp_path, capsys):
+    path = tmp_path / "aim.json"
+    aim.main(["--layouts", "3", "--shots", "100", "--episodes", "2", "--output", str(path)])
+    written = json.loads(path.read_text())
+    assert len(written["rows"]) == 3
+    assert "aim, of those of search" in capsys.readouterr().out
 
 
 def test_gradients_writes_and_prints_all_ratios(tmp_path, monkeypatch, capsys):

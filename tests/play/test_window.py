@@ -181,6 +181,31 @@ def test_fine_aim(shown):
     assert shown._view._inset is None
 
 
+def hint(shown, point):
+    """Points at a place and presses A, until the window has an answer."""
+    post(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(0, 0, 0))
+    press(shown, pygame.K_a)
+    while shown._hint is not None:
+        shown.frame()
+    return shown.model
+
+
+def shot_of(model) -> Any:
+    """Returns the aimed shot."""
+    return go(model).last_shot.shot  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):
+    pocket = shown.model.setup.scene.table.pockets[3]
+    model = hint(shown, BALLS[2])
+    assert model.preview.ball == 2
+    assert shot_of(model).potted.tolist() == [False, False, True]
+    model = hint(shown, (pocket.x - 0.01, pocket.y))  # of the ball that is aimed at
+    assert shot_of(model).positions[2].tolist() == [pocket.x, pocket.y]
+    assert hint(shown, (-0.9, -0.4)) is model
+    assert shown.message == "point at a ball or a pocket"
+
+
 def test_calls_by_keyboard(make_model, window):
     shown = window(make_model(positions=BALLS, call_shot=True))
     plain = press(shown)

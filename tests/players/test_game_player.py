@@ -137,7 +137,7 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
     game = setup("straight", 2)
     assert find_player("theirs:3", game)(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((3.0, 0.0))
     with pytest.raises(
-        ValueError, match="expected one of 'geometric', 'ours', 'random', 'search', 'theirs', or module:function"
+        ValueError, match="expected one of 'aim', 'geometric', 'ours', 'random', 'search', 'theirs', or module:function"
     ):
         find_player("them", game, {"ours": "mine:own"})
 

@@ -117,3 +117,20 @@ def test_the_search_tries_strikes_with_spin():
     assert geometric(situation(env), RNG(0))[2:].tolist() == [0.0, 0.0, 0.0]
     (expected,) = rewards(env, action[None])
     assert env.step(action)[1] == expected
+
+
+@pytest.mark.parametrize("task", ["pot", "place", "position", "carom", "three_cushion"])
+def test_the_aim_player_solves_more_than_the_search(task):
+    env, solved = BilliardsEnv(task=task), {"aim": 0, "search:200": 0}
+    for name in solved:
+        for seed in range(12):
+            env.reset(seed=seed)
+            solved[name] += env.step(find_strategy(name)(situation(env), RNG(0)))[1] > 0
+    assert solved["aim"] >= max(11 if task != "position" else 9, solved["search:200"])
+
+
+def test_without_a_goal_the_aim_player_searches():
+    env = BilliardsEnv(task="sum_to_three")
+    env.reset(seed=1)
+    assert situation(env).goals == ()
+    np.testing.assert_array_equal(find_strategy("aim")(situation(env), RNG(3)), search(situation(env), RNG(3)))

@@ -1,0 +1,39 @@
+"""The aim for the ball and the pocket under the mouse."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games.placement import Point
+from billiards_env.play.model import Model
+from billiards_env.players.aim import FirstTouch, Pot, aim
+
+REACH = 1.5
+"""A pocket or a ball is under the mouse within this distance of its centre, over its radius."""
+
+SHOTS = 3_000
+"""The largest number of random shots to begin with. With 15 object balls they take a quarter of a second."""
+
+
+def pot_at(model: Model, point: Point) -> Pot | None:
+    """Returns the pot at a point, m: a ball there into any pocket, or the ball that is aimed at into a pocket there."""
+    scene, positions = model.setup.scene, model.game.positions
+    for number, pocket in enumerate(scene.table.pockets):
+        if np.hypot(pocket.x - point[0], pocket.y - point[1]) <= REACH * pocket.radius:
+            ball = -1 if model.preview is None else model.preview.ball
+            return Pot(ball, number) if ball >= 0 else None
+    for ball in sorted(model.game.state.on_table - {model.cue}):
+        if np.hypot(*(positions[ball] - point)) <= REACH * scene.balls.radius[ball]:
+            return Pot(ball) if scene.table.pockets else None
+    return None
+
+
+def velocity_for(model: Model, pot: Pot) -> NDArray[np.float64] | None:
+    """Returns the velocity (2,) of the cue ball for a pot with a level cue, m/s; None if there is none."""
+    scene, positions = model.setup.scene, model.game.positions.copy()
+    positions[model.cue] = model.cue_position
+    in_play = np.isin(np.arange(scene.n_balls), sorted(model.game.state.on_table | {model.cue}))
+    goals = (FirstTouch(pot.ball), pot)
+    found = aim(scene, positions, goals, max_speed=model.max_speed, in_play=in_play, shots=SHOTS)
+    return found.velocity if found.solved else None
