@@ -174,7 +174,9 @@ class _OfShots(Function):
         ctx.save_for_forward(*inputs[1:])
 
     @classmethod
-    def vmap(cls, info: Any, in_dims: Sequence[int | None], *arguments: Any) -> Any:
+    def vmap(  # pyright: ignore[reportIncompatibleMethodOverride]
+        cls, info: Any, in_dims: Sequence[int | None], *arguments: Any
+    ) -> Any:
         shots, *tensors = arguments
         found = cls.apply(*shots.folded(info.batch_size, in_dims[1:], tensors))
         outputs = tuple(output.unflatten(0, (info.batch_size, -1)) for output in found)
