@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from billiards_env.checks import missing, one_of
 from billiards_env.scene import Scene
-from billiards_env.shots.gradients import physics_inputs
+from billiards_env.shots.gradients import MARGINS, physics_inputs
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 
 try:
@@ -32,7 +32,6 @@ except ModuleNotFoundError as error:
     raise missing(error.name or "torch", "train") from error
 
 _STARTS = ("positions", "velocities", "spins")
-OUTPUTS = _STARTS
 
 
 def simulate(
@@ -60,7 +59,8 @@ def simulate(
         positions: (m, n, 2) m, or (n, 2) for one shot.
         velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone; (n, 2) or (2,) for one shot.
         spins: (m, n, 3) rad/s, or (m, 3) for the cue balls alone; (n, 3) or (3,) for one shot. None for zero.
-        of: An output, or several: "positions", "velocities" and "spins".
+        of: An output, or several: "positions", "velocities", "spins", and the signed distances to changes of outcome
+            "ball_margins", "pocket_margins" and "cushion_margins" (see `shots.gradients.Margins`).
         radius: (n,) radii of the balls, m; None for those of the scene.
         mass: (n,) masses of the balls, kg; None for those of the scene.
         physics: Numbers of `Physics` by name, as tensors without axes. The others are those of the scene.
@@ -79,7 +79,7 @@ def simulate(
     """
     names = (of,) if isinstance(of, str) else tuple(of)
     for name in names:
-        one_of("of", name, OUTPUTS)
+        one_of("of", name, (*_STARTS, *MARGINS))
     numbers = {} if physics is None else dict(physics)
     for name in numbers:
         one_of("physics", name, tuple(physics_inputs(scene.physics)))
@@ -196,9 +196,13 @@ class _Simulate(_OfShots):
 
     @staticmethod
     def forward(shots: _Shots, *inputs: Tensor) -> tuple[Tensor, ...]:
-        batch = shots.run(inputs, shots.record)
+        has_margins = bool(set(shots.outputs) & set(MARGINS))
+        batch = shots.run(inputs, shots.record or has_margins)
         shots.batch = batch if shots.record else None
-        return _tensors([getattr(batch, name) for name in shots.outputs], inputs[1])
+        found = {name: getattr(batch, name) for name in _STARTS}
+        if has_margins:
+            found |= zip(MARGINS, batch.margins(threads=shots.options["threads"]), strict=False)
+        return _tensors([found[name] for name in shots.outputs], inputs[1])
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:

@@ -35,12 +35,23 @@ def test_gradcheck_passes(name):
     assert gradcheck(outputs, given, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
 
 
+def test_gradcheck_passes_for_margins():
+    scene = SCENES["pool"]
+
+    def margins(*tensors):
+        found = simulate(scene, *tensors, of=("ball_margins", "pocket_margins"), max_time=1.5)
+        return found["ball_margins"][:, 0, 1:], found["pocket_margins"][:, :2]
+
+    assert gradcheck(margins, start(scene), eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+
+
 def test_the_outputs_are_those_of_a_batch():
     scene = SCENES["real_carom"]
     given = start(scene, 3, spins=True)
     arrays = [tensor.detach().numpy() for tensor in given]
-    batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7)
-    found = simulate(scene, *given, of=OUTPUTS, max_time=0.7)
+    batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7, record=True)
+    found = simulate(scene, *given, of=(*OUTPUTS, "cushion_margins"), max_time=0.7)
+    assert found["cushion_margins"].tolist() == batch.margins().cushions.tolist()
     for name in OUTPUTS:
         assert found[name].tolist() == getattr(batch, name).tolist()
     single = simulate(scene, given[0][1], given[1][1], given[2][1], max_time=0.7)
