@@ -59,6 +59,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.gradients
 	$(BIN)/python -m benchmarks.aim
+	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m studies.readme
