@@ -128,21 +128,21 @@ class Push(NamedTuple):
         return Scene(balls, Table(), Physics("rolling", "restitution", e_ball=1.0, g=9.81, mu_roll=mu_roll))
 
     def solve(self, control: float) -> dict[str, Any]:
-        """Changes the heading of the push by Gauss-Newton steps: to a half-full hit if the balls miss, else to the goal."""
+        """Turns the push by Gauss-Newton steps: to a half-full hit if the hit is thin, else to the goal."""
         for iteration in range(MOST + 1):
             velocity = self.impulse * np.array([self.force, control])
             shot = simulate(self.scene(), self.positions, velocity, record=True)
             distance = float(np.hypot(*shot.positions[1]))
             if distance < SOLVED:
                 return {"iterations": iteration, "control": control, "distance": distance}
-            if shot.first_hit < 0:
-                slope = np.atleast_1d(shot.jacobian("ball_margins", "velocities")[0, 1, 0, 1])
-                error = np.atleast_1d(shot.margins().balls[0, 1] - self.radius)
+            depth = shot.margins().balls[0, 1]
+            if depth < 0.5 * self.radius:
+                slope, error = shot.jacobian("ball_margins", "velocities")[0, 1, 0, 1], depth - self.radius
             else:
                 slope, error = shot.jacobian("positions", "velocities")[1, :, 0, 1], shot.positions[1]
             heading = np.arctan2(control, self.force)
             slope = slope * self.impulse * self.force / np.cos(heading) ** 2  # by the heading of the push
-            control = self.force * float(np.tan(heading - slope @ error / (slope @ slope)))
+            control = self.force * float(np.tan(heading - np.sum(slope * error) / np.sum(slope**2)))
         return {"iterations": None, "control": control, "distance": distance}
 
     def gradient(self, control: float) -> dict[str, float]:

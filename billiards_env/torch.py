@@ -101,6 +101,33 @@ def simulate(
     return outputs[of] if isinstance(of, str) else outputs
 
 
+def pot_margins(env: Any, positions: Tensor, actions: Tensor, threads: int | None = None) -> Tensor:
+    """Returns how far the shots of actions are from potting each ball in each pocket, with derivatives.
+
+    A reward of `Billiards-v0` is a step function of the action. This function increases towards the step: it is
+    positive exactly if the ball enters the pocket. While the cue ball misses the ball, the gap between the two is
+    subtracted from the margin of the resting ball. It is continuous where the cue ball begins to touch the ball.
+
+    Args:
+        env: A `Billiards-v0` with `action="velocity"`, or a vector of such environments.
+        positions: (m, n, 2) positions of the balls, m, such as `env.positions`.
+        actions: (m, 2) actions. One that is longer than 1 is scaled to length 1.
+        threads: As in `simulate`.
+
+    Returns:
+        (m, n - 1, p) margins of the object balls to the pockets, m: the "pocket_margins" of `simulate`.
+
+    Raises:
+        ValueError: If the actions are strikes, or as in `simulate`.
+    """
+    env = getattr(env.unwrapped, "single_env", env.unwrapped)
+    if env.action != "velocity":
+        raise ValueError(f"env.action = {env.action!r}: expected 'velocity'")
+    velocities = env.max_speed * actions / actions.norm(dim=-1, keepdim=True).clamp(min=1.0)
+    found = simulate(env.scene, positions, velocities, of=("ball_margins", "pocket_margins"), threads=threads)
+    return found["pocket_margins"][:, 1:] + found["ball_margins"][:, 0, 1:, None].clamp(max=0.0)
+
+
 @dataclasses.dataclass
 class _Shots:
     """What the functions below need in addition to tensors.

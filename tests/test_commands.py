@@ -47,6 +47,7 @@ TESTED = {
     "benchmarks.differentiable_worker": "benchmarks/test_differentiable.py",
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
+    "studies.gradient": "studies/test_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",

@@ -1,5 +1,6 @@
 """Shots as differentiable functions of tensors."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import torch
@@ -7,7 +8,7 @@ from torch.autograd import gradcheck
 from torch.func import grad, jacfwd, jacrev, vmap
 
 from billiards_env import Scene, simulate_batch
-from billiards_env.torch import simulate
+from billiards_env.torch import pot_margins, simulate
 from tests.helpers.derivatives import aimed
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")  # of torch itself
@@ -128,3 +129,34 @@ def test_wrong_names_are_refused():
         simulate(SCENES["pool"], *given, of="events")
     with pytest.raises(ValueError, match="physics = 'motion': expected"):
         simulate(SCENES["pool"], *given, physics={"motion": given[0]})
+
+
+def test_pot_margins_are_positive_for_pots_and_lead_to_them():
+    envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=64, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    positions = torch.tensor(envs.unwrapped.positions)
+    rest = pot_margins(envs, positions, torch.zeros(64, 2, dtype=torch.float64))[..., :4]
+    scene = envs.unwrapped.single_env.scene
+    places = torch.tensor([(pocket.x, pocket.y) for pocket in scene.table.pockets[:4]], dtype=torch.float64)
+    gaps = (positions[:, 1, None] - places).norm(dim=-1) - scene.table.pockets[0].radius
+    apart = (positions[:, 1] - positions[:, 0]).norm(dim=-1) - sum(scene.balls.radius)
+    np.testing.assert_allclose(rest[:, 0].numpy(), -(gaps + apart[:, None]).numpy(), atol=1e-12)
+
+    aims = positions[:, 1] - positions[:, 0]
+    actions = (0.4 * aims / aims.norm(dim=-1, keepdim=True)).requires_grad_()
+    for _ in range(12):  # Gauss-Newton steps to the nearest pocket
+        margin = pot_margins(envs, positions, actions)[:, 0].amax(-1)
+        (slope,) = torch.autograd.grad(margin.sum(), actions)
+        step = (0.04 - margin)[:, None] * slope / slope.square().sum(-1, keepdim=True).clamp(min=1e-3)
+        step = step / (step.norm(dim=-1, keepdim=True) / 0.05).clamp(min=1.0)
+        actions = (actions + torch.where(margin[:, None] > 0, 0.0, step)).detach().requires_grad_()
+    found = pot_margins(envs, positions, actions)[:, 0].amax(-1) > 0
+    envs.step(actions.detach().numpy())
+    assert found.tolist() == envs.unwrapped.potted[:, 1].tolist()
+    assert found.float().mean() > 0.5
+
+
+def test_pot_margins_of_strikes_are_refused():
+    env = gym.make("billiards_env:Billiards-v0", action="strike")
+    with pytest.raises(ValueError, match=r"env\.action = 'strike': expected 'velocity'"):
+        pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 5))

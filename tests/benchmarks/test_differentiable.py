@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import io
 import json
 import subprocess
 import sys
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import differentiable
+from benchmarks import differentiable, differentiable_worker
 
 
 def test_a_break_of_difftaichi_is_moved_to_the_goal():
@@ -38,6 +40,15 @@ def test_the_gradients_are_exact():
 def test_differentiable_worker_reports_a_package_that_is_not_installed():
     reply = differentiable.theirs(Path(sys.executable), "taichi", {"starts": [], "goals": []})
     assert "taichi" in reply["error"]
+
+
+def test_the_worker_answers_with_the_version_and_the_result(monkeypatch, capsys):
+    monkeypatch.setattr(differentiable_worker, "taichi", lambda tasks: tasks["goals"])
+    monkeypatch.setattr(importlib.metadata, "version", lambda package: f"{package} 9.9")
+    monkeypatch.setattr(sys, "argv", ["", "taichi"])
+    monkeypatch.setattr(sys, "stdin", io.StringIO('{"goals": [1.0]}'))
+    differentiable_worker.main()
+    assert json.loads(capsys.readouterr().out) == {"version": "taichi 9.9", "result": [1.0]}
 
 
 def test_replies_of_the_worker_are_in_the_table(monkeypatch):
