@@ -129,6 +129,7 @@ class Push(NamedTuple):
 
     def solve(self, control: float) -> dict[str, Any]:
         """Turns the push by Gauss-Newton steps: to a half-full hit if the hit is thin, else to the goal."""
+        distance = np.inf
         for iteration in range(MOST + 1):
             velocity = self.impulse * np.array([self.force, control])
             shot = simulate(self.scene(), self.positions, velocity, record=True)

@@ -65,7 +65,8 @@ def taichi(tasks: dict[str, Any]) -> list[list[float]]:
         goal[None] = target
         losses = []
         for _ in range(200):
-            x.fill(0), v.fill(0), shift.fill(0), impulse.fill(0)
+            for field in (x, v, shift, impulse):
+                field.fill(0)
             for k, point in enumerate(rack):
                 x[0, k + 1] = point
             with ti.ad.Tape(loss):

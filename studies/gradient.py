@@ -19,13 +19,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import torch
 from torch import Tensor, nn
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
+from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
@@ -55,6 +55,10 @@ class Played(NamedTuple):
 
 class Network(nn.Module):
     """Three layers of 256 units: from the positions, mirrored for a pocket, to an action and the logit of a pot."""
+
+    signs: Tensor
+    is_side: Tensor
+    radius: Tensor
 
     def __init__(self, scene: Scene) -> None:
         super().__init__()
@@ -94,14 +98,14 @@ def loss_of(network: Network, played: Played) -> Tensor:
     return ((0.1 * potted - (actions * push).sum(-1)) * (change.norm(dim=-1) < NEAR)).mean()
 
 
-def play(network: Network, envs: gym.vector.VectorEnv[Any, Any, Any]) -> Played:
+def play(network: Network, envs: BilliardsVectorEnv) -> Played:
     """Plays a shot in a new layout of each environment."""
     observations = torch.as_tensor(envs.reset()[0])
     pockets = network.best(observations, EXPLORED)
     with torch.no_grad():
         actions, _ = network(observations, pockets)
     actions.requires_grad_()
-    positions = torch.as_tensor(envs.unwrapped.positions)  # type: ignore[attr-defined]
+    positions = torch.as_tensor(envs.positions)
     margins = pot_margins(envs, positions, actions, threads=1)[torch.arange(len(actions)), 0, pockets]
     (slopes,) = torch.autograd.grad(margins.sum(), actions)
     return Played(observations, pockets, actions.detach(), margins.detach(), slopes)
@@ -117,9 +121,9 @@ def train(seed: int, shots: int, episodes: int) -> float:
     """
     torch.manual_seed(seed)
     random = np.random.default_rng(seed)
-    envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=BATCH, threads=1)
+    envs = BilliardsVectorEnv(BATCH, threads=1)
     envs.reset(seed=BATCH * seed)
-    network, memory = Network(envs.unwrapped.single_env.scene), deque[Played](maxlen=MEMORY)  # type: ignore[attr-defined]
+    network, memory = Network(envs.single_env.scene), deque[Played](maxlen=MEMORY)
     optimiser, steps = torch.optim.Adam(network.parameters()), max(1, shots // BATCH)
     for k in tqdm(range(steps), unit="batch", desc=f"seed {seed}", leave=False):
         for group in optimiser.param_groups:
@@ -135,8 +139,7 @@ def train(seed: int, shots: int, episodes: int) -> float:
         with torch.no_grad():
             return network(seen, network.best(seen))[0].numpy()
 
-    envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=episodes)
-    return play_together(envs, act, evaluation_seeds(seed, episodes).tolist())["success_rate"]
+    return play_together(BilliardsVectorEnv(episodes), act, evaluation_seeds(seed, episodes).tolist())["success_rate"]
 
 
 def measure(output: Path) -> dict[str, Any]:

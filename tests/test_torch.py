@@ -8,6 +8,7 @@ from torch.autograd import gradcheck
 from torch.func import grad, jacfwd, jacrev, vmap
 
 from billiards_env import Scene, simulate_batch
+from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.torch import pot_margins, simulate
 from tests.helpers.derivatives import aimed
 
@@ -132,11 +133,11 @@ def test_wrong_names_are_refused():
 
 
 def test_pot_margins_are_positive_for_pots_and_lead_to_them():
-    envs = gym.make_vec("billiards_env:Billiards-v0", num_envs=64, autoreset_mode="Disabled")
+    envs = BilliardsVectorEnv(64, "Disabled")
     envs.reset(seed=0)
-    positions = torch.tensor(envs.unwrapped.positions)
+    positions = torch.tensor(envs.positions)
     rest = pot_margins(envs, positions, torch.zeros(64, 2, dtype=torch.float64))[..., :4]
-    scene = envs.unwrapped.single_env.scene
+    scene = envs.single_env.scene
     places = torch.tensor([(pocket.x, pocket.y) for pocket in scene.table.pockets[:4]], dtype=torch.float64)
     gaps = (positions[:, 1, None] - places).norm(dim=-1) - scene.table.pockets[0].radius
     apart = (positions[:, 1] - positions[:, 0]).norm(dim=-1) - sum(scene.balls.radius)
@@ -152,7 +153,7 @@ def test_pot_margins_are_positive_for_pots_and_lead_to_them():
         actions = (actions + torch.where(margin[:, None] > 0, 0.0, step)).detach().requires_grad_()
     found = pot_margins(envs, positions, actions)[:, 0].amax(-1) > 0
     envs.step(actions.detach().numpy())
-    assert found.tolist() == envs.unwrapped.potted[:, 1].tolist()
+    assert found.tolist() == envs.potted[:, 1].tolist()
     assert found.float().mean() > 0.5
 
 
