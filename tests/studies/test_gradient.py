@@ -9,7 +9,7 @@ import torch
 
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.scene import Scene
-from studies import gradient, readme
+from studies import gradient
 
 
 @pytest.fixture(autouse=True)
@@ -60,4 +60,3 @@ def test_the_command_writes_what_has_no_results(tmp_path, capsys):
     path.write_text(json.dumps(found))
     gradient.main(["--output", str(path)])
     assert "75.0%" in capsys.readouterr().out
-    assert readme.results("gradient").name == path.name
