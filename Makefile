@@ -59,6 +59,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.speed
 	$(BIN)/python -m benchmarks.gradients
 	$(BIN)/python -m benchmarks.aim
+	$(BIN)/python -m benchmarks.differentiable
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m studies.readme
@@ -69,6 +70,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
+	$(WORK)/python -m studies.gradient
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.readme
 

@@ -44,9 +44,11 @@ TESTED = {
     "studies.readme": "test_readme.py",
     "benchmarks.speed": "benchmarks/test_benchmarks.py",
     "benchmarks.vector": "benchmarks/test_vector.py",
+    "benchmarks.differentiable_worker": "benchmarks/test_differentiable.py",
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
+    "studies.gradient": "studies/test_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
@@ -67,7 +69,12 @@ def few_shots(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "ProcessPoolExecutor", ThreadPoolExecutor)
 
 
+def few_breaks(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "FRESH", 32)
+
+
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None] | None]] = {
+    "benchmarks.differentiable": ("--tasks 2 --taken 1 --output {0}/differentiable.json", few_breaks),
     "benchmarks.start_up": ("--repeats 1 --compilations 1 --output {0}/start_up.json", without_compiling),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
     "benchmarks.validation": ("--output {0}/validation.json --folder {0}", None),

@@ -114,11 +114,13 @@ def test_pieces_of_a_batch_on_several_threads_have_the_physics_of_their_shots():
     )
     assert batch.positions.tobytes() == twin.positions.tobytes()
     gradient = twin.vjp({"positions": np.ones((m, 3, 2))}, ("mu_roll", "g"), threads=2)
+    margins = twin.margins()
     for k in (0, m // 2, m - 1):
         single = simulate(with_physics(scene, physics, k), places[k], starts[k], spins=spins[k], record=True)
         assert single.positions.tobytes() == batch.positions[k].tobytes()
         assert gradient["mu_roll"][k] == single.vjp({"positions": np.ones((3, 2))}, "mu_roll")
         assert gradient["g"][k] == single.vjp({"positions": np.ones((3, 2))}, "g")
+        assert margins.balls[k].tobytes() == single.margins().balls.tobytes()
 
 
 def test_the_friction_of_balls_is_an_input_of_the_derivatives_if_the_shots_have_a_constant():

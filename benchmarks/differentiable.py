@@ -1,0 +1,285 @@
+"""Published tasks for differentiable simulators, with the exact derivatives: `python -m benchmarks.differentiable`.
+
+The tasks are those of DiffTaichi (Hu et al. 2020), DiffMJX (2026) and of two reports about Nimble and MJX. They run in
+this engine and, with `--python`, also in the packages that they come from, see `benchmarks.differentiable_worker`.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import Count, machine, machine_line, parser_of, report, table
+from billiards_env.scene import Balls, Physics, Scene, Table
+from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
+
+Floats = NDArray[np.float64]
+
+WORKER = Path(__file__).resolve().parent / "differentiable_worker.py"
+SOLVED = 1e-6  # m, distance from the goal
+MOST = 10  # iterations
+
+
+class Break(NamedTuple):
+    """The break of DiffTaichi's `billiards.py`: its disks, its time, and the breaks that are drawn here.
+
+    A break is (x, y, vx, vy) of the cue ball. The task has no walls, so the table is larger than any path.
+    """
+
+    radius: float = 0.03
+    time: float = 1023 * 0.003
+    home: tuple[float, ...] = (0.1, 0.5, 0.3, 0.0)
+    goal: tuple[float, float] = (0.9, 0.75)
+    lowest: tuple[float, ...] = (0.1, 0.3, 0.2, -0.3)
+    highest: tuple[float, ...] = (0.4, 0.8, 0.8, 0.3)
+
+    def scene(self) -> Scene:
+        physics = Physics("ideal", "restitution", e_ball=0.8, max_time=self.time)
+        return Scene(Balls.uniform(11, self.radius), Table(20.0, 20.0), physics)
+
+    def rack(self) -> Floats:
+        """Returns the positions of the ten resting disks, (10, 2)."""
+        r = self.radius
+        return np.array(
+            [(0.5 + 2 * r * i, 0.5 + 2 * r * j - 0.7 * r * i) for i in range(4) for j in range(i + 1)], np.float64
+        )
+
+    def run(self, breaks: Floats) -> BatchResult:
+        """Runs breaks (m, 4)."""
+        positions = np.empty((len(breaks), 11, 2))
+        positions[:, 0], positions[:, 1:] = breaks[:, :2], self.rack()
+        return simulate_batch(self.scene(), positions, breaks[:, 2:], record=True)
+
+    def draw(self, m: int, rng: np.random.Generator) -> Floats:
+        """Returns random breaks (m, 4)."""
+        return rng.uniform(self.lowest, self.highest, (m, 4))
+
+    def solve(self, start: Floats, goal: Floats, rng: np.random.Generator) -> dict[str, Any]:
+        """Moves a break so that the last disk ends at a goal.
+
+        An iteration runs one batch. It has random breaks, and Gauss-Newton steps, whole and halved, from the breaks
+        of the batch before with the shortest such steps.
+        """
+        size, least, most = np.subtract(self.highest, self.lowest), (-2, -2, -3, -3), (0.43, 3, 3, 3)
+        fresh, tried, best, begin = self.draw(FRESH - 1, rng), 0, np.inf, perf_counter()
+        breaks = np.concatenate((start[None], fresh))
+        for iteration in range(1, MOST + 1):
+            batch = self.run(breaks)
+            tried += len(breaks)
+            error = batch.positions[:, -1] - goal
+            best = min(best, float(np.linalg.norm(error, axis=1).min()))
+            if best < SOLVED:
+                return {"iterations": iteration, "shots": tried, "distance": best, "seconds": perf_counter() - begin}
+            by = (batch.jacobian("positions", name)[:, -1, :, 0] for name in ("positions", "velocities"))
+            slope = np.concatenate((*by,), axis=-1) * size
+            step = -np.einsum("mij,mj->mi", np.linalg.pinv(slope, rcond=1e-6), error)
+            left = np.linalg.norm(error + np.einsum("mij,mj->mi", slope, step), axis=1)
+            chosen = np.argsort(np.linalg.norm(step, axis=1) + 100 * left)[:KEPT]
+            step = step[chosen] / np.maximum(1.0, 2.0 * np.linalg.norm(step[chosen], axis=1, keepdims=True))
+            moved = breaks[chosen, None] + 0.5 ** np.arange(4.0)[:, None] * step[:, None] * size
+            nearest = breaks[rng.choice(np.linalg.norm(error, axis=1).argsort()[:KEPT], FRESH)]
+            near = nearest + 10.0 ** rng.uniform(-4, 0, (FRESH, 1)) * rng.normal(size=(FRESH, 4)) * size
+            breaks = np.clip(np.concatenate((moved.reshape(-1, 4), near, self.draw(FRESH, rng))), least, most)
+        return {"iterations": None, "shots": tried, "distance": best, "seconds": perf_counter() - begin}
+
+
+FRESH, KEPT = 1024, 64
+
+
+def difftaichi(tasks: int) -> dict[str, Any]:
+    """Solves DiffTaichi's own task, and some with a random start and the end of another random break as the goal."""
+    rng, task = np.random.default_rng(0), Break()
+    goals, rack = np.empty((0, 2)), task.rack()[-1]
+    while len(goals) < tasks:
+        ends = task.run(task.draw(tasks, rng)).positions[:, -1]
+        goals = np.concatenate((goals, ends[np.abs(ends - rack).max(axis=1) > task.radius]))
+    own = task.solve(np.array(task.home), np.array(task.goal), rng)
+    starts = task.draw(tasks, rng)
+    return {
+        "own": own,
+        "starts": starts.tolist(),
+        "goals": goals[:tasks].tolist(),
+        "random": [task.solve(start, goal, rng) for start, goal in zip(starts, goals, strict=False)],
+    }
+
+
+class Push(NamedTuple):
+    """The task `03_billiard` of DiffMJX: a force (4, u) N pushes the cue ball for 0.01 s; u is in [-5, 5].
+
+    The other ball must stop at the origin. Here the rolling friction is such that it does so after a full hit.
+    """
+
+    radius: float = 0.042
+    mass: float = 0.17
+    positions: tuple[tuple[float, float], ...] = ((-0.375, 0.0), (-0.2, 0.0))
+    impulse: float = 0.01 / 0.17  # m/s for each N
+    force: float = 4.0
+
+    def scene(self) -> Scene:
+        way = self.positions[1][0] - self.positions[0][0] - 2 * self.radius - self.positions[1][0]
+        mu_roll = (self.force * self.impulse) ** 2 / (2 * 9.81 * way)
+        balls = Balls.uniform(2, self.radius, self.mass)
+        return Scene(balls, Table(), Physics("rolling", "restitution", e_ball=1.0, g=9.81, mu_roll=mu_roll))
+
+    def solve(self, control: float) -> dict[str, Any]:
+        """Turns the push by Gauss-Newton steps: to a half-full hit if the hit is thin, else to the goal."""
+        distance = np.inf
+        for iteration in range(MOST + 1):
+            velocity = self.impulse * np.array([self.force, control])
+            shot = simulate(self.scene(), self.positions, velocity, record=True)
+            distance = float(np.hypot(*shot.positions[1]))
+            if distance < SOLVED:
+                return {"iterations": iteration, "control": control, "distance": distance}
+            depth = shot.margins().balls[0, 1]
+            if depth < 0.5 * self.radius:
+                slope, error = shot.jacobian("ball_margins", "velocities")[0, 1, 0, 1], depth - self.radius
+            else:
+                slope, error = shot.jacobian("positions", "velocities")[1, :, 0, 1], shot.positions[1]
+            heading = np.arctan2(control, self.force)
+            slope = slope * self.impulse * self.force / np.cos(heading) ** 2  # by the heading of the push
+            control = self.force * float(np.tan(heading - np.sum(slope * error) / np.sum(slope**2)))
+        return {"iterations": None, "control": control, "distance": distance}
+
+    def gradient(self, control: float) -> dict[str, float]:
+        """Returns the derivative of the squared distance by the control, and a central difference."""
+
+        def squared(u: float) -> float:
+            shot = simulate(self.scene(), self.positions, self.impulse * np.array([self.force, u]))
+            return float(np.sum(shot.positions[1] ** 2))
+
+        shot = simulate(self.scene(), self.positions, self.impulse * np.array([self.force, control]), record=True)
+        by_velocity = shot.vjp({"positions": np.stack((np.zeros(2), 2 * shot.positions[1]))})
+        step = 1e-6
+        return {
+            "gradient": float(by_velocity[0, 1]) * self.impulse,
+            "difference": (squared(control + step) - squared(control - step)) / (2 * step),
+        }
+
+
+def diffmjx(tasks: int) -> dict[str, Any]:
+    """Solves `03_billiard` from evenly spaced controls, and differentiates it at one (MuJoCo issue 2237)."""
+    controls = np.linspace(-5.0, 5.0, tasks).tolist()
+    return {"starts": controls, "results": [Push().solve(u) for u in controls], **Push().gradient(0.5)}
+
+
+def nimble() -> list[float]:
+    """Returns the gradient of Nimble's test: the last place of the second of two equal elastic balls on a line.
+
+    The inputs are the places x1, x2 and the velocities v1, v2 of the balls at the start. The time is 1 s.
+    """
+    scene = Scene(
+        Balls.uniform(2, 0.1, 1.0), Table(20.0, 20.0), Physics("ideal", "restitution", e_ball=1.0, max_time=1.0)
+    )
+    shot = simulate(scene, [[0.0, 0.0], [0.7, 0.0]], [1.0, 0.0], record=True)
+    by = shot.vjp({"positions": [[0.0, 0.0], [1.0, 0.0]]}, ("positions", "velocities"))
+    return [*by["positions"][:, 0].tolist(), *by["velocities"][:, 0].tolist()]
+
+
+def theirs(python: Path, package: str, tasks: dict[str, Any]) -> dict[str, Any]:
+    """Returns the version and the result of `benchmarks.differentiable_worker`, or the last line of its error."""
+    found = subprocess.run(
+        [python, WORKER, package], input=json.dumps(tasks), capture_output=True, text=True, check=False
+    )
+    if found.returncode:
+        return {"error": (found.stderr.strip().splitlines() or [f"exit status {found.returncode}"])[-1]}
+    return json.loads(found.stdout.splitlines()[-1])
+
+
+def measure(tasks: int, taken: int, python: Path | None) -> dict[str, Any]:
+    """Runs all tasks.
+
+    Args:
+        tasks: Number of random tasks of DiffTaichi, and of starts of DiffMJX.
+        taken: Number of these random tasks that DiffTaichi runs; it takes seconds for each.
+        python: Python of an environment with the other packages; None for none.
+    """
+    found: dict[str, Any] = {"machine": machine(), "difftaichi": difftaichi(tasks), "diffmjx": diffmjx(tasks)}
+    found |= {"nimble": nimble(), "theirs": {}}
+    if python is not None:
+        own, task = found["difftaichi"], Break()
+        tried = {"starts": [task.home, *own["starts"][:taken]], "goals": [task.goal, *own["goals"][:taken]]}
+        for package in ("taichi", "nimblephysics", "mujoco-mjx"):
+            found["theirs"][package] = theirs(python, package, tried)
+    return found
+
+
+def blocks(found: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    other = found["theirs"]
+
+    def run(package: str, text: Any) -> str:
+        """Returns the text of their result, with the version."""
+        reply = other.get(package)
+        if reply is None:
+            return "not run"
+        return reply["error"] if "error" in reply else f"{text(reply['result'])} ({reply['version']})"
+
+    def solved(results: list[dict[str, Any]], budget: int) -> str:
+        least = [r["iterations"] for r in results if r["iterations"] is not None and r["iterations"] <= budget]
+        text = f"{len(least)} of {len(results)} solved in at most {budget} iterations"
+        return text + (f", median {np.median(least):.0f}" if least else "")
+
+    def far(pairs: list[list[float]]) -> str:
+        first, last = np.median(pairs, axis=0) if pairs else (np.nan, np.nan)
+        near = sum(pair[1] < 0.01 for pair in pairs)
+        return f"{near} of {len(pairs)} within 1 cm after 200 iterations; median distance {first:.2f} to {last:.2f} m"
+
+    def numbers(values: Any) -> str:
+        return ", ".join(f"{value + 0.0:.2g}" for value in values)
+
+    own, pushed = found["difftaichi"]["own"], found["diffmjx"]
+    rows = [
+        (
+            "DiffTaichi, billiards",
+            "200 iterations",
+            run("taichi", lambda r: f"{1000 * r[0][1]:.2g} mm from the goal"),
+            f"{own['iterations']} iterations, {own['distance']:.0e} m from the goal",
+        ),
+        (
+            "the same from other starts to other goals",
+            "the loss rises",
+            run("taichi", lambda r: far(r[1:])),
+            solved(found["difftaichi"]["random"], 10),
+        ),
+        ("DiffMJX, `03_billiard`", "at most 30 iterations", "not run", solved(pushed["results"], 5)),
+        (
+            "Nimble, two balls on a line; exact: 1, 0, 1, 0",
+            "0.75, 0.25, 0.91, 0.08",
+            run("nimblephysics", numbers),
+            numbers(found["nimble"]),
+        ),
+        (
+            "MJX, derivative of one push of a ball to another",
+            "NaN",
+            run("mujoco-mjx", lambda r: ", ".join(f"{name}: {value:.2g}" for name, value in r.items())),
+            f"{pushed['gradient']:.10f}; central difference {pushed['difference']:.10f}",
+        ),
+    ]
+    shots = [result["shots"] for result in found["difftaichi"]["random"]]
+    seconds = [result["seconds"] for result in found["difftaichi"]["random"]]
+    return {
+        "machine": machine_line(found["machine"]),
+        "cost": f"A random task takes {np.median(shots):,.0f} shots and {np.median(seconds):.1f} s (medians).",
+        "tasks": table(("task", "published", "their package, run here", "here"), rows, left=4),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m benchmarks.differentiable --help`."""
+    tasks = Count(100, "random tasks"), Count(20, "random tasks that DiffTaichi runs")
+    parser = parser_of("differentiable", "Run published tasks with derivatives.", tasks=tasks[0], taken=tasks[1])
+    parser.add_argument("--python", type=Path, help="Python with taichi, nimblephysics and mujoco-mjx")
+    args = parser.parse_args(arguments)
+    if args.python is None:
+        print("their packages are left out: no --python")
+    report(measure(args.tasks, args.taken, args.python), blocks, args.output)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,268 @@
+"""Shots as differentiable functions of PyTorch tensors. Needs PyTorch, which is in the extra `train`.
+
+Example:
+    >>> import torch
+    >>> from billiards_env import Scene
+    >>> velocities = torch.tensor([[0.5, 0.0]], requires_grad=True)
+    >>> positions = simulate(Scene.named("ideal", 0), torch.zeros(1, 2), velocities, max_time=2.0)
+    >>> positions.sum().backward()
+    >>> positions.tolist(), velocities.grad.tolist()
+    ([[1.0, 0.0]], [[2.0, 2.0]])
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import missing, one_of
+from billiards_env.scene import Scene
+from billiards_env.shots.gradients import MARGINS, physics_inputs
+from billiards_env.shots.simulation import BatchResult, simulate_batch
+
+try:
+    import torch
+    from torch import Tensor
+    from torch.autograd import Function
+except ModuleNotFoundError as error:
+    raise missing(error.name or "torch", "train") from error
+
+_STARTS = ("positions", "velocities", "spins")
+
+
+def simulate(
+    scene: Scene,
+    positions: Tensor,
+    velocities: Tensor,
+    spins: Tensor | None = None,
+    *,
+    of: str | Sequence[str] = "positions",
+    radius: Tensor | None = None,
+    mass: Tensor | None = None,
+    physics: Mapping[str, Tensor] | None = None,
+    in_play: Any = None,
+    max_time: float | None = None,
+    threads: int | None = None,
+) -> Any:
+    """Runs m shots with `billiards_env.simulate_batch`, as a differentiable function of tensors.
+
+    Gradients (`backward`, `torch.autograd.grad`) are those of `BatchResult.vjp`, and derivatives in forward mode
+    (`torch.func.jvp`, `torch.func.jacfwd`) those of `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch;
+    the constants of the scene must be the same for all of them. Second derivatives do not exist.
+
+    Args:
+        scene: Table, balls and physics.
+        positions: (m, n, 2) m, or (n, 2) for one shot.
+        velocities: (m, n, 2) m/s, or (m, 2) for the cue balls alone; (n, 2) or (2,) for one shot.
+        spins: (m, n, 3) rad/s, or (m, 3) for the cue balls alone; (n, 3) or (3,) for one shot. None for zero.
+        of: An output, or several: "positions", "velocities", "spins", and the signed distances to changes of outcome
+            "ball_margins", "pocket_margins" and "cushion_margins" (see `shots.gradients.Margins`).
+        radius: (n,) radii of the balls, m; None for those of the scene.
+        mass: (n,) masses of the balls, kg; None for those of the scene.
+        physics: Numbers of `Physics` by name, as tensors without axes. The others are those of the scene.
+        in_play: As in `simulate_batch`.
+        max_time: Time of the outputs, s; None for the limit of the scene. A shot that ends earlier has the outputs of
+            its end.
+        threads: As in `simulate_batch`.
+
+    Returns:
+        The output at the end of the shots, or a dict with the outputs by name. They have the type and the device of
+        `velocities`. The simulation runs in double precision on the CPU.
+
+    Raises:
+        ValueError: As in `simulate_batch`, or if a name is unknown.
+        NotImplementedError: If a second derivative is computed, or `vmap` maps over a constant of the scene.
+    """
+    names = (of,) if isinstance(of, str) else tuple(of)
+    for name in names:
+        one_of("of", name, (*_STARTS, *MARGINS))
+    numbers = {} if physics is None else dict(physics)
+    for name in numbers:
+        one_of("physics", name, tuple(physics_inputs(scene.physics)))
+    single = positions.ndim == 2
+    given = {"positions": positions, "velocities": velocities, "spins": spins}
+    tensors = {name: tensor for name, tensor in given.items() if tensor is not None}
+    if single:
+        tensors = {name: tensor.unsqueeze(0) for name, tensor in tensors.items()}
+    for name in tensors:
+        if name != "positions" and tensors[name].ndim == 2:  # those of the cue balls
+            tensors[name] = torch.nn.functional.pad(tensors[name].unsqueeze(1), (0, 0, 0, scene.n_balls - 1))
+    constants = {"radius": radius, "mass": mass, **numbers}
+    tensors |= {name: tensor for name, tensor in constants.items() if tensor is not None}
+    options = {"in_play": in_play, "max_time": max_time, "threads": threads}
+    shots = _Shots(scene, tuple(tensors), names, options)
+    shots.record = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values())
+    found = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
+    outputs = {name: output[0] if single else output for name, output in zip(names, found, strict=True)}
+    return outputs[of] if isinstance(of, str) else outputs
+
+
+def pot_margins(env: Any, positions: Tensor, actions: Tensor, threads: int | None = None) -> Tensor:
+    """Returns how far the shots of actions are from potting each ball in each pocket, with derivatives.
+
+    A reward of `Billiards-v0` is a step function of the action. This function increases towards the step: it is
+    positive exactly if the ball enters the pocket. While the cue ball misses the ball, the gap between the two is
+    subtracted from the margin of the resting ball. It is continuous where the cue ball begins to touch the ball.
+
+    Args:
+        env: A `Billiards-v0` with `action="velocity"`, or a vector of such environments.
+        positions: (m, n, 2) positions of the balls, m, such as `env.positions`.
+        actions: (m, 2) actions. One that is longer than 1 is scaled to length 1.
+        threads: As in `simulate`.
+
+    Returns:
+        (m, n - 1, p) margins of the object balls to the pockets, m: the "pocket_margins" of `simulate`.
+
+    Raises:
+        ValueError: If the actions are strikes, or as in `simulate`.
+    """
+    env = getattr(env.unwrapped, "single_env", env.unwrapped)
+    if env.action != "velocity":
+        raise ValueError(f"env.action = {env.action!r}: expected 'velocity'")
+    velocities = env.max_speed * actions / actions.norm(dim=-1, keepdim=True).clamp(min=1.0)
+    found = simulate(env.scene, positions, velocities, of=("ball_margins", "pocket_margins"), threads=threads)
+    return found["pocket_margins"][:, 1:] + found["ball_margins"][:, 0, 1:, None].clamp(max=0.0)
+
+
+@dataclasses.dataclass
+class _Shots:
+    """What the functions below need in addition to tensors.
+
+    Attributes:
+        scene: The scene.
+        inputs: The names of the tensors that are inputs.
+        outputs: The names of the outputs.
+        options: Further arguments of `simulate_batch`.
+        record: Whether to keep the batch for the derivatives.
+        batch: This batch, recorded. Without it, derivatives run the shots again.
+    """
+
+    scene: Scene
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    options: dict[str, Any]
+    record: bool = False
+    batch: BatchResult | None = None
+
+    def run(self, tensors: Sequence[Tensor], record: bool) -> BatchResult:
+        """Runs the shots whose inputs are tensors."""
+        given = dict(zip(self.inputs, map(_array, tensors), strict=True))
+        start = {name: given.pop(name) for name in _STARTS if name in given}
+        balls = {name: tuple(given.pop(name).tolist()) for name in ("radius", "mass") if name in given}
+        scene = dataclasses.replace(
+            self.scene,
+            balls=dataclasses.replace(self.scene.balls, **balls),
+            physics=dataclasses.replace(self.scene.physics, **{name: value.item() for name, value in given.items()}),
+        )
+        return simulate_batch(scene, **start, **self.options, record=record)
+
+    def recorded(self, tensors: Sequence[Tensor]) -> BatchResult:
+        """Returns the recorded batch."""
+        return self.batch or self.run(tensors, True)
+
+    def folded(self, size: int, dims: Sequence[int | None], tensors: Sequence[Tensor]) -> tuple[Any, ...]:
+        """Returns the shots and tensors of `size` batches as those of one. `dims` has their axes, None for none."""
+        out = []
+        for k, (dim, tensor) in enumerate(zip(dims, tensors, strict=True)):
+            if k >= len(self.inputs) or self.inputs[k] in _STARTS:
+                whole = tensor.expand(size, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
+                tensor = whole.flatten(0, 1)
+            elif dim is not None:
+                raise NotImplementedError(f"vmap over {self.inputs[k]!r}: expected the same scene for all shots")
+            out.append(tensor)
+        in_play = self.options["in_play"]
+        if np.ndim(in_play) == 2:
+            in_play = np.tile(in_play, (size, 1))
+        return _Shots(self.scene, self.inputs, self.outputs, {**self.options, "in_play": in_play}), *out
+
+
+def _array(tensor: Tensor) -> NDArray[np.float64]:
+    return tensor.detach().to("cpu", torch.float64).numpy()
+
+
+def _tensors(arrays: Sequence[Any], like: Tensor) -> tuple[Tensor, ...]:
+    return tuple(torch.as_tensor(array, dtype=like.dtype, device=like.device) for array in arrays)
+
+
+class _OfShots(Function):
+    """A function whose first argument is a `_Shots`. The other arguments and the results are tensors.
+
+    All tensors but the constants of the scene have an axis of shots, so `vmap` runs its batches as one batch.
+    """
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, ...]) -> None:
+        ctx.shots = inputs[0]
+        ctx.save_for_backward(*inputs[1:])
+        ctx.save_for_forward(*inputs[1:])
+
+    @classmethod
+    def vmap(  # pyright: ignore[reportIncompatibleMethodOverride]
+        cls, info: Any, in_dims: Sequence[int | None], *arguments: Any
+    ) -> Any:
+        shots, *tensors = arguments
+        found = cls.apply(*shots.folded(info.batch_size, in_dims[1:], tensors))
+        outputs = tuple(output.unflatten(0, (info.batch_size, -1)) for output in found)
+        return outputs, (0,) * len(outputs)
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> Any:
+        raise NotImplementedError("second derivatives of shots: expected first derivatives")
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: Any) -> Any:
+        raise NotImplementedError("second derivatives of shots: expected first derivatives")
+
+
+class _Simulate(_OfShots):
+    """Inputs to outputs."""
+
+    @staticmethod
+    def forward(shots: _Shots, *inputs: Tensor) -> tuple[Tensor, ...]:
+        has_margins = bool(set(shots.outputs) & set(MARGINS))
+        batch = shots.run(inputs, shots.record or has_margins)
+        shots.batch = batch if shots.record else None
+        found = {name: getattr(batch, name) for name in _STARTS}
+        if has_margins:
+            found |= zip(MARGINS, batch.margins(threads=shots.options["threads"]), strict=False)
+        return _tensors([found[name] for name in shots.outputs], inputs[1])
+
+    @staticmethod
+    def backward(ctx: Any, *grad_outputs: Tensor) -> tuple[Tensor | None, ...]:
+        found = _Vjp.apply(ctx.shots, *ctx.saved_tensors, *grad_outputs)
+        sums = (x if name in _STARTS else x.sum(0) for name, x in zip(ctx.shots.inputs, found, strict=True))
+        return None, *sums
+
+    @staticmethod
+    def jvp(ctx: Any, *tangents: Tensor | None) -> tuple[Tensor, ...]:
+        inputs, changes = ctx.saved_tensors, []
+        for name, x, change in zip(ctx.shots.inputs, inputs, tangents[1:], strict=True):
+            change = torch.zeros_like(x) if change is None else change
+            changes.append(change if name in _STARTS else change.expand(len(inputs[0]), *x.shape))
+        return _Jvp.apply(ctx.shots, *inputs, *changes)
+
+
+class _Vjp(_OfShots):
+    """Inputs, and cotangents of the outputs, to cotangents of the inputs of each shot."""
+
+    @staticmethod
+    def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
+        k = len(shots.inputs)
+        cotangents = dict(zip(shots.outputs, map(_array, tensors[k:]), strict=True))
+        found = shots.recorded(tensors[:k]).vjp(cotangents, shots.inputs, threads=shots.options["threads"])
+        return _tensors([found[name] for name in shots.inputs], tensors[1])
+
+
+class _Jvp(_OfShots):
+    """Inputs, and tangents of the inputs of each shot, to tangents of the outputs."""
+
+    @staticmethod
+    def forward(shots: _Shots, *tensors: Tensor) -> tuple[Tensor, ...]:
+        k = len(shots.inputs)
+        tangents = dict(zip(shots.inputs, map(_array, tensors[k:]), strict=True))
+        found = shots.recorded(tensors[:k]).jvp(tangents, shots.outputs, threads=shots.options["threads"])
+        return _tensors([found[name] for name in shots.outputs], tensors[1])

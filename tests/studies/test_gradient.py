@@ -1,0 +1,62 @@
+"""The network that learns by gradient."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import torch
+
+from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.scene import Scene
+from studies import gradient
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    monkeypatch.setattr(gradient, "BATCH", 32)
+    monkeypatch.setattr(gradient, "SHOTS", 64)
+    monkeypatch.setattr(gradient, "SEEDS", (20,))
+    monkeypatch.setattr(gradient, "EPISODES", 8)
+
+
+def test_a_mirrored_layout_has_mirrored_actions():
+    torch.manual_seed(0)
+    network = gradient.Network(Scene.named("pool"))
+    seen = torch.tensor([[0.1, -0.3, 0.4, 0.2]])
+    places: list[list[float]] = network.signs.tolist()
+    for x, y in ((1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
+        signs = torch.tensor([x, y])
+        for pocket, place in enumerate(places):
+            other = places.index([place[0] * x, place[1] * y])
+            action, chance = network(seen, torch.tensor([pocket]))
+            mirrored, same = network(seen * signs.repeat(2), torch.tensor([other]))
+            torch.testing.assert_close(mirrored, action * signs)
+            torch.testing.assert_close(same, chance)
+
+
+def test_a_step_along_the_gradient_of_the_loss_brings_a_shot_nearer():
+    torch.manual_seed(1)
+    envs = BilliardsVectorEnv(gradient.BATCH)
+    envs.reset(seed=0)
+    network = gradient.Network(envs.single_env.scene)
+    played = gradient.play(network, envs)
+    before = (network.radius[played.pockets] - played.margins).abs()
+    optimiser = torch.optim.SGD(network.parameters(), lr=3e-4)
+    gradient.loss_of(network, played).backward()
+    optimiser.step()
+    change = network(played.observations, played.pockets)[0] - played.actions
+    after = (network.radius[played.pockets] - played.margins - (played.slopes * change).sum(-1)).abs()
+    assert 0 < change.norm(dim=-1).max() < gradient.NEAR
+    assert after.mean() < before.mean()
+
+
+def test_the_command_writes_what_has_no_results(tmp_path, capsys):
+    path = tmp_path / "gradient.json"
+    gradient.main(["--output", str(path)])
+    found = json.loads(path.read_text())
+    assert 0.0 <= found["results"]["20"] <= 1.0
+    found["results"]["20"] = 0.75
+    path.write_text(json.dumps(found))
+    gradient.main(["--output", str(path)])
+    assert "75.0%" in capsys.readouterr().out

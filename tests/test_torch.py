@@ -1,0 +1,163 @@
+"""Shots as differentiable functions of tensors."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from torch.autograd import gradcheck
+from torch.func import grad, jacfwd, jacrev, vmap
+
+from billiards_env import Scene, simulate_batch
+from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.torch import pot_margins, simulate
+from tests.helpers.derivatives import aimed
+
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")  # of torch itself
+
+SCENES = {"ideal": Scene.named("ideal", 2), "pool": Scene.named("pool", 2), "real_carom": Scene.named("real_carom", 2)}
+OUTPUTS = ("positions", "velocities", "spins")
+
+
+def start(scene, m=2, spins=False):
+    """Returns positions, velocities of the cue balls and, if asked, their spins, of shots aimed at ball 1."""
+    places, moving = zip(*(aimed(scene, seed) for seed in range(3, 3 + m)), strict=True)
+    rng = np.random.default_rng(0)
+    given = [np.array(places), np.array(moving)[:, 0], *([rng.normal(0.0, 5.0, (m, 3))] if spins else [])]
+    return [torch.tensor(array, requires_grad=True) for array in given]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gradcheck_passes(name):
+    scene = SCENES[name]
+    given = start(scene, spins=name != "ideal")
+
+    def outputs(*tensors):
+        return tuple(simulate(scene, *tensors, of=OUTPUTS, max_time=0.7).values())
+
+    assert gradcheck(outputs, given, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+
+
+def test_gradcheck_passes_for_margins():
+    scene = SCENES["pool"]
+
+    def margins(*tensors):
+        found = simulate(scene, *tensors, of=("ball_margins", "pocket_margins"), max_time=1.5)
+        return found["ball_margins"][:, 0, 1:], found["pocket_margins"][:, :2]
+
+    assert gradcheck(margins, start(scene), eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+
+
+def test_the_outputs_are_those_of_a_batch():
+    scene = SCENES["real_carom"]
+    given = start(scene, 3, spins=True)
+    arrays = [tensor.detach().numpy() for tensor in given]
+    batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7, record=True)
+    found = simulate(scene, *given, of=(*OUTPUTS, "cushion_margins"), max_time=0.7)
+    assert found["cushion_margins"].tolist() == batch.margins().cushions.tolist()
+    for name in OUTPUTS:
+        assert found[name].tolist() == getattr(batch, name).tolist()
+    single = simulate(scene, given[0][1], given[1][1], given[2][1], max_time=0.7)
+    assert single.tolist() == batch.positions[1].tolist()
+    floats = simulate(scene, *(tensor.float() for tensor in given), max_time=0.7)
+    assert floats.dtype == torch.float32
+
+
+CONSTANTS = {"mu_roll": 0.01, "mu_slide": 0.2, "e_ball": 0.95, "e_cushion": 0.85, "g": 9.81}
+
+
+def with_constants(scene):
+    """Returns a function of radii, masses and numbers of the physics to the ends of shots, and its inputs."""
+    places, moving = (tensor.detach() for tensor in start(scene))
+    n = scene.n_balls
+    constants = [
+        torch.tensor(scene.balls.radius),
+        torch.tensor([0.17, 0.2, 0.16]),
+        *map(torch.tensor, CONSTANTS.values()),
+    ]
+
+    def ends(radius, mass, *numbers):
+        physics = dict(zip(CONSTANTS, numbers, strict=True))
+        return simulate(scene, places, moving, radius=radius, mass=mass, physics=physics, max_time=0.7)
+
+    assert n == 3
+    return ends, [tensor.double().requires_grad_() for tensor in constants]
+
+
+def test_gradcheck_passes_for_constants():
+    ends, constants = with_constants(SCENES["pool"])
+    assert gradcheck(ends, constants, eps=1e-7, atol=1e-4, rtol=1e-4, check_forward_ad=True)
+
+
+def test_vmap_runs_one_batch_and_has_the_derivatives_of_the_batch():
+    scene = SCENES["pool"]
+    places, moving = (tensor.detach() for tensor in start(scene, 4))
+
+    def end(position, velocity):
+        return simulate(scene, position, velocity, max_time=0.7)
+
+    whole = simulate(scene, places, moving, max_time=0.7)
+    assert torch.equal(vmap(end)(places, moving), whole)
+    pairs = vmap(vmap(end))(places.reshape(2, 2, 3, 2), moving.reshape(2, 2, 2))
+    assert torch.equal(pairs.flatten(0, 1), whole)
+    arrays = places.numpy(), moving.numpy()
+    jacobian = simulate_batch(scene, *arrays, max_time=0.7, record=True).jacobian()[..., 0, :]
+    for found in (vmap(jacrev(end, 1))(places, moving), vmap(jacfwd(end, 1))(places, moving)):
+        np.testing.assert_allclose(found.numpy(), jacobian, rtol=0, atol=1e-12)
+    by_sum = vmap(grad(lambda v, p: end(p, v).sum()))(moving, places)
+    np.testing.assert_allclose(by_sum.numpy(), jacobian.sum((1, 2)), rtol=0, atol=1e-12)
+
+
+def test_jacobians_by_constants_need_no_batch_of_scenes():
+    ends, constants = with_constants(SCENES["pool"])
+    forward, backward = (of(ends, (1, 2, 4))(*(x.detach() for x in constants)) for of in (jacfwd, jacrev))
+    for left, right in zip(forward, backward, strict=True):
+        assert left.abs().max() > 0
+        np.testing.assert_allclose(left.numpy(), right.numpy(), rtol=0, atol=1e-11 * float(left.abs().max()))
+    with pytest.raises(NotImplementedError, match="vmap over 'e_ball': expected the same scene"):
+        vmap(lambda e: simulate(SCENES["pool"], *start(SCENES["pool"]), physics={"e_ball": e}))(torch.ones(2))
+
+
+def test_second_derivatives_are_refused():
+    places, moving = start(SCENES["pool"])
+    (first,) = torch.autograd.grad(simulate(SCENES["pool"], places, moving).sum(), moving, create_graph=True)
+    with pytest.raises(NotImplementedError, match="second derivatives of shots"):
+        first.sum().backward()
+
+
+def test_wrong_names_are_refused():
+    given = start(SCENES["pool"])
+    with pytest.raises(ValueError, match="of = 'events': expected"):
+        simulate(SCENES["pool"], *given, of="events")
+    with pytest.raises(ValueError, match="physics = 'motion': expected"):
+        simulate(SCENES["pool"], *given, physics={"motion": given[0]})
+
+
+def test_pot_margins_are_positive_for_pots_and_lead_to_them():
+    envs = BilliardsVectorEnv(64, "Disabled")
+    envs.reset(seed=0)
+    positions = torch.tensor(envs.positions)
+    rest = pot_margins(envs, positions, torch.zeros(64, 2, dtype=torch.float64))[..., :4]
+    scene = envs.single_env.scene
+    places = torch.tensor([(pocket.x, pocket.y) for pocket in scene.table.pockets[:4]], dtype=torch.float64)
+    gaps = (positions[:, 1, None] - places).norm(dim=-1) - scene.table.pockets[0].radius
+    apart = (positions[:, 1] - positions[:, 0]).norm(dim=-1) - sum(scene.balls.radius)
+    np.testing.assert_allclose(rest[:, 0].numpy(), -(gaps + apart[:, None]).numpy(), atol=1e-12)
+
+    aims = positions[:, 1] - positions[:, 0]
+    actions = (0.4 * aims / aims.norm(dim=-1, keepdim=True)).requires_grad_()
+    for _ in range(12):  # Gauss-Newton steps to the nearest pocket
+        margin = pot_margins(envs, positions, actions)[:, 0].amax(-1)
+        (slope,) = torch.autograd.grad(margin.sum(), actions)
+        step = (0.04 - margin)[:, None] * slope / slope.square().sum(-1, keepdim=True).clamp(min=1e-3)
+        step = step / (step.norm(dim=-1, keepdim=True) / 0.05).clamp(min=1.0)
+        actions = (actions + torch.where(margin[:, None] > 0, 0.0, step)).detach().requires_grad_()
+    found = pot_margins(envs, positions, actions)[:, 0].amax(-1) > 0
+    envs.step(actions.detach().numpy())
+    assert found.tolist() == envs.potted[:, 1].tolist()
+    assert found.float().mean() > 0.5
+
+
+def test_pot_margins_of_strikes_are_refused():
+    env = gym.make("billiards_env:Billiards-v0", action="strike")
+    with pytest.raises(ValueError, match=r"env\.action = 'strike': expected 'velocity'"):
+        pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 5))
