@@ -1,0 +1,381 @@
+"""The fit of shots to tracks: the starts of many shots at once, each by itself, and numbers that all shots share.
+
+The start of a shot is a row of 2 n + 5 numbers: x and y of each ball, the cue ball's velocity and its spin. `settle`
+fits the starts with constant numbers. `Projection` is the problem of the shared numbers alone: its residuals are those
+after the starts are fitted, and its Jacobian includes how the starts follow the numbers (variable projection, Golub and
+Pereyra 1973, with the approximation of Kaufman 1975).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.engine.log import SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW
+from billiards_env.engine.trajectory import Trajectory
+from billiards_env.scene import Scene
+from billiards_env.shots.gradients import Record, start_jacobians
+from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.shots.tracks import Track
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+# The loss of a squared residual in units of the noise, and its derivative, as in scipy.optimize.least_squares.
+LOSSES: Mapping[str, tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]] = {
+    "linear": (lambda z: z, np.ones_like),
+    "soft_l1": (lambda z: 2.0 * (np.sqrt(1.0 + z) - 1.0), lambda z: 1.0 / np.sqrt(1.0 + z)),
+    "cauchy": (np.log1p, lambda z: 1.0 / (1.0 + z)),
+}
+
+MOST_SPEED = 20.0
+"""m/s, of each component of the cue ball's velocity, and of its spin times its radius. The hardest breaks reach 16."""
+
+_FEW = 12  # rows
+_STEPS = 30  # most steps of `settle`
+_CONVERGED = 1e-10  # relative change of the loss
+_RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
+
+
+class Rows(NamedTuple):
+    """The rows of m tracks, in arrays with room for r rows each.
+
+    Attributes:
+        ball: (m, r) int, the ball; 0 without a row.
+        frame: (m, r) int, the index of the time.
+        positions: (m, r, 2) m.
+        seen: (m, r) bool, whether there is a row.
+        used: (m, r) bool, whether the row is fitted.
+        times: (m, q) s since the first row, ascending; the last is repeated.
+        in_play: (m, n) bool, whether the ball has rows.
+    """
+
+    ball: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    positions: Floats
+    seen: Bools
+    used: Bools
+    times: Floats
+    in_play: Bools
+
+    @property
+    def time(self) -> Floats:
+        """(m, r) s, the times of the rows."""
+        return np.take_along_axis(self.times, self.frame, axis=1)
+
+    def of(self, shots: NDArray[np.intp]) -> Rows:
+        """Returns the rows of some shots."""
+        return Rows(*(array[shots] for array in self))
+
+    def until(self, time: float) -> Rows:
+        """Returns the rows up to a time, s, or the first few rows of each shot."""
+        late = self.time > np.maximum(time, self.time[:, min(_FEW, self.time.shape[1]) - 1])[:, None]
+        r = int((self.seen & ~late).sum(axis=1).max())
+        frames = int(self.frame[:, :r].max()) + 1
+        some = (array[:, :r] for array in (self.ball, np.minimum(self.frame, frames - 1), self.positions))
+        return Rows(*some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], self.in_play)
+
+
+def rows_of(tracks: Sequence[Track], n: int) -> Rows:
+    """Returns the rows of tracks of a scene with n balls; all are used."""
+    frames = [np.unique(track.times, return_inverse=True) for track in tracks]
+    m, r, q = len(tracks), max(len(t.times) for t in tracks), max(len(times) for times, _ in frames)
+    rows = Rows(
+        np.zeros((m, r), np.int64),
+        np.zeros((m, r), np.int64),
+        np.zeros((m, r, 2)),
+        np.zeros((m, r), np.bool_),
+        np.zeros((m, r), np.bool_),
+        np.zeros((m, q)),
+        np.zeros((m, n), np.bool_),
+    )
+    for k, (track, (times, frame)) in enumerate(zip(tracks, frames, strict=True)):
+        count = len(track.times)
+        rows.ball[k, :count], rows.frame[k, :count], rows.positions[k, :count] = track.balls, frame, track.positions
+        rows.seen[k, :count] = rows.used[k, :count] = True
+        rows.times[k] = times[-1] - times[0]
+        rows.times[k, : len(times)] = times - times[0]
+        rows.in_play[k, track.balls] = True
+    return rows
+
+
+def run(scene: Scene, starts: Floats, rows: Rows) -> BatchResult:
+    """Simulates shots from their starts (m, 2 n + 5)."""
+    m, n = rows.in_play.shape
+    places, velocities, spins = starts[:, : 2 * n].reshape(m, n, 2), starts[:, 2 * n : 2 * n + 2], starts[:, 2 * n + 2 :]
+    return simulate_batch(
+        scene,
+        places,
+        velocities,
+        spins=spins if scene.physics.motion == "sliding" else None,
+        in_play=rows.in_play,
+        max_time=float(rows.times.max()),
+        record=True,
+    )
+
+
+def modelled(record: Record, rows: Rows) -> Floats:
+    """Returns the places of the balls of the rows in simulated shots, (m, r, 2) m."""
+    n, found = record.scene.n_balls, np.empty(rows.positions.shape)
+    times = np.minimum(rows.time, record.time[:, None])
+    span = 2.0 * times.max() + 1.0
+    wanted = (np.arange(len(times))[:, None] * n + rows.ball) * span + times
+    for part in record.parts:
+        pieces = part.segments[part.bounds[0, 1] : part.bounds[-1, 1]]
+        shot = np.repeat(np.arange(part.begin, part.end), np.diff(part.bounds[:, 1]))
+        ball = pieces[:, SEGMENT_BALL].astype(np.intp)
+        order = np.argsort(shot * n + ball, kind="stable")  # those of a ball stay in the order of time
+        paths = Trajectory(ball, pieces[:, SEGMENT_PHASE].astype(np.intp), pieces[:, SEGMENT_ROW:])
+        begins = ((shot * n + ball) * span + paths.start)[order]
+        some = slice(part.begin, part.end)
+        last = order[np.searchsorted(begins, wanted[some].ravel(), side="right") - 1]
+        found[some] = paths.at_pieces(last, times[some].ravel()).reshape(found[some].shape)
+    return found
+
+
+class Residuals(NamedTuple):
+    """The residuals of m shots and their derivatives; zero for rows that are not used.
+
+    Attributes:
+        values: (m, 2 r) m.
+        jacobian: (m, 2 r, 2 n + 5 + s) by the start and by the shared numbers.
+    """
+
+    values: Floats
+    jacobian: Floats
+
+    def loss(self, loss: str, noise: float) -> Floats:
+        """Returns the loss of each shot, (m,)."""
+        return LOSSES[loss][0](np.square(self.values / noise)).sum(axis=1)
+
+    def weighted(self, loss: str, noise: float) -> Floats:
+        """Returns the Jacobian times the weights of the loss, (m, 2 r, 2 n + 5 + s)."""
+        return LOSSES[loss][1](np.square(self.values / noise))[..., None] * self.jacobian
+
+
+def residuals(scene: Scene, starts: Floats, rows: Rows, names: Sequence[str]) -> Residuals:
+    """Returns the residuals of shots from their starts, with the derivatives by numbers of `Physics` by name."""
+    record = run(scene, starts, rows)._record("residuals")
+    m, r = rows.used.shape
+    off = (modelled(record, rows) - rows.positions) * rows.used[..., None]
+    rates = start_jacobians(record, np.minimum(rows.times, record.time[:, None]), names, None)
+    rates = rates[np.arange(m)[:, None], rows.frame, :, rows.ball] * rows.used[..., None, None]  # (m, r, lanes, 2)
+    return Residuals(off.reshape(m, 2 * r), np.moveaxis(rates, 2, 3).reshape(m, 2 * r, -1))
+
+
+def allowed(scene: Scene, starts: Floats, in_play: Bools) -> tuple[Floats, Bools]:
+    """Moves balls that overlap apart and balls that reach into a cushion out of it, and limits the speeds.
+
+    Returns:
+        The starts (m, 2 n + 5), and whether they are allowed (m,).
+    """
+    m, n = in_play.shape
+    radius = np.array(scene.balls.radius)
+    reach = np.array([scene.balls.contact_distances(i) for i in range(n)])
+    found = starts.copy()
+    found[:, 2 * n : 2 * n + 2] = np.clip(found[:, 2 * n : 2 * n + 2], -MOST_SPEED, MOST_SPEED)
+    found[:, 2 * n + 2 :] = np.clip(found[:, 2 * n + 2 :], -MOST_SPEED / radius[0], MOST_SPEED / radius[0])
+    places = found[:, : 2 * n].reshape(m, n, 2)  # a view
+    both = np.triu(in_play[:, :, None] & in_play[:, None, :], 1)
+    bad = np.zeros(m, np.bool_)
+    for _ in range(20):
+        apart = places[:, :, None] - places[:, None, :]
+        overlap = both & (np.hypot(apart[..., 0], apart[..., 1]) < reach)
+        close = in_play & (scene.table.clearance(places) < radius)
+        bad = overlap.any(axis=(1, 2)) | close.any(axis=1)
+        if not bad.any():
+            break
+        for k, i, j in np.argwhere(overlap):
+            line = places[k, i] - places[k, j]
+            distance = float(np.hypot(*line))
+            push = 0.5 * (reach[i, j] - distance + 1e-9) * (line / distance if distance > 0.0 else np.array([1.0, 0.0]))
+            places[k, i] += push
+            places[k, j] -= push
+        for k, i in np.argwhere(close):
+            centre, step = places[k, i].copy(), 1e-7 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+            right, left, up, down = scene.table.clearance(centre + step)
+            inwards = np.array([right - left, up - down]) / 2e-7
+            places[k, i] += inwards * (radius[i] - scene.table.clearance(centre) + 1e-9)
+    for pocket in scene.table.pockets:
+        inside = np.hypot(places[..., 0] - pocket.x, places[..., 1] - pocket.y) < pocket.radius
+        bad |= (inside & in_play).any(axis=1)
+    return found, ~bad
+
+
+def settle(
+    scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float, most: int = _STEPS
+) -> tuple[Floats, Floats]:
+    """Fits the starts of shots, each by itself, with constant numbers (Levenberg 1944, Marquardt 1963).
+
+    Args:
+        scene: The scene.
+        starts: (m, 2 n + 5), allowed.
+        rows: The rows.
+        loss: A key of `LOSSES`.
+        noise: The residual at which the loss begins to be less than the square, m.
+        most: Largest number of steps.
+
+    Returns:
+        The starts, and the loss of each shot (m,).
+    """
+    starts = starts.copy()
+    now = residuals(scene, starts, rows, ())
+    values, jacobian = now
+    cost, damping, active = now.loss(loss, noise), np.full(len(starts), 1e-4), np.ones(len(starts), np.bool_)
+    for _ in range(most):
+        some = np.flatnonzero(active)
+        if not some.size:
+            break
+        here = Residuals(values[some], jacobian[some])
+        pulled = np.swapaxes(here.weighted(loss, noise), 1, 2)
+        normal, slope = pulled @ here.jacobian, (pulled @ here.values[..., None])[..., 0]
+        size = _scale(normal)
+        normal /= size[:, :, None] * size[:, None, :]
+        normal += damping[some, None, None] * np.eye(size.shape[1])
+        step = np.linalg.solve(normal, (slope / size)[..., None])[..., 0] / size
+        tried, fine = allowed(scene, starts[some] - step, rows.in_play[some])
+        tried[~fine] = starts[some][~fine]
+        then = residuals(scene, tried, rows.of(some), ())
+        costs = then.loss(loss, noise)
+        better = costs < cost[some]
+        gain = cost[some] - costs
+        taken = some[better]
+        starts[taken], values[taken], jacobian[taken] = tried[better], then.values[better], then.jacobian[better]
+        cost[taken] = costs[better]
+        damping[some] = np.where(better, np.maximum(damping[some] / 10.0, 1e-9), damping[some] * 10.0)
+        done = np.where(better, gain <= _CONVERGED * cost[some], damping[some] > 1e4)
+        active[some[done]] = False
+    return starts, cost
+
+
+def _scale(normal: Floats) -> Floats:
+    """Returns the norms of the columns for normal equations (m, d, d); 1 for a column of zeros."""
+    size = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+    return np.where(size > 0.0, size, 1.0)
+
+
+def with_numbers(scene: Scene, names: Sequence[str], values: Floats) -> Scene:
+    """Returns a scene with other numbers of its physics."""
+    changes = dict(zip(names, values.tolist(), strict=True))
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **changes))
+
+
+class Projection:
+    """The residuals of all shots as a function of the shared numbers alone; the starts are fitted for each value.
+
+    Attributes:
+        starts: (m, 2 n + 5), the starts at the last numbers of `jacobian`.
+    """
+
+    def __init__(self, scene: Scene, names: Sequence[str], starts: Floats, rows: Rows, loss: str, noise: float) -> None:
+        self.starts = starts
+        self._scene, self._names, self._rows, self._loss, self._noise = scene, names, rows, loss, noise
+        self._at: Floats | None = None  # the numbers of `starts`
+        self._follow = np.zeros((*starts.shape, len(names)))  # the derivative of `starts`
+        self._latest: tuple[Floats, Floats] = np.full(len(names), np.nan), starts
+
+    def residuals(self, numbers: Floats) -> Floats:
+        """Returns the residuals (2 m r,), m."""
+        return self._found(numbers).values.ravel()
+
+    def jacobian(self, numbers: Floats) -> Floats:
+        """Returns the derivative (2 m r, s) of the residuals, and keeps the starts."""
+        found = self._found(numbers)
+        self.starts, self._at = self._latest[1], numbers.copy()
+        d = self.starts.shape[1]
+        by_start, by_numbers = found.jacobian[..., :d], found.jacobian[..., d:]
+        pulled = np.swapaxes(found.weighted(self._loss, self._noise)[..., :d], 1, 2)
+        normal = pulled @ by_start
+        size = _scale(normal)
+        values, vectors = np.linalg.eigh(normal / (size[:, :, None] * size[:, None, :]))
+        inverse = np.where(values > _RANK, 1.0 / np.maximum(values, _RANK), 0.0)
+        self.freedom = int((values > _RANK).sum())
+        right = (pulled @ by_numbers) / size[..., None]
+        self._follow = -(vectors * inverse[:, None, :]) @ (np.swapaxes(vectors, 1, 2) @ right) / size[..., None]
+        return (by_numbers + by_start @ self._follow).reshape(-1, len(self._names))
+
+    def _found(self, numbers: Floats) -> Residuals:
+        scene = with_numbers(self._scene, self._names, numbers)
+        if not np.array_equal(numbers, self._latest[0]):
+            starts = self.starts
+            if self._at is not None:
+                moved, fine = allowed(scene, starts + self._follow @ (numbers - self._at), self._rows.in_play)
+                starts = np.where(fine[:, None], moved, starts)
+            starts, _ = settle(scene, starts, self._rows, self._loss, self._noise)
+            self._latest = numbers.copy(), starts
+        return residuals(scene, self._latest[1], self._rows, self._names)
+
+
+_WINDOWS = (4, 6, 10, 16)  # rows of the cue ball from which its first velocity is guessed
+_ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
+_SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
+_SHORT, _GROWTH = 0.1, 1.3  # s, the first duration of the rows that are fitted, and its growth
+_FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
+_BEST = 4  # guesses of a shot that are fitted
+
+
+def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
+    """Returns guesses of the starts of shots from their first rows, (m, guesses, 2 n + 5)."""
+    m, n = rows.in_play.shape
+    found = np.zeros((m, len(_WINDOWS) * len(_ROLLS), 2 * n + 5))
+    rolls = np.array(_ROLLS)[:, None] * (scene.physics.motion == "sliding")
+    for k in range(m):
+        starts = found[k].reshape(len(_WINDOWS), len(_ROLLS), -1)
+        for i in np.flatnonzero(rows.in_play[k]):
+            mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == i))
+            times, positions = rows.time[k, mine], rows.positions[k, mine]
+            if i > 0:
+                moves = np.hypot(*(positions - np.median(positions[:3], axis=0)).T) > _FAR * noise
+                until = max(1, int(moves.argmax())) if moves.any() else len(mine)
+                starts[..., 2 * i : 2 * i + 2] = np.median(positions[:until], axis=0)
+                continue
+            for start, window in zip(starts, _WINDOWS, strict=True):
+                coefficients = np.polyfit(times[:window], positions[:window], 1 if window < 10 else 2)
+                velocity = coefficients[-2]
+                start[:, :2], start[:, 2 * n : 2 * n + 2] = coefficients[-1], velocity
+                start[:, 2 * n + 2 : 2 * n + 4] = rolls * (-velocity[1], velocity[0]) / scene.balls.radius[0]
+    return found
+
+
+def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None) -> Floats:
+    """Returns starts of shots (m, 2 n + 5) that come close to their rows.
+
+    The best of some guesses and of given starts `besides` (m, 2 n + 5) are fitted to the first rows, then to twice as
+    long a time, and so on. The side spin hardly matters before the first cushion, so several are tried each time.
+
+    Raises:
+        ValueError: If balls overlap or lie outside of the table in all guesses of a shot.
+    """
+    tried, (m, n) = first_guesses(scene, rows, noise), rows.in_play.shape
+    duration = float(rows.times.max())
+    until = min(_SHORT, duration)
+    while True:
+        if besides is not None:
+            tried = np.concatenate((tried, besides[:, None]), axis=1)
+        part = rows.until(until)
+        shot = np.repeat(np.arange(m), tried.shape[1])
+        starts, fine = allowed(scene, tried.reshape(len(shot), -1), rows.in_play[shot])
+        if not fine.reshape(m, -1).any(axis=1).all():
+            lost = int(np.argmin(fine.reshape(m, -1).any(axis=1)))
+            raise ValueError(f"shot {lost} begins with balls that overlap or lie outside of the table")
+        loss = np.full(len(shot), np.inf)
+        many = part.of(shot[fine])
+        off = (modelled(run(scene, starts[fine], many)._record("guess"), many) - many.positions) * many.used[..., None]
+        loss[fine] = LOSSES["cauchy"][0](np.square(off / (_FAR * noise))).sum(axis=(1, 2))
+        best = np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST] + tried.shape[1] * np.arange(m)[:, None]
+        starts = np.where(fine[best][..., None], starts[best], starts[best[:, :1]])
+        shot = np.repeat(np.arange(m), _BEST)
+        starts, loss = settle(scene, starts.reshape(len(shot), -1), part.of(shot), "cauchy", _FAR * noise, 10)
+        starts = starts.reshape(m, _BEST, -1)
+        if until == duration:
+            return starts[np.arange(m), loss.reshape(m, _BEST).argmin(axis=1)]
+        until = min(_GROWTH * until, duration)
+        tried = np.repeat(starts, len(_SIDES) + 1, axis=1)
+        if scene.physics.motion == "sliding":
+            speed = np.hypot(tried[..., 2 * n], tried[..., 2 * n + 1]) / scene.balls.radius[0]
+            sides = np.tile((*_SIDES, np.nan), _BEST)
+            tried[..., -1] = np.where(np.isnan(sides), tried[..., -1], sides * speed)
