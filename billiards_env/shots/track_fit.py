@@ -269,18 +269,22 @@ class Projection:
 
     Attributes:
         starts: (m, 2 n + 5), the starts at the last numbers of `jacobian`.
+        freedom: Number of numbers of the starts that the rows determine.
     """
 
     def __init__(self, scene: Scene, names: Sequence[str], starts: Floats, rows: Rows, loss: str, noise: float) -> None:
-        self.starts = starts
+        self.starts, self.freedom = starts, 0
         self._scene, self._names, self._rows, self._loss, self._noise = scene, names, rows, loss, noise
         self._at: Floats | None = None  # the numbers of `starts`
         self._follow = np.zeros((*starts.shape, len(names)))  # the derivative of `starts`
         self._latest: tuple[Floats, Floats] = np.full(len(names), np.nan), starts
 
     def residuals(self, numbers: Floats) -> Floats:
-        """Returns the residuals (2 m r,), m."""
-        return self._found(numbers).values.ravel()
+        """Returns the residuals (2 m r,), m; a metre each for numbers that `Physics` does not allow together."""
+        try:
+            return self._found(numbers).values.ravel()
+        except ValueError:
+            return np.ones(2 * self._rows.used.size)
 
     def jacobian(self, numbers: Floats) -> Floats:
         """Returns the derivative (2 m r, s) of the residuals, and keeps the starts."""
@@ -299,7 +303,7 @@ class Projection:
         return (by_numbers + by_start @ self._follow).reshape(-1, len(self._names))
 
     def _found(self, numbers: Floats) -> Residuals:
-        scene = with_numbers(self._scene, self._names, numbers)
+        scene = with_numbers(self._scene, self._names, numbers)  # may raise
         if not np.array_equal(numbers, self._latest[0]):
             starts = self.starts
             if self._at is not None:
