@@ -17,6 +17,7 @@ from typing import Any
 
 from benchmarks import (
     accuracy_report,
+    calibration,
     comparison,
     error_limit,
     gradients,
@@ -36,6 +37,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 # By the name of the results: the command, and the function that makes the blocks.
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
+    "calibration": ("benchmarks.calibration", calibration.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),

@@ -36,7 +36,7 @@ def test_the_overview_needs_neither_the_engine_nor_a_window():
         "assert not {'numba', 'pygame', 'matplotlib', 'torch'} & set(sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    for command in ("play", "simulate", "replay", "version", "cache"):
+    for command in ("play", "simulate", "replay", "calibrate", "version", "cache"):
         assert f"\n    {command} " in done.stdout
 
 

@@ -198,6 +198,8 @@ def calibrate(
     free: Sequence[str] = FREE,
     *,
     noise: float = 0.002,
+    velocities: ArrayLike | None = None,
+    spins: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Calibration:
     """Fits numbers of the physics of a scene to tracks of shots (extra `calibrate`).
@@ -212,6 +214,8 @@ def calibrate(
         shots: The tracks. The cue ball moves from the first row on.
         free: The names of the numbers: those of `Physics` but `max_time`.
         noise: Standard deviation of a coordinate of a row, m; only its order of magnitude matters.
+        velocities: (m, 2) m/s, the cue ball's velocities at the first rows, if they are known.
+        spins: (m, 3) rad/s, its spins, if they are known.
         progress: A function that gets a line of text after each round.
 
     Returns:
@@ -233,8 +237,12 @@ def calibrate(
         raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
     for name in names:
         one_of("free", name, tuple(physics_inputs(scene.physics)))
-    tracks = check_tracks(scene, shots)
-    rows = fit.rows_of(tracks, scene.n_balls)
+    tracks, n = check_tracks(scene, shots, 4 if velocities is None else 1), scene.n_balls
+    rows = fit.rows_of(tracks, n)
+    if velocities is not None:
+        rows.known[:, 2 * n : 2 * n + 2] = finite("velocities", velocities, (len(tracks), 2))
+    if spins is not None:
+        rows.known[:, 2 * n + 2 :] = finite("spins", spins, (len(tracks), 3))
     numbers = np.array([getattr(scene.physics, name) for name in names])
     bounds = np.array([RANGES[PHYSICS_RANGES[name]][:2] for name in names], np.float64).T
     begun, scale = dict(zip(names, numbers.tolist(), strict=True)), noise
@@ -281,7 +289,7 @@ def calibrate(
     off = fit.modelled(batch._record("calibrate"), rows) - rows.positions
     far = np.where(_judged(scene, starts, rows, CUTS[-1] * scale)[1], CUTS[-1] * scale, 0.0)
     zero = np.array([track.times[0] for track in tracks])
-    counts, n = [len(track.times) for track in tracks], scene.n_balls
+    counts = [len(track.times) for track in tracks]
     return Calibration(
         scene=scene,
         start=begun,

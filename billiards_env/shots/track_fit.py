@@ -52,6 +52,7 @@ class Rows(NamedTuple):
         used: (m, r) bool, whether the row is fitted.
         times: (m, q) s since the first row, ascending; the last is repeated.
         in_play: (m, n) bool, whether the ball has rows.
+        known: (m, 2 n + 5), the numbers of the starts that are not fitted; NaN for the others.
     """
 
     ball: NDArray[np.int64]
@@ -61,6 +62,7 @@ class Rows(NamedTuple):
     used: Bools
     times: Floats
     in_play: Bools
+    known: Floats
 
     @property
     def time(self) -> Floats:
@@ -77,7 +79,7 @@ class Rows(NamedTuple):
         r = int((self.seen & ~late).sum(axis=1).max())
         frames = int(self.frame[:, :r].max()) + 1
         some = (array[:, :r] for array in (self.ball, np.minimum(self.frame, frames - 1), self.positions))
-        return Rows(*some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], self.in_play)
+        return Rows(*some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], *self[-2:])
 
 
 def rows_of(tracks: Sequence[Track], n: int) -> Rows:
@@ -92,6 +94,7 @@ def rows_of(tracks: Sequence[Track], n: int) -> Rows:
         np.zeros((m, r), np.bool_),
         np.zeros((m, q)),
         np.zeros((m, n), np.bool_),
+        np.full((m, 2 * n + 5), np.nan),
     )
     for k, (track, (times, frame)) in enumerate(zip(tracks, frames, strict=True)):
         count = len(track.times)
@@ -164,6 +167,7 @@ def residuals(scene: Scene, starts: Floats, rows: Rows, names: Sequence[str]) ->
     off = (modelled(record, rows) - rows.positions) * rows.used[..., None]
     rates = start_jacobians(record, np.minimum(rows.times, record.time[:, None]), names, None)
     rates = rates[np.arange(m)[:, None], rows.frame, :, rows.ball] * rows.used[..., None, None]  # (m, r, lanes, 2)
+    rates[:, :, : rows.known.shape[1]] *= np.isnan(rows.known)[:, None, :, None]
     return Residuals(off.reshape(m, 2 * r), np.moveaxis(rates, 2, 3).reshape(m, 2 * r, -1))
 
 
@@ -338,6 +342,9 @@ def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
                 starts[..., 2 * i : 2 * i + 2] = np.median(positions[:until], axis=0)
                 continue
             for start, window in zip(starts, _WINDOWS, strict=True):
+                if len(mine) < _WINDOWS[0]:  # the velocity is known
+                    start[:, :2] = positions[0]
+                    continue
                 coefficients = np.polyfit(times[:window], positions[:window], 1 if window < 10 else 2)
                 velocity = coefficients[-2]
                 start[:, :2], start[:, 2 * n : 2 * n + 2] = coefficients[-1], velocity
@@ -362,6 +369,7 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
             tried = np.concatenate((tried, besides[:, None]), axis=1)
         part = rows.until(until)
         shot = np.repeat(np.arange(m), tried.shape[1])
+        tried = np.where(np.isnan(rows.known[:, None]), tried, rows.known[:, None])
         starts, fine = allowed(scene, tried.reshape(len(shot), -1), rows.in_play[shot])
         if not fine.reshape(m, -1).any(axis=1).all():
             lost = int(np.argmin(fine.reshape(m, -1).any(axis=1)))

@@ -135,12 +135,13 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     write_whole(Path(path), text.getvalue().encode())
 
 
-def check_tracks(scene: Scene, tracks: Sequence[Track]) -> list[Track]:
+def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Track]:
     """Returns tracks with their rows in the order of time.
 
     Raises:
         ValueError: If there are no tracks, two have the same name, an array has a wrong shape or a number that is not
-            finite, a ball is not in the scene, or the cue ball has fewer than four rows.
+            finite, a ball is not in the scene, or the cue ball has fewer than
+            `least` rows.
     """
     if not tracks:
         raise ValueError("shots = []: expected one track or more")
@@ -156,8 +157,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track]) -> list[Track]:
         positions = finite(f"{name}.positions", track.positions, (k, 2))
         if balls.dtype.kind not in "iu" or not ((balls >= 0) & (balls < scene.n_balls)).all():
             raise ValueError(f"{name}.balls = {short(np.unique(balls).tolist())}: expected 0 to {scene.n_balls - 1}")
-        if np.count_nonzero(balls == 0) < 4:
-            raise ValueError(f"{name}: {np.count_nonzero(balls == 0)} rows of the cue ball: expected 4 or more")
+        if np.count_nonzero(balls == 0) < least:
+            raise ValueError(f"{name}: {np.count_nonzero(balls == 0)} rows of the cue ball: expected {least} or more")
         order = np.argsort(times, kind="stable")
         found.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
     return found
