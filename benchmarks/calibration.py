@@ -22,13 +22,15 @@ from billiards_env.shots.tracks import Track, observed
 SCENE, NOISE, SHOTS, FRAMES = "real_carom", 0.002, 6, 1 / 30 * np.arange(75)
 NUMBERS = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_ball_factor")
 """The numbers that are fitted; the last is the multiplier of the friction between balls, which throws them."""
+APART = 0.1
+"""s. Least time between two contacts, and before the first."""
 OFF = 0.1
 """Largest relative error of a start value."""
 
 
 @functools.cache
 def shots() -> list[Any]:
-    """Returns the shots: random layouts, the cue ball aimed at ball 1 with a random cut and spin."""
+    """Returns the shots: random layouts, the cue ball hits ball 1 with a random cut and spin."""
     scene, rng, found = Scene.named(SCENE, 1), np.random.default_rng(0), []
     radius = scene.balls.radius[0]
     while len(found) < SHOTS:
@@ -38,8 +40,9 @@ def shots() -> list[Any]:
         velocity = rng.uniform(1.5, 3.5) * aim / np.hypot(*aim)
         roll, side = rng.uniform(-0.5, 1.0), rng.uniform(-0.5, 0.5)
         spin = np.array([-roll * velocity[1], roll * velocity[0], side * np.hypot(*velocity)]) / radius
-        shot = simulate(scene, positions, velocity, spins=spin, record=True)
-        if shot.first_hit == 1:
+        shot: Any = simulate(scene, positions, velocity, spins=spin, record=True)
+        contacts = shot.events["time"][np.isin(shot.events["kind"], ("ball_ball", "cushion"))]
+        if shot.first_hit == 1 and np.diff(contacts, prepend=0.0).min() > APART:
             found.append(shot)
     return found
 
@@ -88,10 +91,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     for row in result["numbers"]:
         low, high = wilson_interval(row["covered"], repeats)
         share = f"{100 * row['covered'] / repeats:.1f}% ({100 * low:.1f} to {100 * high:.1f})"
-        rows.append(
-            (f"`{row['number']}`", *(f"{row[key]:.5g}" for key in ("truth", "mean")))
-            + (*(f"{row[key]:.2g}" for key in ("std", "half")), share)
-        )
+        numbers = f"{row['truth']:.5g}", f"{row['mean']:.5g}", f"{row['std']:.2g}", f"{row['half']:.2g}"
+        rows.append((f"`{row['number']}`", *numbers, share))
     return {
         "machine": machine_line(result["machine"]),
         "how": f"{repeats} repeats with {SHOTS} shots of {len(FRAMES)} frames and noise of {1000 * NOISE:g} mm. "

@@ -83,7 +83,9 @@ def make_parser() -> argparse.ArgumentParser:
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
     _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, beside other players"))
     _add_replay(commands.add_parser("replay", help="run the shot or the game in a file again, and show it"))
-    _add_calibrate(commands.add_parser("calibrate", help="fit friction, restitution and other numbers to tracks of shots"))
+    _add_calibrate(
+        commands.add_parser("calibrate", help="fit friction, restitution and other numbers to tracks of shots")
+    )
     commands.add_parser("version", help="print the version and those of the packages that it uses")
     cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
     cache.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
@@ -170,8 +172,8 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
 
 def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Fit numbers of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m from the "
-        "centre of the table, x along its length). The cue ball is ball 0."
+        "Fit numbers of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m from "
+        "the centre of the table, x along its length). The cue ball is ball 0."
     )
     add = parser.add_argument
     add("tracks", type=Path, help="the CSV file")

@@ -45,10 +45,11 @@ def draw_fit(
     down = math.ceil(len(shots) / across)
     figure = Figure(figsize=(9.0, 9.0 / across * 0.6 * down + 3.4), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(9.0 / across * 0.6 * down, 3.4))
-    for ax, (name, (track, used, recording)) in zip(above.subplots(down, across, squeeze=False).flat, shots.items()):
+    panels = above.subplots(down, across, squeeze=False).ravel()
+    for ax, (name, (track, used, recording)) in zip(panels, shots.items(), strict=False):
         _draw_shot(ax, track, used, recording)
         ax.set_title(f"shot {name}", fontsize=9, pad=3)
-    for ax in above.axes[len(shots) :]:
+    for ax in panels[len(shots) :]:
         ax.axis("off")
     ax = below.subplots()
     ax.set_xlabel("time since the first row, s")

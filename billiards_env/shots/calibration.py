@@ -1,9 +1,9 @@
 """Calibration: fits numbers of `Physics` to tracks of shots.
 
 The first row of a track is the start of its shot. Where the balls are then, and the cue ball's velocity and spin, are
-fitted with the numbers that all shots share: see `shots.track_fit`. Rows far from the fitted paths are reported, and not
-fitted: see `shots.track_problems`. Then a fit of least squares to the other rows has the covariance s^2 (J^T J)^-1, with
-the variance s^2 of the residuals and the Jacobian J of the shared numbers after the starts are eliminated.
+fitted with the numbers that all shots share: see `shots.track_fit`. Rows far from the fitted paths are reported, and
+not fitted: see `shots.track_problems`. The fit of least squares to the other rows has the covariance s^2 (J^T J)^-1,
+with the variance s^2 of the residuals and the Jacobian J of the shared numbers after the starts are eliminated.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
 
 _NOISE = Range(1e-9, 1.0, "m")
+_LOST = 1.15  # the residuals of a shot over those of all shots above which its start is guessed again
+_AGAIN = (1, 3)  # the rounds in which all starts are guessed again
 _EVALUATIONS = 15  # most evaluations of a round
 _UNDETERMINED = 1e-12  # smallest eigenvalue of the scaled normal equations of the shared numbers
 
@@ -204,10 +206,10 @@ def calibrate(
 ) -> Calibration:
     """Fits numbers of the physics of a scene to tracks of shots (extra `calibrate`).
 
-    The positions of the balls at the first row of each shot, and the cue ball's velocity and spin there, are fitted too.
-    The numbers are fitted with `scipy.optimize.least_squares`, exact derivatives and the loss "soft_l1". Rows that are far
-    from the paths are left out, in rounds with smaller and smaller distances, see `CUTS`. The last fit, of the other
-    rows, is one of least squares.
+    The positions of the balls at the first row of each shot, and the cue ball's velocity and spin there, are fitted
+    too. The numbers are fitted with `scipy.optimize.least_squares`, exact derivatives and the loss "soft_l1". Rows that
+    are far from the paths are left out, in rounds with smaller and smaller distances, see `CUTS`. The last fit, of the
+    other rows, is one of least squares.
 
     Args:
         scene: The scene; its numbers are the start of the fit.
@@ -260,14 +262,13 @@ def calibrate(
 
     starts = fit.guess(scene, rows, noise)
     for number, cut in enumerate(CUTS):
-        size, far = _judged(scene, starts, rows, cut * scale)
-        lost = np.flatnonzero(np.isfinite(leaves_at(rows, far)[0]))
-        if number > 0 and lost.size:
-            again = starts.copy()
-            again[lost] = fit.guess(scene, rows.of(lost), noise, starts[lost])
-            better = _score(scene, again, rows, scale) < _score(scene, starts, rows, scale)
-            starts = np.where(better[:, None], again, starts)
+        if number > 0:
             size, far = _judged(scene, starts, rows, cut * scale)
+            off = np.sqrt(np.square(size).sum(axis=1) / (2.0 * rows.seen.sum(axis=1))) > _LOST * scale
+            again = np.flatnonzero(off | np.isfinite(leaves_at(rows, far)[0]) | (number in _AGAIN))
+            if again.size:
+                starts[again] = _better(scene, starts[again], rows.of(again), noise)
+        far = _judged(scene, starts, rows, cut * scale)[1]
         before = rows.used
         rows = rows._replace(used=rows.seen & ~far & (rows.time < leaves_at(rows, far)[0][:, None]))
         if number > 0 and CUTS[number - 1] == cut and np.array_equal(before, rows.used):
@@ -317,9 +318,12 @@ def _judged(scene: Scene, starts: Floats, rows: fit.Rows, most: float) -> tuple[
     return size, rows.seen & (size > most)
 
 
-def _score(scene: Scene, starts: Floats, rows: fit.Rows, scale: float) -> Floats:
-    """Returns a loss of each shot that rows far from the path hardly change, (m,)."""
-    return (np.log1p(np.square(_judged(scene, starts, rows, np.inf)[0] / (5.0 * scale))) * rows.seen).sum(axis=1)
+def _better(scene: Scene, starts: Floats, rows: fit.Rows, noise: float) -> Floats:
+    """Returns the better of starts and of new guesses for each shot; all rows count, those far from the path little."""
+    rows = rows._replace(used=rows.seen)
+    tried = (starts, fit.guess(scene, rows, noise, starts))
+    (old, loss), (new, least) = (fit.settle(scene, each, rows, "cauchy", fit.FAR * noise) for each in tried)
+    return np.where((least < loss)[:, None], new, old)
 
 
 def _covariance(
@@ -333,6 +337,8 @@ def _covariance(
     eigenvalues, vectors = np.linalg.eigh(normal)
     if eigenvalues[0] < _UNDETERMINED or freedom < 1:
         name = names[int(np.abs(vectors[:, 0]).argmax())]
-        raise ValueError(f"free = {list(names)}: the rows do not determine {name!r}, expected numbers that change the paths")
+        raise ValueError(
+            f"free = {list(names)}: the rows do not determine {name!r}, expected numbers that change the paths"
+        )
     variance = float(values @ values) / freedom
     return variance * np.linalg.inv(normal) / np.outer(size, size), variance, freedom

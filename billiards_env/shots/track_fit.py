@@ -79,7 +79,9 @@ class Rows(NamedTuple):
         r = int((self.seen & ~late).sum(axis=1).max())
         frames = int(self.frame[:, :r].max()) + 1
         some = (array[:, :r] for array in (self.ball, np.minimum(self.frame, frames - 1), self.positions))
-        return Rows(*some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], *self[-2:])
+        return Rows(
+            *some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], *self[-2:]
+        )
 
 
 def rows_of(tracks: Sequence[Track], n: int) -> Rows:
@@ -109,7 +111,11 @@ def rows_of(tracks: Sequence[Track], n: int) -> Rows:
 def run(scene: Scene, starts: Floats, rows: Rows) -> BatchResult:
     """Simulates shots from their starts (m, 2 n + 5)."""
     m, n = rows.in_play.shape
-    places, velocities, spins = starts[:, : 2 * n].reshape(m, n, 2), starts[:, 2 * n : 2 * n + 2], starts[:, 2 * n + 2 :]
+    places, velocities, spins = (
+        starts[:, : 2 * n].reshape(m, n, 2),
+        starts[:, 2 * n : 2 * n + 2],
+        starts[:, 2 * n + 2 :],
+    )
     return simulate_batch(
         scene,
         places,
@@ -322,7 +328,7 @@ _WINDOWS = (4, 6, 10, 16)  # rows of the cue ball from which its first velocity 
 _ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
 _SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
 _SHORT, _GROWTH = 0.1, 1.3  # s, the first duration of the rows that are fitted, and its growth
-_FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
+FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
 _BEST = 4  # guesses of a shot that are fitted
 
 
@@ -337,7 +343,7 @@ def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
             mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == i))
             times, positions = rows.time[k, mine], rows.positions[k, mine]
             if i > 0:
-                moves = np.hypot(*(positions - np.median(positions[:3], axis=0)).T) > _FAR * noise
+                moves = np.hypot(*(positions - np.median(positions[:3], axis=0)).T) > FAR * noise
                 until = max(1, int(moves.argmax())) if moves.any() else len(mine)
                 starts[..., 2 * i : 2 * i + 2] = np.median(positions[:until], axis=0)
                 continue
@@ -356,12 +362,12 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
     """Returns starts of shots (m, 2 n + 5) that come close to their rows.
 
     The best of some guesses and of given starts `besides` (m, 2 n + 5) are fitted to the first rows, then to twice as
-    long a time, and so on. The side spin hardly matters before the first cushion, so several are tried each time.
+    long a time, and so on. The spin hardly matters at first, so several are tried each time.
 
     Raises:
         ValueError: If balls overlap or lie outside of the table in all guesses of a shot.
     """
-    tried, (m, n) = first_guesses(scene, rows, noise), rows.in_play.shape
+    tried, m = first_guesses(scene, rows, noise), len(rows.seen)
     duration = float(rows.times.max())
     until = min(_SHORT, duration)
     while True:
@@ -377,17 +383,29 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
         loss = np.full(len(shot), np.inf)
         many = part.of(shot[fine])
         off = (modelled(run(scene, starts[fine], many)._record("guess"), many) - many.positions) * many.used[..., None]
-        loss[fine] = LOSSES["cauchy"][0](np.square(off / (_FAR * noise))).sum(axis=(1, 2))
-        best = np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST] + tried.shape[1] * np.arange(m)[:, None]
+        loss[fine] = LOSSES["cauchy"][0](np.square(off / (FAR * noise))).sum(axis=(1, 2))
+        best = (
+            np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST] + tried.shape[1] * np.arange(m)[:, None]
+        )
         starts = np.where(fine[best][..., None], starts[best], starts[best[:, :1]])
         shot = np.repeat(np.arange(m), _BEST)
-        starts, loss = settle(scene, starts.reshape(len(shot), -1), part.of(shot), "cauchy", _FAR * noise, 10)
+        starts, loss = settle(scene, starts.reshape(len(shot), -1), part.of(shot), "cauchy", FAR * noise, 10)
         starts = starts.reshape(m, _BEST, -1)
         if until == duration:
             return starts[np.arange(m), loss.reshape(m, _BEST).argmin(axis=1)]
         until = min(_GROWTH * until, duration)
-        tried = np.repeat(starts, len(_SIDES) + 1, axis=1)
-        if scene.physics.motion == "sliding":
-            speed = np.hypot(tried[..., 2 * n], tried[..., 2 * n + 1]) / scene.balls.radius[0]
-            sides = np.tile((*_SIDES, np.nan), _BEST)
-            tried[..., -1] = np.where(np.isnan(sides), tried[..., -1], sides * speed)
+        tried = np.concatenate([starts, *_with_other_spins(scene, starts)], axis=1)
+
+
+def _with_other_spins(scene: Scene, starts: Floats) -> list[Floats]:
+    """Returns starts (m, k, 2 n + 5) with other side spins, and with other spins about a horizontal axis."""
+    found, n, radius = [], scene.n_balls, scene.balls.radius[0]
+    if scene.physics.motion == "sliding":
+        velocity = starts[..., 2 * n : 2 * n + 2]
+        for side in _SIDES:
+            found.append(starts.copy())
+            found[-1][..., -1] = side * np.hypot(velocity[..., 0], velocity[..., 1]) / radius
+        for roll in _ROLLS:
+            found.append(starts.copy())
+            found[-1][..., -3:-1] = roll * velocity[..., ::-1] * (-1.0, 1.0) / radius
+    return found

@@ -88,7 +88,9 @@ def find_problems(names: Sequence[str], zero: Floats, rows: Rows, batch: BatchRe
         if np.isfinite(leaves[k]):
             kind, at, why = _contact(shot, rows, k, ball, leaves[k])
             last = start + float(rows.time[k, rows.seen[k]].max())
-            text = f"the track of ball {ball} leaves the model at {start + leaves[k]:.3f} s: {why} at {start + at:.3f} s"
+            text = (
+                f"the track of ball {ball} leaves the model at {start + leaves[k]:.3f} s: {why} at {start + at:.3f} s"
+            )
             found.append(Problem(name, kind, ball, start + leaves[k], last, text if why else text.partition(":")[0]))
     return found
 

@@ -130,7 +130,9 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
     for track in tracks:
-        for time, ball, (x, y) in zip(track.times.tolist(), track.balls.tolist(), track.positions.tolist(), strict=True):
+        for time, ball, (x, y) in zip(
+            track.times.tolist(), track.balls.tolist(), track.positions.tolist(), strict=True
+        ):
             table.writerow((track.name, time, ball, x, y))
     write_whole(Path(path), text.getvalue().encode())
 

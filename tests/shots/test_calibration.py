@@ -182,11 +182,12 @@ def test_the_shots_of_pooltool_give_its_numbers():
     data = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text(encoding="utf-8"))
     given, velocities = [], []
     for k, shot in enumerate(data["shots"]):
-        times = np.repeat([0.0, shot["events"][-1][0]], 3)
+        n = len(shot["positions"])
+        times = np.repeat([0.0, shot["events"][-1][0]], n)
         places = np.array([*shot["positions"], *shot["final"]])
-        given.append(Track(f"{k}", times, np.tile([0, 1, 2], 2), places))
+        given.append(Track(f"{k}", times, np.tile(np.arange(n), 2), places))
         velocities.append(shot["velocity"])
-    scene = Scene.named("pooltool_carom")
+    scene = Scene.named("pooltool_carom", max(len(shot["positions"]) for shot in data["shots"]) - 1)
     truth = {name: getattr(scene.physics, name) for name in ("mu_slide", "mu_roll", "e_cushion", "mu_cushion")}
     off = changed(scene, mu_slide=0.21, mu_roll=0.0097, e_cushion=0.83, mu_cushion=0.155)
     spins = np.zeros((len(given), 3))
@@ -242,8 +243,10 @@ def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
     assert report["values"] == calibration().values
     assert Scene.from_dict(report["scene"]) == calibration().scene
     assert out[1].read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["scene.json", "tracks.csv", *(p.name for p in out)])
-    with pytest.raises(SystemExit, match="suffix = '.txt': expected one of '.json'"):
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        ["scene.json", "tracks.csv", *(p.name for p in out)]
+    )
+    with pytest.raises(SystemExit, match=r"suffix = '\.txt': expected one of '\.json'"):
         main(["calibrate", str(given), "--out", str(tmp_path / "report.txt")])
 
 
