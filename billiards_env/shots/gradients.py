@@ -410,7 +410,7 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
         velocity and the spin of ball 0, and the numbers.
     """
     (m, q), n = times.shape, record.scene.n_balls
-    known = physics_inputs(record.scene.physics)
+    known = physics_inputs(record.scene.physics) if names else {}
     start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)] + [2, 3, 4, 5, 6]
     lanes = np.zeros((len(start) + len(names), BALL_INPUTS * n + NUMBER_INPUTS))
     lanes[np.arange(len(start)), start] = 1.0

@@ -37,7 +37,7 @@ MOST_SPEED = 20.0
 
 _FEW = 12  # rows
 _STEPS = 30  # most steps of `settle`
-_CONVERGED = 1e-10  # relative change of the loss
+_CONVERGED, _EXACT = 1e-9, 1e-14  # relative and absolute change of the loss
 _RANK = 1e-12  # smallest eigenvalue of the scaled normal equations of a start that counts
 
 
@@ -124,6 +124,7 @@ def run(scene: Scene, starts: Floats, rows: Rows) -> BatchResult:
         in_play=rows.in_play,
         max_time=float(rows.times.max()),
         record=True,
+        threads=1,  # a call takes a millisecond
     )
 
 
@@ -171,7 +172,7 @@ def residuals(scene: Scene, starts: Floats, rows: Rows, names: Sequence[str]) ->
     record = run(scene, starts, rows)._record("residuals")
     m, r = rows.used.shape
     off = (modelled(record, rows) - rows.positions) * rows.used[..., None]
-    rates = start_jacobians(record, np.minimum(rows.times, record.time[:, None]), names, None)
+    rates = start_jacobians(record, np.minimum(rows.times, record.time[:, None]), names, 1)
     rates = rates[np.arange(m)[:, None], rows.frame, :, rows.ball] * rows.used[..., None, None]  # (m, r, lanes, 2)
     rates[:, :, : rows.known.shape[1]] *= np.isnan(rows.known)[:, None, :, None]
     return Residuals(off.reshape(m, 2 * r), np.moveaxis(rates, 2, 3).reshape(m, 2 * r, -1))
@@ -235,7 +236,8 @@ def settle(
     starts = starts.copy()
     now = residuals(scene, starts, rows, ())
     values, jacobian = now
-    cost, damping, active = now.loss(loss, noise), np.full(len(starts), 1e-4), np.ones(len(starts), np.bool_)
+    begin = 1e-4 if loss == "cauchy" else 1e-9  # guesses are far from their end
+    cost, damping, active = now.loss(loss, noise), np.full(len(starts), begin), np.ones(len(starts), np.bool_)
     for _ in range(most):
         some = np.flatnonzero(active)
         if not some.size:
@@ -247,6 +249,7 @@ def settle(
         normal /= size[:, :, None] * size[:, None, :]
         normal += damping[some, None, None] * np.eye(size.shape[1])
         step = np.linalg.solve(normal, (slope / size)[..., None])[..., 0] / size
+        ends = (step * slope).sum(axis=1) <= _CONVERGED * cost[some] + _EXACT  # the gain that the step promises
         tried, fine = allowed(scene, starts[some] - step, rows.in_play[some])
         tried[~fine] = starts[some][~fine]
         then = residuals(scene, tried, rows.of(some), ())
@@ -257,7 +260,7 @@ def settle(
         starts[taken], values[taken], jacobian[taken] = tried[better], then.values[better], then.jacobian[better]
         cost[taken] = costs[better]
         damping[some] = np.where(better, np.maximum(damping[some] / 10.0, 1e-9), damping[some] * 10.0)
-        done = np.where(better, gain <= _CONVERGED * cost[some], damping[some] > 1e4)
+        done = ends | np.where(better, gain <= _CONVERGED * cost[some], damping[some] > 1e4)
         active[some[done]] = False
     return starts, cost
 
@@ -327,7 +330,7 @@ class Projection:
 _WINDOWS = (4, 6, 10, 16)  # rows of the cue ball from which its first velocity is guessed
 _ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
 _SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
-_SHORT, _GROWTH = 0.1, 1.3  # s, the first duration of the rows that are fitted, and its growth
+_SHORT, _GROWTH = 0.1, 1.6  # s, the first duration of the rows that are fitted, and its growth
 FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
 _BEST = 4  # guesses of a shot that are fitted
 
