@@ -45,8 +45,8 @@ SUFFIXES = (".json", ".png", ".svg", ".pdf")
 
 _NOISE = Range(1e-9, 1.0, "m")
 _LOST = 1.15  # the residuals of a shot over those of all shots above which its start is guessed again
-_AGAIN = (1, 3)  # the rounds in which all starts are guessed again
-_EVALUATIONS = 15  # most evaluations of a round
+_AGAIN = (2,)  # the rounds in which all starts are guessed again
+_EVALUATIONS = 10  # most evaluations of a round
 _UNDETERMINED = 1e-12  # smallest eigenvalue of the scaled normal equations of the shared numbers
 
 

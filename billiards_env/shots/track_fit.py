@@ -332,16 +332,17 @@ _ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
 _SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
 _SHORT, _GROWTH = 0.1, 1.6  # s, the first duration of the rows that are fitted, and its growth
 FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
-_BEST = 4  # guesses of a shot that are fitted
+_BEST = 4  # guesses of a shot that are kept
+_FEW_STEPS = 10  # most steps of a guess
 
 
 def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
-    """Returns guesses of the starts of shots from their first rows, (m, guesses, 2 n + 5)."""
+    """Returns guesses of the starts of shots from their first rows, (m, windows, rolls, 2 n + 5)."""
     m, n = rows.in_play.shape
-    found = np.zeros((m, len(_WINDOWS) * len(_ROLLS), 2 * n + 5))
+    found = np.zeros((m, len(_WINDOWS), len(_ROLLS), 2 * n + 5))
     rolls = np.array(_ROLLS)[:, None] * (scene.physics.motion == "sliding")
     for k in range(m):
-        starts = found[k].reshape(len(_WINDOWS), len(_ROLLS), -1)
+        starts = found[k]
         for i in np.flatnonzero(rows.in_play[k]):
             mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == i))
             times, positions = rows.time[k, mine], rows.positions[k, mine]
@@ -370,15 +371,16 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
     Raises:
         ValueError: If balls overlap or lie outside of the table in all guesses of a shot.
     """
-    tried, m = first_guesses(scene, rows, noise), len(rows.seen)
+    groups, m = list(np.moveaxis(first_guesses(scene, rows, noise), 2, 0)), len(rows.seen)
     duration = float(rows.times.max())
     until = min(_SHORT, duration)
     while True:
         if besides is not None:
-            tried = np.concatenate((tried, besides[:, None]), axis=1)
+            groups.append(besides[:, None])
         part = rows.until(until)
-        shot = np.repeat(np.arange(m), tried.shape[1])
+        tried = np.concatenate(groups, axis=1)
         tried = np.where(np.isnan(rows.known[:, None]), tried, rows.known[:, None])
+        shot = np.repeat(np.arange(m), tried.shape[1])
         starts, fine = allowed(scene, tried.reshape(len(shot), -1), rows.in_play[shot])
         if not fine.reshape(m, -1).any(axis=1).all():
             lost = int(np.argmin(fine.reshape(m, -1).any(axis=1)))
@@ -387,17 +389,22 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
         many = part.of(shot[fine])
         off = (modelled(run(scene, starts[fine], many)._record("guess"), many) - many.positions) * many.used[..., None]
         loss[fine] = LOSSES["cauchy"][0](np.square(off / (FAR * noise))).sum(axis=(1, 2))
-        best = (
-            np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST] + tried.shape[1] * np.arange(m)[:, None]
+        starts, loss = starts.reshape(tried.shape), loss.reshape(m, -1)
+        ends = np.cumsum([group.shape[1] for group in groups])
+        best = [
+            end - len(g[0]) + loss[:, end - len(g[0]) : end].argmin(axis=1) for end, g in zip(ends, groups, strict=True)
+        ]
+        best = np.where(
+            np.isfinite(np.take_along_axis(loss, np.stack(best, 1), 1)), np.stack(best, 1), loss.argmin(1)[:, None]
         )
-        starts = np.where(fine[best][..., None], starts[best], starts[best[:, :1]])
-        shot = np.repeat(np.arange(m), _BEST)
-        starts, loss = settle(scene, starts.reshape(len(shot), -1), part.of(shot), "cauchy", FAR * noise, 10)
-        starts = starts.reshape(m, _BEST, -1)
+        shot = np.repeat(np.arange(m), best.shape[1])
+        starts, loss = settle(scene, starts[shot, best.ravel()], part.of(shot), "cauchy", FAR * noise, _FEW_STEPS)
+        order = np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST]
+        starts = np.take_along_axis(starts.reshape(m, best.shape[1], -1), order[..., None], axis=1)
         if until == duration:
-            return starts[np.arange(m), loss.reshape(m, _BEST).argmin(axis=1)]
+            return starts[:, 0]
         until = min(_GROWTH * until, duration)
-        tried = np.concatenate([starts, *_with_other_spins(scene, starts)], axis=1)
+        groups = [starts, *_with_other_spins(scene, starts)]
 
 
 def _with_other_spins(scene: Scene, starts: Floats) -> list[Floats]:
