@@ -321,9 +321,12 @@ def _judged(scene: Scene, starts: Floats, rows: fit.Rows, most: float) -> tuple[
 def _better(scene: Scene, starts: Floats, rows: fit.Rows, noise: float) -> Floats:
     """Returns the better of starts and of new guesses for each shot; all rows count, those far from the path little."""
     rows = rows._replace(used=rows.seen)
-    tried = (starts, fit.guess(scene, rows, noise, starts))
-    (old, loss), (new, least) = (fit.settle(scene, each, rows, "cauchy", fit.FAR * noise) for each in tried)
-    return np.where((least < loss)[:, None], new, old)
+    tried = [
+        fit.settle(scene, each, rows, "cauchy", fit.FAR * noise)[0]
+        for each in (starts, fit.guess(scene, rows, noise, starts))
+    ]
+    old, new = (fit.prefix_loss(scene, each, rows, noise) for each in tried)
+    return np.where((new < old)[:, None], *tried[::-1])
 
 
 def _covariance(

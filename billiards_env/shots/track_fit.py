@@ -332,6 +332,7 @@ _ROLLS = (1.0, 0.0, -1.0)  # its spin over that of a ball that rolls
 _SIDES = (-0.7, -0.35, 0.0, 0.35, 0.7)  # its side spin over speed / radius
 _SHORT, _GROWTH = 0.1, 1.6  # s, the first duration of the rows that are fitted, and its growth
 FAR = 5.0  # the residual of a row that hardly counts for a guess, over the noise
+_LEFT, _MOST_LOSS = 6.0, 5.0  # rows far from their paths after which a shot has left its track, and their loss
 _BEST = 4  # guesses of a shot that are kept
 _FEW_STEPS = 10  # most steps of a guess
 
@@ -362,6 +363,17 @@ def first_guesses(scene: Scene, rows: Rows, noise: float) -> Floats:
     return found
 
 
+def prefix_loss(scene: Scene, starts: Floats, rows: Rows, noise: float) -> Floats:
+    """Returns a loss of shots (m,) in which the rows after the first few far from their paths count the same.
+
+    A start that explains the first rows is better than one that explains as many later ones.
+    """
+    off = (modelled(run(scene, starts, rows)._record("prefix_loss"), rows) - rows.positions) * rows.used[..., None]
+    size = np.square(off / (FAR * noise)).sum(axis=2)
+    before = np.exp(-np.cumsum(size * size / (1.0 + size * size), axis=1) / _LEFT)
+    return (before * np.log1p(size) + (1.0 - before) * rows.used * _MOST_LOSS).sum(axis=1)
+
+
 def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None) -> Floats:
     """Returns starts of shots (m, 2 n + 5) that come close to their rows.
 
@@ -387,8 +399,7 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
             raise ValueError(f"shot {lost} begins with balls that overlap or lie outside of the table")
         loss = np.full(len(shot), np.inf)
         many = part.of(shot[fine])
-        off = (modelled(run(scene, starts[fine], many)._record("guess"), many) - many.positions) * many.used[..., None]
-        loss[fine] = LOSSES["cauchy"][0](np.square(off / (FAR * noise))).sum(axis=(1, 2))
+        loss[fine] = prefix_loss(scene, starts[fine], many, noise)
         starts, loss = starts.reshape(tried.shape), loss.reshape(m, -1)
         ends = np.cumsum([group.shape[1] for group in groups])
         best = [
@@ -398,7 +409,8 @@ def guess(scene: Scene, rows: Rows, noise: float, besides: Floats | None = None)
             np.isfinite(np.take_along_axis(loss, np.stack(best, 1), 1)), np.stack(best, 1), loss.argmin(1)[:, None]
         )
         shot = np.repeat(np.arange(m), best.shape[1])
-        starts, loss = settle(scene, starts[shot, best.ravel()], part.of(shot), "cauchy", FAR * noise, _FEW_STEPS)
+        starts, _ = settle(scene, starts[shot, best.ravel()], part.of(shot), "cauchy", FAR * noise, _FEW_STEPS)
+        loss = prefix_loss(scene, starts, part.of(shot), noise)
         order = np.argsort(loss.reshape(m, -1), axis=1, kind="stable")[:, :_BEST]
         starts = np.take_along_axis(starts.reshape(m, best.shape[1], -1), order[..., None], axis=1)
         if until == duration:

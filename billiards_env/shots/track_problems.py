@@ -20,8 +20,8 @@ CONTACTS = ("ball_ball", "cushion", "pocket")
 
 _SHARE, _LEAST = 0.7, 4  # the share and the number of the rows far from the path from which on the track leaves it
 _BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
-_CORNER = 6  # rows before and after a corner of a track
-_CLEAR = 6.0  # the change of a velocity that is a corner, over its standard deviation
+_CORNER = 4  # rows before and after a corner of a track
+_CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation
 
 
 class Problem(NamedTuple):
@@ -109,7 +109,9 @@ def _contact(shot: ShotResult, rows: Rows, k: int, ball: int, leaves: float) -> 
     """Returns the kind of the problem of a track that leaves the model, a time, s, and what is there."""
     assert shot.events is not None
     mine = rows.seen[k] & (rows.ball[k] == ball)
-    corner = _corner(rows.time[k, mine], rows.positions[k, mine], leaves)
+    assert shot.scene is not None
+    slows = shot.scene.physics.mu_slide * shot.scene.physics.g
+    corner = _corner(rows.time[k, mine], rows.positions[k, mine], leaves, slows)
     events = [
         event
         for event in shot.events
@@ -128,8 +130,11 @@ def _contact(shot: ShotResult, rows: Rows, k: int, ball: int, leaves: float) -> 
     return "other path", time, f"after a contact with {what}"
 
 
-def _corner(times: Floats, positions: Floats, leaves: float) -> float | None:
-    """Returns the time of the sharpest corner of a track near a time, s, or None."""
+def _corner(times: Floats, positions: Floats, leaves: float, slows: float) -> float | None:
+    """Returns the time of the sharpest corner of a track near a time, s, or None.
+
+    A velocity that changes by the friction of the cloth, `slows` m/s^2, makes no corner.
+    """
     best, found = _CLEAR, None
     for row in range(2, len(times) - 1):
         if not leaves - _BEFORE <= times[row] <= leaves + _AFTER:
@@ -141,7 +146,8 @@ def _corner(times: Floats, positions: Floats, leaves: float) -> float | None:
         count = [len(times[side]) for side in sides]
         left = max(sum(float(np.sum(residual)) for _, residual in fits) / (2.0 * sum(count) - 8.0), 1e-18)
         spread = sum(left / (n * float(np.var(times[side]))) for n, side in zip(count, sides, strict=True))
-        change = float(np.hypot(*(fits[1][0][0] - fits[0][0][0]))) / np.sqrt(2.0 * spread)
+        usual = slows * float(times[sides[1]].mean() - times[sides[0]].mean())
+        change = (float(np.hypot(*(fits[1][0][0] - fits[0][0][0]))) - usual) / np.sqrt(2.0 * spread)
         if change > best:
             best, found = change, float(times[row])
     return found
