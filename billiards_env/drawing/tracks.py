@@ -20,7 +20,7 @@ except ModuleNotFoundError as error:
 from billiards_env.drawing.recording import Floats, Recording
 from billiards_env.drawing.style import CHALK, INK, draw_table, looks, rail_width
 
-LEFT_OUT = "#d62728"
+LEFT_OUT = "#ff9f1c"
 """The colour of rows that are not fitted."""
 
 
@@ -63,7 +63,7 @@ def draw_fit(
             at, size = np.concatenate(times), np.concatenate(sizes)
             ax.plot(at, size, marker, color=colour, markersize=3.5, markeredgewidth=0.8, alpha=0.6, label=text)
     ax.grid(alpha=0.3)
-    ax.legend(loc="upper left", fontsize=8, markerscale=2.0)
+    ax.legend(loc="upper right", fontsize=8, markerscale=2.0)
     return figure
 
 

@@ -71,16 +71,23 @@ class Rows(NamedTuple):
 
     def of(self, shots: NDArray[np.intp]) -> Rows:
         """Returns the rows of some shots."""
-        return Rows(*(array[shots] for array in self))
+        return Rows._make(array[shots] for array in self)
 
     def until(self, time: float) -> Rows:
         """Returns the rows up to a time, s, or the first few rows of each shot."""
         late = self.time > np.maximum(time, self.time[:, min(_FEW, self.time.shape[1]) - 1])[:, None]
-        r = int((self.seen & ~late).sum(axis=1).max())
+        seen = self.seen & ~late
+        r = int(seen.sum(axis=1).max())
         frames = int(self.frame[:, :r].max()) + 1
-        some = (array[:, :r] for array in (self.ball, np.minimum(self.frame, frames - 1), self.positions))
         return Rows(
-            *some, *((array & ~late)[:, :r] for array in (self.seen, self.used)), self.times[:, :frames], *self[-2:]
+            self.ball[:, :r],
+            np.minimum(self.frame[:, :r], frames - 1),
+            self.positions[:, :r],
+            seen[:, :r],
+            (self.used & ~late)[:, :r],
+            self.times[:, :frames],
+            self.in_play,
+            self.known,
         )
 
 

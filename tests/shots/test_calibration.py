@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -145,7 +146,7 @@ def test_a_contact_that_only_the_model_has_is_reported():
     positions = np.concatenate((row, np.repeat(still, k, axis=0)))
     given[1] = Track("1", np.tile(FRAMES, 2), np.repeat([0, 1], k), positions)
     (problem,) = only(calibrate(OFF, given), "missed contact")
-    first = shots()[1].events
+    first: Any = shots()[1].events
     hit = first["time"][first["kind"] == "ball_ball"][0]
     assert problem.begin == pytest.approx(hit, abs=0.3)
     assert "only the model has a contact with ball" in problem.text
