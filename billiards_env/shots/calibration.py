@@ -254,7 +254,8 @@ def calibrate(
         problem = fit.Projection(scene, names, starts, rows, loss, noise)
         inside = np.clip(numbers, bounds[0] + 1e-9 * np.ptp(bounds, axis=0), bounds[1] - 1e-9 * np.ptp(bounds, axis=0))
         options: dict[str, Any] = {"loss": loss, "f_scale": noise, "x_scale": "jac", "bounds": bounds, "max_nfev": most}
-        found = least_squares(problem.residuals, inside, problem.jacobian, ftol=1e-7, **options)
+        exact: Any = problem.jacobian
+        found = least_squares(problem.residuals, inside, exact, ftol=1e-7, **options)
         numbers = found.x
         problem.jacobian(numbers)
         scene = fit.with_numbers(scene, names, numbers)

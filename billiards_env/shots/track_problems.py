@@ -75,7 +75,7 @@ def find_problems(names: Sequence[str], zero: Floats, rows: Rows, batch: BatchRe
     """
     found: list[Problem] = []
     leaves, balls = leaves_at(rows, far > 0.0)
-    for k in np.flatnonzero((far > 0.0).any(axis=1)).tolist():
+    for k in map(int, np.flatnonzero((far > 0.0).any(axis=1))):
         shot, name, start, ball = batch[k], names[k], zero[k], int(balls[k])
         early = np.flatnonzero((far[k] > 0.0) & (rows.time[k] < leaves[k]))
         other = _on_other_path(shot, rows, k, early, far[k, early])
