@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.__main__ import main
-from billiards_env.scene import check_positions
+from billiards_env.scene import PHYSICS_RANGES, Physics, check_positions
+from billiards_env.shots import gradients
 from billiards_env.shots import track_fit as fit
 from billiards_env.shots.tracks import Track, observed, write_tracks
 
@@ -257,3 +258,22 @@ def test_the_report_lists_numbers_and_shots():
     assert lines[0].split() == ["number", "start", "fitted", "95%", "interval", "unit"]
     assert [line.split()[0] for line in lines[1:5]] == list(FREE)
     assert lines[-1] == "no problems"
+
+
+def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
+    starts = [np.array([start[k] for start in STRIKES]) for k in range(3)]
+    batch = simulate_batch(SCENE, *starts[:2], spins=starts[2], record=True)
+    times = np.array([[0.3, 0.9], [0.4, 0.5], [0.0, 1.0], [1.2, 1.3]])
+    monkeypatch.setattr(gradients, "_BLOCK", 1)  # one shot in each call
+    found = gradients.start_jacobians(batch._record("test"), times, ("mu_roll",), 1)
+    for k, q in np.ndindex(times.shape):
+        shot, t = batch[k], times[k, q]
+        by_places = shot.jacobian("positions", "positions", t=t).reshape(2, 2, 4)
+        by_velocity, by_spin = (shot.jacobian("positions", name, t=t)[:, :, 0] for name in ("velocities", "spins"))
+        by_number = shot.jacobian("positions", "mu_roll", t=t)[..., None]
+        expected = np.concatenate((by_places, by_velocity, by_spin, by_number), axis=2)
+        assert np.moveaxis(found[k, q], 0, 2) == pytest.approx(expected, abs=1e-12)
+
+
+def test_every_number_of_the_derivatives_has_a_range():
+    assert set(PHYSICS_RANGES) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))
