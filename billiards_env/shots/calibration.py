@@ -261,7 +261,7 @@ def calibrate(
         scene = fit.with_numbers(scene, names, numbers)
         return problem
 
-    starts = fit.guess(scene, rows, noise)
+    starts, far = fit.guess(scene, rows, noise), ~rows.seen
     for number, cut in enumerate(CUTS):
         if number > 0:
             size, far = _judged(scene, starts, rows, cut * scale)
@@ -289,7 +289,7 @@ def calibrate(
     half = t_quantile(freedom) * np.sqrt(np.diag(covariance))
     batch = fit.run(scene, starts, rows)
     off = fit.modelled(batch._record("calibrate"), rows) - rows.positions
-    far = np.where(_judged(scene, starts, rows, CUTS[-1] * scale)[1], CUTS[-1] * scale, 0.0)
+    far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
     zero = np.array([track.times[0] for track in tracks])
     counts = [len(track.times) for track in tracks]
     return Calibration(

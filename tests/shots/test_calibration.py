@@ -122,8 +122,9 @@ def only(found, kind):
 def test_outliers_are_reported_and_not_fitted():
     given = tracks()
     given[1].positions[[20, 51]] += 0.3
-    problems = only(calibrate(OFF, given), "outliers")
-    assert sum(int(p.text.split()[0]) for p in problems) == 2
+    found = calibrate(OFF, given)
+    problems = only(found, "outliers")
+    assert sum(int(p.text.split()[0]) for p in problems) == 2 == np.count_nonzero(~found.fitted[1])
 
 
 def test_swapped_balls_are_reported_and_not_fitted():
