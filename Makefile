@@ -60,6 +60,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.gradients
 	$(BIN)/python -m benchmarks.aim
 	$(BIN)/python -m benchmarks.differentiable
+	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.start_up
 	$(BIN)/python -m studies.readme
@@ -103,7 +104,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	    { echo "PYTHON = $(PYTHON): expected Python 3.10 or later, such as: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@echo "Installing the packages of constraints.txt for Python $(VERSION) in .venv"
 	@$(PYTHON) -m venv --clear .venv
-	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,dev,docs]' | $(PROGRESS)
+	@set -o pipefail; $(BIN)/pip install -c constraints.txt -e '.[train,render,plot,multi,calibrate,dev,docs]' | $(PROGRESS)
 	@touch $@
 
 # Prints the name of each package that pip collects, and the size of a large download.
@@ -115,14 +116,14 @@ PROGRESS := while read -r verb name rest; do case "$$verb $$rest" in \
 
 .venv-3.%/.installed: pyproject.toml constraints.txt
 	python3.$* -m venv --clear .venv-3.$*
-	.venv-3.$*/bin/pip install --quiet -c constraints.txt -e '.[render,plot,multi,dev]'
+	.venv-3.$*/bin/pip install --quiet -c constraints.txt -e '.[render,plot,multi,calibrate,dev]'
 	touch $@
 
 # RLlib needs another version of gymnasium than constraints.txt has.
 $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 	$(PYTHON) -m venv --clear .venv-rllib
 	grep -v '^gymnasium==' constraints.txt | cat - constraints-rllib.txt > .venv-rllib/constraints.txt
-	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,dev,rllib]'
+	.venv-rllib/bin/pip install --quiet -c .venv-rllib/constraints.txt -e '.[train,render,plot,multi,calibrate,dev,rllib]'
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.

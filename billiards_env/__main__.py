@@ -6,6 +6,7 @@ import argparse
 import importlib.metadata
 import importlib.util
 import itertools
+import json
 import platform
 import shutil
 import sys
@@ -36,6 +37,7 @@ COMMANDS = {
     "studies.timestep": "train one recipe with several timesteps and compare the policies",
     "benchmarks.speed": "measure shots per second",
     "benchmarks.gradients": "measure the cost of derivatives",
+    "benchmarks.calibration": "measure how often the intervals of a calibration contain the truth",
     "benchmarks.vector": "measure steps per second of many environments",
     "benchmarks.accuracy": "measure errors and run times of both engines",
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
@@ -45,7 +47,7 @@ COMMANDS = {
 }
 """Modules of the repository that run with `python -m`, and what they do."""
 
-PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
+PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "scipy", "stable-baselines3", "torch")
 """The distributions that `version` lists."""
 
 
@@ -78,6 +80,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
     _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, next to other players"))
     _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
+    _add_calibrate(commands.add_parser("calibrate", help="fit friction and other numbers to tracks of shots"))
     commands.add_parser("version", help="print the versions of billiards-env and of the packages that it uses")
     cache = commands.add_parser("cache", help="print the folder of the compiled code and its size, or delete it")
     cache.add_argument("--clear", action="store_true", help="delete the compiled code; the next run compiles again")
@@ -162,6 +165,21 @@ def _add_replay(parser: argparse.ArgumentParser) -> None:
     _add_out(parser)
 
 
+def _add_calibrate(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Fit numbers of physics to tracks of shots: a CSV file with the columns shot, time (s), ball, x and y (m from "
+        "the centre of the table, x along its length). The cue ball is ball 0."
+    )
+    add = parser.add_argument
+    add("tracks", type=Path, help="the CSV file")
+    add("--scene", default="pool", help=f"{', '.join(SCENES)}, or a JSON file of a scene (default: %(default)s)")
+    add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
+    add("--free", nargs="+", metavar="NUMBER", help="the numbers (default: mu_slide, mu_roll, e_ball and e_cushion)")
+    add("--noise", type=number, default=0.002, help="standard deviation of a coordinate, m (default: %(default)s)")
+    text = "write the report: .json, or a picture .png, .svg or .pdf"
+    add("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
+
+
 def _add_out(parser: argparse.ArgumentParser) -> None:
     text = f"write the shot to a file; its suffix is one of {' '.join(WRITERS)}"
     parser.add_argument("--out", type=Path, action="append", default=[], metavar="FILE", help=text)
@@ -241,6 +259,31 @@ def evaluate(args: argparse.Namespace) -> None:
             f"{found['ms_per_decision']:11.2f}",
             flush=True,
         )
+
+
+def calibrate(args: argparse.Namespace) -> None:
+    """Runs the command `calibrate`."""
+    from billiards_env.shots import calibration
+    from billiards_env.shots.tracks import read_tracks
+
+    for path in args.out:
+        calibration.check_out(path)
+    tracks = read_tracks(args.tracks)
+    if args.scene.endswith(".json"):
+        scene = Scene.from_dict(json.loads(Path(args.scene).read_text(encoding="utf-8")))
+    else:
+        most = max((int(track.balls.max()) for track in tracks), default=0)
+        scene = Scene.named(args.scene, most if args.balls is None else args.balls)
+
+    def progress(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    free = calibration.FREE if args.free is None else args.free
+    result = calibration.calibrate(scene, tracks, free, noise=args.noise, progress=progress)
+    print(result)
+    for path in args.out:
+        result.save(path)
+        print(f"wrote {path}")
 
 
 def replay(args: argparse.Namespace) -> None:
@@ -344,6 +387,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             evaluate(args)
         elif args.command == "replay":
             replay(args)
+        elif args.command == "calibrate":
+            calibrate(args)
         elif args.command == "version":
             version()
         elif args.command == "cache":

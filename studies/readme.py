@@ -18,6 +18,7 @@ from typing import Any
 from benchmarks import (
     accuracy_report,
     aim,
+    calibration,
     comparison,
     differentiable,
     error_limit,
@@ -39,6 +40,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
     "aim": ("benchmarks.aim", aim.blocks),
+    "calibration": ("benchmarks.calibration", calibration.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "differentiable": ("benchmarks.differentiable", differentiable.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),

@@ -35,6 +35,7 @@ TESTED = {
     "agents.rllib": "cluster/test_cluster.py",
     "agents.train": "agents/test_train.py",
     "benchmarks.accuracy": "benchmarks/test_benchmarks.py",
+    "benchmarks.calibration": "benchmarks/test_benchmarks.py",
     "benchmarks.comparison": "benchmarks/test_comparison.py",
     "benchmarks.error_limit": "benchmarks/test_benchmarks.py",
     "benchmarks.aim": "benchmarks/test_benchmarks.py",

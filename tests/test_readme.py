@@ -262,7 +262,10 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("<!-- sped: shots -->\n<!-- end -->", "expected one of accuracy, aim, comparison, english, error_limit"),
+        (
+            "<!-- sped: shots -->\n<!-- end -->",
+            "expected one of accuracy, aim, calibration, comparison",
+        ),
         ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
         ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
         ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

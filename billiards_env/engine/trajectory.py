@@ -81,7 +81,7 @@ class Trajectory(NamedTuple):
         at = numbers("times", times)
         mine = np.flatnonzero(self.ball == ball)
         last = np.searchsorted(self.start[mine], at, side="left" if before else "right") - 1
-        return self._evaluate(mine[np.maximum(last, 0)], at)
+        return self.at_pieces(mine[np.maximum(last, 0)], at)
 
     def at(self, t: float) -> Floats:
         """Returns the positions of all balls at time t (s), (n, 2) m."""
@@ -89,9 +89,10 @@ class Trajectory(NamedTuple):
         n = int(self.ball.max()) + 1
         last = np.zeros(n, np.intp)
         last[self.ball[begun]] = np.flatnonzero(begun)  # NumPy assigns the last value of a repeated index
-        return self._evaluate(last, np.full(n, t))
+        return self.at_pieces(last, np.full(n, t))
 
-    def _evaluate(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
+    def at_pieces(self, pieces: NDArray[np.intp], times: Floats) -> Floats:
+        """Returns the positions on some pieces (m,) at some times (m,), s, (m, 2) m."""
         rows = self.rows[pieces]
         since = (times - rows[:, T0]) - rows[:, T0_LO]
         t = np.where(self.moving[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]

@@ -67,6 +67,23 @@ MARLOW = 9.951e-3, 0.108, 1.088
 """The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
 (1995), Table 10."""
 
+PHYSICS_RANGES = {
+    "g": "g",
+    "mu_slide": "friction",
+    "mu_roll": "friction",
+    "spin_decay": "spin_decay",
+    "e_ball": "restitution",
+    "e_cushion": "restitution",
+    "mu_cushion": "mu_cushion",
+    "mu_ball": "mu_ball",
+    "mu_ball_factor": "mu_ball",
+    "cushion_frequency_ratio": "frequency_ratio",
+    "e_cushion_loss": "speed_loss",
+    "e_cushion_onset": "onset",
+    "e_cushion_floor": "restitution",
+}
+"""The range of each number of `Physics` but `max_time`, by its key in `checks.RANGES`."""
+
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
 above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
@@ -194,14 +211,9 @@ class Physics:
         one_of("physics.motion", self.motion, MOTIONS)
         one_of("physics.cushion", self.cushion, CUSHIONS)
         one_of("physics.ball_ball", self.ball_ball, BALL_BALL)
-        check_fields(self, "physics", g="g", mu_slide="friction", mu_roll="friction", spin_decay="spin_decay")
-        check_fields(self, "physics", e_ball="restitution", e_cushion="restitution", mu_cushion="mu_cushion")
-        check_fields(self, "physics", mu_ball_factor="mu_ball", cushion_frequency_ratio="frequency_ratio")
-        check_fields(
-            self, "physics", e_cushion_loss="speed_loss", e_cushion_onset="onset", e_cushion_floor="restitution"
-        )
+        check_fields(self, "physics", **{name: within for name, within in PHYSICS_RANGES.items() if name != "mu_ball"})
         if self.mu_ball is not None:
-            check_fields(self, "physics", mu_ball="mu_ball")
+            check_fields(self, "physics", mu_ball=PHYSICS_RANGES["mu_ball"])
         if self.max_time is not None:
             check_fields(self, "physics", max_time="max_time")
         if self.motion == "ideal" and self.max_time is None:
@@ -226,14 +238,6 @@ class Physics:
                     f"{least:.4g} for cushion_frequency_ratio {self.cushion_frequency_ratio!r}, so that friction adds "
                     "no energy"
                 )
-
-
-PHYSICS_NUMBERS = tuple(
-    field.name
-    for field in dataclasses.fields(Physics)
-    if field.name not in ("motion", "cushion", "ball_ball", "max_time")
-)
-"""The fields of `Physics` that are constants of the laws."""
 
 
 def check_ranges(physics: Physics, ranges: Mapping[str, tuple[float, float]]) -> None:

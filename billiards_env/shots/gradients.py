@@ -518,3 +518,48 @@ def ball_jacobians(record: Record, times: Floats) -> tuple[Floats, NDArray[np.in
         inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.eye(7)
     outputs, _, found = _push(record, times[None], inputs.reshape(1, 7 * n, -1), 0, 1)
     return np.moveaxis(outputs[0, ..., :2], 1, 3).reshape(len(times), n, 2, n, 7), found[0]
+
+
+_BLOCK = 2**23  # numbers in the outputs of one call of `push_lanes`
+
+
+def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads: int | None) -> Floats:
+    """Returns the derivatives of the positions of m shots at ascending times (m, q) by their starts and by numbers.
+
+    Args:
+        record: The record.
+        times: s; not later than the ends of the shots.
+        names: Numbers of `Physics`, see `physics_inputs`.
+        threads: Number of threads.
+
+    Returns:
+        (m, q, 2 n + 5 + len(names), n, 2) float64: the derivatives with respect to the positions of the n balls, the
+        velocity and the spin of ball 0, and the numbers.
+    """
+    (m, q), n = times.shape, record.scene.n_balls
+    known = physics_inputs(record.scene.physics) if names else {}
+    start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)] + [2, 3, 4, 5, 6]
+    lanes = np.zeros((len(start) + len(names), BALL_INPUTS * n + NUMBER_INPUTS))
+    lanes[np.arange(len(start)), start] = 1.0
+    for lane, name in zip(lanes[len(start) :], names, strict=True):
+        lane[BALL_INPUTS * n :] = known[name]
+    found = np.empty((m, q, len(lanes), n, 2))
+    step = max(1, _BLOCK // (q * len(lanes) * n * columns.BALL_WIDTH))
+    for begin in range(0, m, step):
+        some = slice(begin, begin + step)
+        part = _shots(record, begin, min(begin + step, m))
+        inputs = np.broadcast_to(lanes, (len(part.time), *lanes.shape))
+        outputs, *_ = _push(part, times[some], np.ascontiguousarray(inputs), 0, threads)
+        found[some] = outputs[..., :2]
+    return found
+
+
+def _shots(record: Record, begin: int, end: int) -> Record:
+    """Returns the record of shots `begin` to `end` - 1."""
+    parts = []
+    for part in record.parts:
+        first, last = max(begin, part.begin), min(end, part.end)
+        if first < last:
+            bounds = part.bounds[first - part.begin : last - part.begin + 1]
+            parts.append(Part(first - begin, last - begin, part.events, part.segments, bounds))
+    return Record(record.scene, record.time[begin:end], parts)

@@ -9,7 +9,19 @@ import numpy as np
 import pytest
 
 import benchmarks
-from benchmarks import RESULTS, accuracy, accuracy_report, aim, error_limit, gradients, speed, start_up, stress, vector
+from benchmarks import (
+    RESULTS,
+    accuracy,
+    accuracy_report,
+    aim,
+    calibration,
+    error_limit,
+    gradients,
+    speed,
+    start_up,
+    stress,
+    vector,
+)
 from benchmarks.methods import PIC, Method
 from billiards_env.scene import Scene, check_positions
 
@@ -71,6 +83,18 @@ def test_gradients_writes_and_prints_all_ratios(tmp_path, monkeypatch, capsys):
     assert [row["case"] for row in written["cases"]] == [case.name for case in gradients.cases(0.001)]
     out = capsys.readouterr().out
     assert all(name in out for name in gradients.PARTS)
+
+
+def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
+    pytest.importorskip("scipy")
+    monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
+    path = tmp_path / "calibration.json"
+    calibration.main(["--repeats", "2", "--workers", "1", "--output", str(path)])
+    written = json.loads(path.read_text())
+    assert [row["number"] for row in written["numbers"]] == list(calibration.NUMBERS)
+    for row in written["numbers"]:
+        assert 0 <= row["covered"] <= 2
+        assert abs(row["mean"] - row["truth"]) < 3 * row["half"]
 
 
 @pytest.mark.parametrize("kind", ["carom", "9-ball break, loose", "gas of 16 disks"])
@@ -166,6 +190,7 @@ def test_gases_of_all_sizes_have_the_same_density_and_no_overlaps(n):
     ("module", "option"),
     [
         (accuracy, "--passes"),
+        (calibration, "--repeats"),
         (error_limit, "--shots"),
         (speed, "--repeats"),
         (start_up, "--repeats"),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine.modes import PIC, scene_fields, varied_fields
-from billiards_env.scene import PHYSICS_NUMBERS
+from billiards_env.scene import PHYSICS_RANGES
 from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
 from tests.helpers.shots import check_batch, draw_starts
@@ -38,7 +38,7 @@ RANGES = {
 
 
 def test_the_ranges_of_these_tests_have_every_number():
-    assert set(RANGES) == set(PHYSICS_NUMBERS)
+    assert set(RANGES) == set(PHYSICS_RANGES)
 
 
 def varied(names, m, seed=0) -> dict[str, Any]:
@@ -62,7 +62,10 @@ def same_record(shot, other):
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.sampled_from(sorted(SCENES)), st.sets(st.sampled_from(PHYSICS_NUMBERS), min_size=1), st.integers(0, 9), st.data()
+    st.sampled_from(sorted(SCENES)),
+    st.sets(st.sampled_from([*PHYSICS_RANGES]), min_size=1),
+    st.integers(0, 9),
+    st.data(),
 )
 def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names, seed, data):
     scene, m = SCENES[name], 3

@@ -1,0 +1,88 @@
+"""Pictures of tracks with matplotlib: their rows over the fitted paths, and the residuals against time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import missing
+
+try:
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Polygon
+except ModuleNotFoundError as error:
+    raise missing("matplotlib", "plot") from error
+
+from billiards_env.drawing.recording import Floats, Recording
+from billiards_env.drawing.style import CHALK, INK, draw_table, looks, rail_width
+
+LEFT_OUT = "#ff9f1c"
+"""The colour of rows that are not fitted."""
+
+
+def draw_fit(
+    shots: Mapping[str, tuple[Any, NDArray[np.bool_], Recording]],
+    tracks: Sequence[Any],
+    residuals: Sequence[Floats],
+    fitted: Sequence[NDArray[np.bool_]],
+) -> Figure:
+    """Draws the fit of tracks, see `shots.tracks.Track`.
+
+    Args:
+        shots: The track, the rows that are fitted and the fitted shot of each shot that is drawn, by its name.
+        tracks: All tracks.
+        residuals: Their residuals (k, 2), m.
+        fitted: Whether their rows (k,) are fitted.
+
+    Returns:
+        The figure: tables with rows over paths, and under them the lengths of all residuals against time.
+    """
+    across = min(3, len(shots))
+    down = math.ceil(len(shots) / across)
+    figure = Figure(figsize=(9.0, 9.0 / across * 0.6 * down + 3.4), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(9.0 / across * 0.6 * down, 3.4))
+    panels = above.subplots(down, across, squeeze=False).ravel()
+    for ax, (name, (track, used, recording)) in zip(panels, shots.items(), strict=False):
+        _draw_shot(ax, track, used, recording)
+        ax.set_title(f"shot {name}", fontsize=9, pad=3)
+    for ax in panels[len(shots) :]:
+        ax.axis("off")
+    ax = below.subplots()
+    ax.set_xlabel("time since the first row, s")
+    ax.set_ylabel("residual, mm")
+    ax.set_yscale("log")
+    for inside, colour, marker, text in ((True, "#0072b2", ".", "fitted rows"), (False, LEFT_OUT, "x", "other rows")):
+        some = [used == inside for used in fitted]
+        times = [track.times[row] - track.times[0] for track, row in zip(tracks, some, strict=True)]
+        sizes = [1e3 * np.hypot(*off[row].T) for off, row in zip(residuals, some, strict=True)]
+        if any(map(len, times)):
+            at, size = np.concatenate(times), np.concatenate(sizes)
+            ax.plot(at, size, marker, color=colour, markersize=3.5, markeredgewidth=0.8, alpha=0.6, label=text)
+    ax.grid(alpha=0.3)
+    ax.legend(loc="upper right", fontsize=8, markerscale=2.0)
+    return figure
+
+
+def _draw_shot(ax: Any, track: Any, used: NDArray[np.bool_], recording: Recording) -> None:
+    """Draws the paths of a fitted shot and the rows of its track."""
+    scene, times = recording.scene, np.linspace(0.0, recording.time, 400)
+    for corners, colour in draw_table(scene.table):
+        ax.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", zorder=1))
+    for ball, look in enumerate(looks(scene)):
+        mine = track.balls == ball
+        if not mine.any():
+            continue
+        path = recording.path(ball, np.union1d(times, recording.corners(ball)))
+        ax.plot(*path.T, color=CHALK, linewidth=0.8, zorder=3)
+        dots = {"marker": "o", "linestyle": "none", "color": look.path, "markeredgecolor": INK, "markeredgewidth": 0.2}
+        ax.plot(*track.positions[mine & used].T, markersize=2.6, zorder=4, **dots)
+        ax.plot(*track.positions[mine & ~used].T, "x", color=LEFT_OUT, markersize=3.5, markeredgewidth=0.9, zorder=5)
+    x, y = scene.table.length / 2 + 1.1 * rail_width(scene.table), scene.table.width / 2 + 1.1 * rail_width(scene.table)
+    ax.set_xlim(-x, x)
+    ax.set_ylim(-y, y)
+    ax.set_aspect("equal")
+    ax.axis("off")

@@ -1,0 +1,153 @@
+"""What does not fit in tracks: rows far from the model, swapped balls, and contacts of only one of track and model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.shots.result import ShotResult
+from billiards_env.shots.simulation import BatchResult
+from billiards_env.shots.track_fit import Bools, Floats, Rows
+
+KINDS = ("outliers", "swapped balls", "missed contact", "extra contact", "other path")
+"""Rows far from the path; rows of a ball on the path of another; from a time on the track leaves the path of the model,
+because only the model has a contact ("missed contact"), only the track ("extra contact"), or for another reason."""
+
+CONTACTS = ("ball_ball", "cushion", "pocket")
+
+_SHARE, _LEAST = 0.7, 4  # the share and the number of the rows far from the path from which on the track leaves it
+_BEFORE, _AFTER = 0.3, 0.05  # s, where the contact is looked for, around the first row far from the path
+_CORNER = 4  # rows before and after a corner of a track
+_CLEAR = 4.0  # the change of a velocity that is a corner, over its standard deviation
+
+
+class Problem(NamedTuple):
+    """Rows of a track that are reported, and not fitted.
+
+    Attributes:
+        shot: Name of the shot.
+        kind: One of `KINDS`.
+        ball: The ball.
+        begin: Time of the first row, s, as in the track.
+        end: Time of the last row, s.
+        text: A sentence.
+    """
+
+    shot: str
+    kind: str
+    ball: int
+    begin: float
+    end: float
+    text: str
+
+
+def leaves_at(rows: Rows, far: Bools) -> tuple[Floats, NDArray[np.intp]]:
+    """Returns the time from which on the track of a ball leaves its path, (m,) s, inf if none does, and the ball (m,).
+
+    Args:
+        rows: The rows.
+        far: (m, r) bool, whether a row is far from the path.
+    """
+    times, balls = np.full(len(far), np.inf), np.full(len(far), -1)
+    for k in np.flatnonzero(far.any(axis=1)):
+        for ball in np.unique(rows.ball[k, far[k]]):
+            mine = np.flatnonzero(rows.seen[k] & (rows.ball[k] == ball))
+            left = np.arange(len(mine), 0, -1)
+            share = np.cumsum(far[k, mine][::-1])[::-1] / left
+            first = np.flatnonzero(far[k, mine] & (share >= _SHARE) & (left >= _LEAST))
+            if first.size and rows.time[k, mine[first[0]]] < times[k]:
+                times[k], balls[k] = rows.time[k, mine[first[0]]], ball
+    return times, balls
+
+
+def find_problems(names: Sequence[str], zero: Floats, rows: Rows, batch: BatchResult, far: Floats) -> list[Problem]:
+    """Returns the problems of m tracks.
+
+    Args:
+        names: The names of the shots.
+        zero: (m,) s, the times of their first rows.
+        rows: The rows.
+        batch: The fitted shots.
+        far: (m, r) m, the distances from the path above which a row is not fitted, or 0 for a row that is near.
+    """
+    found: list[Problem] = []
+    leaves, balls = leaves_at(rows, far > 0.0)
+    for k in map(int, np.flatnonzero((far > 0.0).any(axis=1))):
+        shot, name, start, ball = batch[k], names[k], zero[k], int(balls[k])
+        early = np.flatnonzero((far[k] > 0.0) & (rows.time[k] < leaves[k]))
+        other = _on_other_path(shot, rows, k, early, far[k, early])
+        for i, j in sorted({(int(rows.ball[k, row]), int(b)) for row, b in zip(early, other, strict=True)}):
+            times = start + rows.time[k, early[(rows.ball[k, early] == i) & (other == j)]]
+            count = f"{len(times)} row{'s' if len(times) > 1 else ''} of ball {i}"
+            when = f"{times[0]:.3f} s" if len(times) == 1 else f"{times[0]:.3f} to {times[-1]:.3f} s"
+            kind, where = ("outliers", "far from its path") if j < 0 else ("swapped balls", f"on the path of ball {j}")
+            found.append(Problem(name, kind, i, times[0], times[-1], f"{count} {where}, {when}"))
+        if np.isfinite(leaves[k]):
+            kind, at, why = _contact(shot, rows, k, ball, leaves[k])
+            last = start + float(rows.time[k, rows.seen[k]].max())
+            text = (
+                f"the track of ball {ball} leaves the model at {start + leaves[k]:.3f} s: {why} at {start + at:.3f} s"
+            )
+            found.append(Problem(name, kind, ball, start + leaves[k], last, text if why else text.partition(":")[0]))
+    return found
+
+
+def _on_other_path(shot: ShotResult, rows: Rows, k: int, some: NDArray[np.intp], most: Floats) -> NDArray[np.intp]:
+    """Returns the ball on whose path rows of shot k lie, -1 for none."""
+    if not some.size:
+        return np.zeros(0, np.intp)
+    off = shot.at(rows.time[k, some]) - rows.positions[k, some, None]
+    distance = np.where(shot.potted & (rows.in_play[k] == 0), np.inf, np.hypot(off[..., 0], off[..., 1]))
+    nearest = distance.argmin(axis=1)
+    return np.where(distance.min(axis=1) < most, nearest, -1)
+
+
+def _contact(shot: ShotResult, rows: Rows, k: int, ball: int, leaves: float) -> tuple[str, float, str]:
+    """Returns the kind of the problem of a track that leaves the model, a time, s, and what is there."""
+    assert shot.events is not None
+    mine = rows.seen[k] & (rows.ball[k] == ball)
+    assert shot.scene is not None
+    slows = shot.scene.physics.mu_slide * shot.scene.physics.g
+    corner = _corner(rows.time[k, mine], rows.positions[k, mine], leaves, slows)
+    events = [
+        event
+        for event in shot.events
+        if event["kind"] in CONTACTS
+        and (event["ball"] == ball or (event["kind"] == "ball_ball" and event["other"] == ball))
+        and leaves - _BEFORE <= event["time"] <= leaves + _AFTER
+    ]
+    if not events:
+        return ("other path", 0.0, "") if corner is None else ("extra contact", corner, "only the track has a contact")
+    event = min(events, key=lambda e: abs(e["time"] - (leaves if corner is None else corner)))
+    kind, time = str(event["kind"]), float(event["time"])
+    partner = int(event["ball"] if event["other"] == ball else event["other"])
+    what = {"ball_ball": f"ball {partner}", "cushion": "a cushion", "pocket": "a pocket"}[kind]
+    if corner is None:
+        return "missed contact", time, f"only the model has a contact with {what}"
+    return "other path", time, f"after a contact with {what}"
+
+
+def _corner(times: Floats, positions: Floats, leaves: float, slows: float) -> float | None:
+    """Returns the time of the sharpest corner of a track near a time, s, or None.
+
+    A velocity that changes by the friction of the cloth, `slows` m/s^2, makes no corner.
+    """
+    best, found = _CLEAR, None
+    for row in range(2, len(times) - 1):
+        if not leaves - _BEFORE <= times[row] <= leaves + _AFTER:
+            continue
+        sides = slice(max(0, row - _CORNER), row), slice(row, row + _CORNER)
+        if min(len(times[side]) for side in sides) < 3 or any(np.ptp(times[side]) == 0.0 for side in sides):
+            continue
+        fits = [np.polyfit(times[side], positions[side], 1, full=True)[:2] for side in sides]
+        count = [len(times[side]) for side in sides]
+        left = max(sum(float(np.sum(residual)) for _, residual in fits) / (2.0 * sum(count) - 8.0), 1e-18)
+        spread = sum(left / (n * float(np.var(times[side]))) for n, side in zip(count, sides, strict=True))
+        usual = slows * float(times[sides[1]].mean() - times[sides[0]].mean())
+        change = (float(np.hypot(*(fits[1][0][0] - fits[0][0][0]))) - usual) / np.sqrt(2.0 * spread)
+        if change > best:
+            best, found = change, float(times[row])
+    return found

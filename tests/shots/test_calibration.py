@@ -1,0 +1,280 @@
+"""Calibration recovers the numbers of simulated tracks and of pooltool, and reports what does not fit."""
+
+import dataclasses
+import functools
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.__main__ import main
+from billiards_env.scene import PHYSICS_RANGES, Physics, check_positions
+from billiards_env.shots import gradients
+from billiards_env.shots import track_fit as fit
+from billiards_env.shots.tracks import Track, observed, write_tracks
+
+pytest.importorskip("scipy")
+
+from billiards_env.shots.calibration import FREE, calibrate
+
+SCENE = Scene.named("carom", 1)
+FRAMES = np.arange(60) / 30
+STRIKES = (
+    ([[-0.7, 0.1], [0.3, 0.25]], [2.5, 0.42], [-10.0, 60.0, 20.0]),
+    ([[0.5, -0.4], [-0.4, 0.2]], [-2.0, 1.38], [-20.0, -40.0, 0.0]),
+    ([[0.9, 0.3], [0.1, -0.3]], [-1.5, -1.0], [10.0, -30.0, -30.0]),
+    ([[-0.9, -0.3], [0.9, 0.4]], [2.4, -1.5], [30.0, 40.0, 30.0]),
+)
+TRUTH = {name: getattr(SCENE.physics, name) for name in FREE}
+
+
+def changed(scene, **numbers):
+    return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **numbers))
+
+
+OFF = changed(SCENE, mu_slide=0.22, mu_roll=0.011, e_ball=0.93, e_cushion=0.81)
+
+
+@functools.cache
+def shots():
+    return [simulate(SCENE, places, v, spins=w, record=True) for places, v, w in STRIKES]
+
+
+def tracks(noise=0.002):
+    return [observed(f"{k}", shot, FRAMES, noise, seed=k) for k, shot in enumerate(shots())]
+
+
+@functools.cache
+def calibration():
+    return calibrate(OFF, tracks())
+
+
+def test_tracks_with_noise_give_the_numbers_within_their_intervals():
+    found = calibration()
+    assert found.problems == []
+    assert found.start == {name: getattr(OFF.physics, name) for name in FREE}
+    for name, (low, high) in found.intervals.items():
+        half = (high - low) / 2
+        assert abs(found.values[name] - TRUTH[name]) < 2 * half < 0.2 * TRUTH[name]
+        assert found.values[name] == getattr(found.scene.physics, name) == pytest.approx((low + high) / 2)
+    assert found.noise == pytest.approx(0.002, rel=0.1)
+    assert found.rms == pytest.approx([0.002] * 4, rel=0.2)
+    errors = np.sqrt(np.diag(found.covariance)) * 1.96
+    assert errors == pytest.approx([(high - low) / 2 for low, high in found.intervals.values()], rel=0.01)
+
+
+def test_exact_tracks_give_the_numbers_and_the_starts():
+    found = calibrate(OFF, tracks(0.0))
+    assert found.values == pytest.approx(TRUTH, rel=1e-6)
+    assert found.positions == pytest.approx(np.array([places for places, _, _ in STRIKES]), abs=1e-6)
+    assert found.velocities == pytest.approx(np.array([v for _, v, _ in STRIKES]), abs=1e-5)
+    again = found.shot(0)
+    assert again.at(1.0) == pytest.approx(shots()[0].at(1.0), abs=1e-6)
+
+
+def test_known_starts_are_not_fitted():
+    velocities, spins = np.array([v for _, v, _ in STRIKES]), np.array([w for _, _, w in STRIKES])
+    found = calibrate(OFF, tracks(), ("mu_slide", "mu_roll"), velocities=velocities, spins=spins)
+    assert np.array_equal(found.velocities, velocities)
+    assert np.array_equal(found.spins, spins)
+
+
+def test_the_jacobian_is_that_of_the_residuals_with_fitted_starts():
+    rows = fit.rows_of(tracks(1e-5), 2)
+    starts = np.array([[*np.ravel(places), *v, *w] for places, v, w in STRIKES])
+    names, numbers, step = ("mu_roll", "e_cushion"), np.array([0.01, 0.85]), 1e-6
+
+    def problem():
+        return fit.Projection(SCENE, names, starts, rows, "linear", 0.002)
+
+    jacobian = problem().jacobian(numbers)
+    for k in range(2):
+        change = step * np.eye(2)[k]
+        difference = (problem().residuals(numbers + change) - problem().residuals(numbers - change)) / (2 * step)
+        assert jacobian[:, k] == pytest.approx(difference, abs=1e-3 * np.abs(difference).max())
+
+
+def test_overlapping_balls_and_balls_in_a_cushion_are_moved():
+    scene = Scene.named("real_pool", 1)
+    start = np.zeros((2, 9))
+    start[0, :4] = 0.0, 0.0, 0.04, 0.0
+    start[1, :4] = 0.5, 0.0, 0.3, 0.6349
+    moved, fine = fit.allowed(scene, start, np.ones((2, 2), np.bool_))
+    assert fine.all()
+    places = moved[:, :4].reshape(2, 2, 2)
+    check_positions(scene, places)
+    assert np.abs(moved - start).max() < 0.05
+
+
+def only(found, kind):
+    assert {(problem.kind, problem.shot) for problem in found.problems} == {(kind, "1")}
+    assert all(found.fitted[k].all() for k in (0, 2, 3))
+    for name, (low, high) in found.intervals.items():
+        assert abs(found.values[name] - TRUTH[name]) < high - low
+    return found.problems
+
+
+def test_outliers_are_reported_and_not_fitted():
+    given = tracks()
+    given[1].positions[[20, 51]] += 0.3
+    found = calibrate(OFF, given)
+    problems = only(found, "outliers")
+    assert sum(int(p.text.split()[0]) for p in problems) == 2 == np.count_nonzero(~found.fitted[1])
+
+
+def test_swapped_balls_are_reported_and_not_fitted():
+    given = tracks()
+    some = (given[1].times > 0.2) & (given[1].times < 0.6)
+    given[1].balls[some] = 1 - given[1].balls[some]
+    found = calibrate(OFF, given)
+    problems = only(found, "swapped balls")
+    assert {p.ball for p in problems} == {0, 1}
+    assert all(0.2 < p.begin < p.end < 0.6 for p in problems)
+    assert not found.fitted[1][some].any()
+
+
+def test_a_contact_that_only_the_model_has_is_reported():
+    places, v, w = STRIKES[1]
+    alone = simulate(SCENE, places, v, spins=w, in_play=[True, False], record=True)
+    given = tracks()
+    still = given[1].positions[given[1].balls == 1][:1]
+    row = alone.at(FRAMES)[:, 0]
+    k = len(FRAMES)
+    positions = np.concatenate((row, np.repeat(still, k, axis=0)))
+    given[1] = Track("1", np.tile(FRAMES, 2), np.repeat([0, 1], k), positions)
+    (problem,) = only(calibrate(OFF, given), "missed contact")
+    first: Any = shots()[1].events
+    hit = first["time"][first["kind"] == "ball_ball"][0]
+    assert problem.begin == pytest.approx(hit, abs=0.3)
+    assert "only the model has a contact with ball" in problem.text
+
+
+def test_a_contact_that_only_the_track_has_is_reported():
+    scene = Scene.named("carom", 2)
+    places, v, w = STRIKES[1]
+    far = shots()[1].at(1.1)[0]  # another ball is here, without rows
+    shot = simulate(scene, [*places, far], v, spins=w, record=True)
+    given = tracks()
+    seen = observed("1", shot, FRAMES, 0.002, seed=1)
+    mine = seen.balls < 2
+    given[1] = Track("1", seen.times[mine], seen.balls[mine], seen.positions[mine])
+    (problem,) = only(calibrate(OFF, given), "extra contact")
+    assert problem.ball == 0
+    assert problem.begin == pytest.approx(1.0, abs=0.2)
+
+
+def test_gaps_are_allowed():
+    given = [
+        Track(track.name, track.times[keep], track.balls[keep], track.positions[keep])
+        for track in tracks()
+        for keep in [np.random.default_rng(0).random(len(track.times)) < 0.6]
+    ]
+    found = calibrate(OFF, given)
+    assert found.problems == []
+    for name, (low, high) in found.intervals.items():
+        assert abs(found.values[name] - TRUTH[name]) < high - low
+
+
+def test_the_shots_of_pooltool_give_its_numbers():
+    """The file has the start and the end of each shot. The strikes are known."""
+    data = json.loads((Path(__file__).parents[1] / "data" / "pooltool_carom_shots.json").read_text(encoding="utf-8"))
+    given, velocities = [], []
+    simple = [shot for shot in data["shots"] if len(shot["events"]) <= 7][:12]
+    for k, shot in enumerate(simple):
+        n = len(shot["positions"])
+        times = np.repeat([0.0, shot["events"][-1][0]], n)
+        places = np.array([*shot["positions"], *shot["final"]])
+        given.append(Track(f"{k}", times, np.tile(np.arange(n), 2), places))
+        velocities.append(shot["velocity"])
+    scene = Scene.named("pooltool_carom", max(len(shot["positions"]) for shot in simple) - 1)
+    truth = {name: getattr(scene.physics, name) for name in ("mu_slide", "mu_roll", "e_cushion", "mu_cushion")}
+    off = changed(scene, mu_slide=0.21, mu_roll=0.0097, e_cushion=0.83, mu_cushion=0.155)
+    spins = np.zeros((len(given), 3))
+    found = calibrate(off, given, tuple(truth), noise=0.001, velocities=velocities, spins=spins)
+    assert found.values == pytest.approx(truth, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ((), r"free = \[\]: expected names of numbers, each once"),
+        (("mu_roll", "mu_roll"), r"free = \['mu_roll', 'mu_roll'\]: expected names"),
+        (("mu_rol",), r"free = 'mu_rol': expected one of .*did you mean 'mu_roll'"),
+        (("mu_roll", "mu_ball_factor"), "the rows do not determine 'mu_ball_factor'"),
+    ],
+)
+def test_bad_numbers_are_rejected(free, message):
+    with pytest.raises(ValueError, match=message):
+        calibrate(SCENE, tracks(), free)
+
+
+def test_without_scipy_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'billiards-env\[calibrate\]'"):
+        calibrate(SCENE, tracks())
+
+
+def test_the_module_does_not_import_scipy():
+    code = "import sys, billiards_env.shots.calibration; assert 'scipy.optimize' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_errors_of_strikes():
+    found = calibration()
+    turned = found.velocities @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    errors = found.strike_errors(turned * 1.0)
+    assert errors["direction"] == pytest.approx((-90.0, 0.0))
+    assert errors["speed"] == pytest.approx((0.0, 0.0))
+
+
+def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    given, out = tmp_path / "tracks.csv", [tmp_path / "report.json", tmp_path / "report.png"]
+    write_tracks(given, tracks())
+    scene = tmp_path / "scene.json"
+    scene.write_text(json.dumps(OFF.to_dict()))
+    files = [argument for path in out for argument in ("--out", str(path))]
+    main(["calibrate", str(given), "--scene", str(scene), "--free", *FREE, *files])
+    printed, progress = capsys.readouterr()
+    assert printed.startswith(f"{calibration()}\n")
+    assert progress.startswith("round 1: ")
+    report = json.loads(out[0].read_text())
+    assert report["values"] == calibration().values
+    assert Scene.from_dict(report["scene"]) == calibration().scene
+    assert out[1].read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        ["scene.json", "tracks.csv", *(p.name for p in out)]
+    )
+    with pytest.raises(SystemExit, match=r"suffix = '\.txt': expected one of '\.json'"):
+        main(["calibrate", str(given), "--out", str(tmp_path / "report.txt")])
+
+
+def test_the_report_lists_numbers_and_shots():
+    lines = str(calibration()).splitlines()
+    assert lines[0].split() == ["number", "start", "fitted", "95%", "interval", "unit"]
+    assert [line.split()[0] for line in lines[1:5]] == list(FREE)
+    assert lines[-1] == "no problems"
+
+
+def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
+    starts = [np.array([start[k] for start in STRIKES]) for k in range(3)]
+    batch = simulate_batch(SCENE, *starts[:2], spins=starts[2], record=True)
+    times = np.array([[0.3, 0.9], [0.4, 0.5], [0.0, 1.0], [1.2, 1.3]])
+    monkeypatch.setattr(gradients, "_BLOCK", 1)  # one shot in each call
+    found = gradients.start_jacobians(batch._record("test"), times, ("mu_roll",), 1)
+    for k, q in np.ndindex(times.shape):
+        shot, t = batch[k], float(times[k, q])
+        by_places = shot.jacobian("positions", "positions", t=t).reshape(2, 2, 4)
+        by_velocity, by_spin = (shot.jacobian("positions", name, t=t)[:, :, 0] for name in ("velocities", "spins"))
+        by_number = shot.jacobian("positions", "mu_roll", t=t)[..., None]
+        expected = np.concatenate((by_places, by_velocity, by_spin, by_number), axis=2)
+        assert np.moveaxis(found[k, q], 0, 2) == pytest.approx(expected, abs=1e-12)
+
+
+def test_every_number_of_the_derivatives_has_a_range():
+    assert set(PHYSICS_RANGES) == set(gradients.physics_inputs(Physics(mu_ball=0.05)))

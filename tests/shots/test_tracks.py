@@ -1,0 +1,94 @@
+"""Files of tracks."""
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene, simulate
+from billiards_env.shots.tracks import Track, check_tracks, observed, read_tracks, write_tracks
+
+HEAD = "shot,time,ball,x,y\n"
+
+
+def test_a_camera_sees_the_balls_until_they_are_potted():
+    scene = Scene.named("pool")
+    shot = simulate(scene, [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
+    times = np.linspace(0.0, shot.time, 50)
+    track = observed("a", shot, times)
+    assert shot.trajectory is not None
+    (gone,) = shot.trajectory.potted_at[shot.potted]
+    assert np.array_equal(track.times[track.balls == 0], times)
+    assert np.array_equal(track.times[track.balls == 1], times[times < gone])
+    for ball in (0, 1):
+        mine = track.balls == ball
+        assert np.array_equal(track.positions[mine], shot.at(track.times[mine])[:, ball])
+    noisy = observed("a", shot, times, noise=0.002, seed=1).positions - track.positions
+    assert noisy.std() == pytest.approx(0.002, rel=0.2)
+
+
+def test_a_file_is_written_and_read(tmp_path):
+    tracks = [
+        Track("break 1", np.array([0.1, 0.2]), np.array([0, 1]), np.array([[0.1, -1 / 3], [1e-9, 2.0]])),
+        Track("2", np.array([0.0]), np.array([3]), np.array([[0.0, 0.5]])),
+    ]
+    write_tracks(tmp_path / "tracks.csv", tracks)
+    for track, again in zip(tracks, read_tracks(tmp_path / "tracks.csv"), strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(track, again, strict=True))
+
+
+def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("time,score, y,x,ball,shot\n0,0.9,1,2,0,a\n\n1,,,,0,a\n1,,nan,NaN,1,b\n2,0.1,3,4,1,a\n")
+    (track,) = read_tracks(path)
+    assert track.name == "a"
+    assert track.times.tolist() == [0.0, 2.0]
+    assert track.balls.tolist() == [0, 1]
+    assert track.positions.tolist() == [[2.0, 1.0], [4.0, 3.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"tracks.csv, line 1: head = '': expected one column 'shot'"),
+        ("shot,time,ball,x\n", "line 1: head = 'shot,time,ball,x': expected one column 'y'"),
+        ("shot,time,ball,x,y,x\n", "line 1: head = .*: expected one column 'x'"),
+        (HEAD + "a,0,0,1,2\na,0,0,1\n", "line 3: 4 cells: expected 5"),
+        (HEAD + "a,0,0.5,1,2\n", "line 2: ball = '0.5': expected a whole number >= 0"),
+        (HEAD + "a,0,-1,1,2\n", "line 2: ball = '-1': expected a whole number"),
+        (HEAD + "a,0,0,1,\n", "line 2: y = '': expected a finite number"),
+        (HEAD + "a,soon,0,1,2\n", "line 2: time = 'soon': expected a finite number"),
+        (HEAD + "a,0,0,inf,2\n", "line 2: x = 'inf': expected a finite number"),
+    ],
+)
+def test_a_bad_line_is_named(text, message, tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        read_tracks(path)
+
+
+def track_of(balls, times=None, positions=None, name="a"):
+    k = len(balls)
+    times = np.arange(k, dtype=float) if times is None else times
+    return Track(name, times, np.array(balls), np.zeros((k, 2)) if positions is None else positions)
+
+
+@pytest.mark.parametrize(
+    ("tracks", "message"),
+    [
+        ([], r"shots = \[\]: expected one track or more"),
+        ([track_of([0] * 4)] * 2, r"shots\['a'\] appears twice"),
+        ([track_of([0, 0, 0, 1])], r"shots\['a'\]: 3 rows of the cue ball: expected 4 or more"),
+        ([track_of([0, 0, 0, 0, 2])], r"shots\['a'\].balls = \[0, 2\]: expected 0 to 1"),
+        ([track_of([0] * 4, times=[0, 1, np.nan, 2])], r"shots\['a'\].times = .*: expected finite numbers"),
+        ([track_of([0] * 4, positions=np.zeros((3, 2)))], r"positions has shape \(3, 2\): expected \(4, 2\)"),
+    ],
+)
+def test_bad_tracks_are_rejected(tracks, message):
+    with pytest.raises(ValueError, match=message):
+        check_tracks(Scene.named("pool"), tracks, 4)
+
+
+def test_rows_are_sorted_by_time():
+    (track,) = check_tracks(Scene.named("pool"), [track_of([0, 1, 0, 0, 0], times=[3, 2, 1, 0, 4])], 4)
+    assert track.times.tolist() == [0, 1, 2, 3, 4]
+    assert track.balls.tolist() == [0, 0, 1, 0, 0]
