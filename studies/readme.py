@@ -29,7 +29,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import plain, recipes, run_outs, timestep_report
+from studies import gradient, plain, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -43,6 +43,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "differentiable": ("benchmarks.differentiable", differentiable.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
+    "gradient": ("studies.gradient", gradient.blocks),
     "gradients": ("benchmarks.gradients", gradients.blocks),
     "plain": ("studies.plain", plain.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
