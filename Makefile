@@ -71,7 +71,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
-	$(WORK)/python -m studies.gradient
+	$(WORK)/python -m studies.learn_by_gradient
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.readme
 

@@ -1,11 +1,11 @@
-"""Measures a network that learns to pot a ball by the gradient of its shots: `python -m studies.gradient`.
+"""Measures a network that learns to pot a ball by the gradient of its shots: `python -m studies.learn_by_gradient`.
 
 The observation is that of `Billiards-v0`: the positions. The network returns for a pocket an action and the chance that
 it pots the ball. The mirror symmetry of the table makes one corner of four, and one side of two. A shot gives the
 margin of the pot and its derivative by the action (see `billiards_env.torch.pot_margins`), and no reward. The shots of
 the last batches are used again, with margins that are linear in the action, while the action is near.
 
-The results are in `studies/results/gradient.json`. The command skips seeds that have results there.
+The results are in `studies/results/learn_by_gradient.json`. The command skips seeds that have results there.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from billiards_env.scene import Scene
 from billiards_env.torch import pot_margins
 from studies import RESULTS
 
-OUTPUT = RESULTS / "gradient.json"
+OUTPUT = RESULTS / "learn_by_gradient.json"
 SHOTS, SEEDS, EPISODES = 1_000_000, (20, 21, 22), 2000
 BATCH, REPLAYS, MEMORY = 128, 4, 100
 LEARNING_RATE, SPEED = 2e-3, 0.5
@@ -177,9 +177,10 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs the command line; see `python -m studies.gradient --help`."""
+    """Runs the command line; see `python -m studies.learn_by_gradient --help`."""
     parser = argparse.ArgumentParser(
-        prog="python -m studies.gradient", description="Measure a network that learns by the gradient of its shots."
+        prog="python -m studies.learn_by_gradient",
+        description="Measure a network that learns by the gradient of its shots.",
     )
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
     args = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""The network that learns by gradient."""
+"""The network that learns by learn_by_gradient."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import torch
 
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.scene import Scene
-from studies import gradient
+from studies import learn_by_gradient
 
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setattr(gradient, "BATCH", 32)
-    monkeypatch.setattr(gradient, "SHOTS", 64)
-    monkeypatch.setattr(gradient, "SEEDS", (20,))
-    monkeypatch.setattr(gradient, "EPISODES", 8)
+    monkeypatch.setattr(learn_by_gradient, "BATCH", 32)
+    monkeypatch.setattr(learn_by_gradient, "SHOTS", 64)
+    monkeypatch.setattr(learn_by_gradient, "SEEDS", (20,))
+    monkeypatch.setattr(learn_by_gradient, "EPISODES", 8)
 
 
 def test_a_mirrored_layout_has_mirrored_actions():
     torch.manual_seed(0)
-    network = gradient.Network(Scene.named("pool"))
+    network = learn_by_gradient.Network(Scene.named("pool"))
     seen = torch.tensor([[0.1, -0.3, 0.4, 0.2]])
     places: list[list[float]] = network.signs.tolist()
     for x, y in ((1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
@@ -37,26 +37,26 @@ def test_a_mirrored_layout_has_mirrored_actions():
 
 def test_a_step_along_the_gradient_of_the_loss_brings_a_shot_nearer():
     torch.manual_seed(1)
-    envs = BilliardsVectorEnv(gradient.BATCH)
+    envs = BilliardsVectorEnv(learn_by_gradient.BATCH)
     envs.reset(seed=0)
-    network = gradient.Network(envs.single_env.scene)
-    played = gradient.play(network, envs)
+    network = learn_by_gradient.Network(envs.single_env.scene)
+    played = learn_by_gradient.play(network, envs)
     before = (network.radius[played.pockets] - played.margins).abs()
     optimiser = torch.optim.SGD(network.parameters(), lr=3e-4)
-    gradient.loss_of(network, played).backward()
+    learn_by_gradient.loss_of(network, played).backward()
     optimiser.step()
     change = network(played.observations, played.pockets)[0] - played.actions
     after = (network.radius[played.pockets] - played.margins - (played.slopes * change).sum(-1)).abs()
-    assert 0 < change.norm(dim=-1).max() < gradient.NEAR
+    assert 0 < change.norm(dim=-1).max() < learn_by_gradient.NEAR
     assert after.mean() < before.mean()
 
 
 def test_the_command_writes_what_has_no_results(tmp_path, capsys):
-    path = tmp_path / "gradient.json"
-    gradient.main(["--output", str(path)])
+    path = tmp_path / "learn_by_gradient.json"
+    learn_by_gradient.main(["--output", str(path)])
     found = json.loads(path.read_text())
     assert 0.0 <= found["results"]["20"] <= 1.0
     found["results"]["20"] = 0.75
     path.write_text(json.dumps(found))
-    gradient.main(["--output", str(path)])
+    learn_by_gradient.main(["--output", str(path)])
     assert "75.0%" in capsys.readouterr().out
