@@ -44,7 +44,8 @@ def draw_fit(
     across = min(3, len(shots))
     down = math.ceil(len(shots) / across)
     figure = Figure(figsize=(9.0, 9.0 / across * 0.6 * down + 3.4), layout="constrained")
-    above, below = np.ravel(figure.subfigures(2, 1, height_ratios=(9.0 / across * 0.6 * down, 3.4)))
+    halves: Any = figure.subfigures(2, 1, height_ratios=(9.0 / across * 0.6 * down, 3.4))
+    above, below = halves
     panels = above.subplots(down, across, squeeze=False).ravel()
     for ax, (name, (track, used, recording)) in zip(panels, shots.items(), strict=False):
         _draw_shot(ax, track, used, recording)
