@@ -209,6 +209,7 @@ def test_links_exist(page):
         path, _, anchor = link.partition("#")
         if link.startswith("https://"):
             continue
+        path = path or Path(page).name  # a heading of the same page
         assert (folder / path).exists(), link
         if anchor and path != "contributing.md":  # which includes CONTRIBUTING.md
             headings = re.findall(r"^#+ (.*)$", (folder / path).read_text(encoding="utf-8"), re.MULTILINE)

@@ -594,8 +594,9 @@ def test_a_bad_timestep_is_rejected(dt):
     scene, places = world(2, FREE), [[0.0, 0.0], [1.0, 0.0]]
     with rejected(message):
         simulate(scene, places, [1.0, 0.0], mode="pit", dt=dt)
-    with rejected(message):
-        simulate_batch(scene, [places], [[1.0, 0.0]], mode="pit", dt=dt)
+    if not isinstance(dt, list):  # a batch takes a timestep for each shot
+        with rejected(message):
+            simulate_batch(scene, [places], [[1.0, 0.0]], mode="pit", dt=dt)
 
 
 @pytest.mark.parametrize("dt", [1, np.float32(0.5), np.int64(2), np.float64(0.25)])

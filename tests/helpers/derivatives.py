@@ -1,16 +1,37 @@
-"""Finite differences of shots of the 50-digit simulator."""
+"""Shots for tests of derivatives, and finite differences of shots of the 50-digit simulator."""
 
 import dataclasses
+import math
+from typing import Any
 from unittest import mock
 
 import mpmath
 import numpy as np
 
-from billiards_env.scene import layouts
+from billiards_env import Scene, simulate
+from billiards_env.scene import Balls, Physics, layouts
+from billiards_env.scene.table import Table
 from reference.oracle import run
 from reference.oracle.laws import World
+from tests.helpers.outlines import MARBLES
+from tests.helpers.shots import real
 
 STEP = mpmath.mpf(10) ** -25
+FALLING: dict[str, Any] = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
+SCENES = {
+    "ideal": Scene.named("ideal", 2),
+    "rolling": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, 0.2)), Table(2.0, 1.0), Physics("rolling", "restitution")),
+    "sliding": Scene(Balls.uniform(3), Table(2.0, 1.0), Physics(cushion="restitution")),
+    "han2005": dataclasses.replace(Scene.named("carom", 2), physics=Physics(**FALLING)),
+    "stronge": real("carom", 2, **FALLING),
+    "grip": real("carom", 2, mu_ball=0.05, mu_cushion=0.5),
+    "floor": real("carom", 2, **{**FALLING, "e_cushion_floor": 0.9, "mu_cushion": 0.05}),
+    "jaws": Scene.named("real_pool", 2),
+    "spheres": dataclasses.replace(
+        MARBLES, balls=Balls((0.022, 0.03, 0.026), (0.05, 0.3, 0.1), shape="sphere"), table=MARBLES.table
+    ),
+    "obstacle": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, math.inf)), Table(2.0, 1.0), Physics(e_ball=0.9)),
+}
 
 
 def differences(scene, places, velocities, max_time, spins=None):
@@ -53,6 +74,35 @@ def aimed(scene, seed):
     to = places[1] - places[0]
     velocities[0] = 2.0 * to / np.hypot(*to) + rng.normal(0.0, 0.05, 2)
     return places, velocities
+
+
+def start_of(scene, seed):
+    """Returns positions, velocities and spins with a moving and turning cue ball that is aimed at ball 1."""
+    places, velocities = aimed(scene, seed)
+    spins = np.zeros((scene.n_balls, 3))
+    if scene.physics.motion == "sliding":
+        spins[0] = np.random.default_rng(seed).normal(0.0, (4.0, 4.0, 20.0))
+    return places, velocities, spins
+
+
+def recorded(scene, start, **options) -> Any:
+    """Returns the recorded shot of a start."""
+    spins = start[2] if scene.physics.motion == "sliding" else None
+    shot = simulate(scene, start[0], start[1], spins=spins, record=True, **options)
+    assert shot.events is not None
+    return shot
+
+
+def tangent_of(name, scene, rng):
+    """Returns a random tangent of an input; that of a velocity or a spin is zero for balls at rest."""
+    n = scene.n_balls
+    shape = {"positions": (n, 2), "velocities": (n, 2), "spins": (n, 3), "radius": (n,), "mass": (n,)}.get(name, ())
+    tangent = rng.uniform(0.5, 1.0, shape)
+    if name in ("velocities", "spins"):
+        tangent[1:] = 0.0
+    if name == "mass":
+        tangent[np.isinf(scene.balls.mass)] = 0.0
+    return tangent if shape else float(tangent)
 
 
 def changed_world(change):

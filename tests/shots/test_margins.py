@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.shots.gradients import MARGINS
-from tests.helpers.derivatives import aimed
-from tests.shots.test_gradients import SCENES, recorded, start_of, tangent_of
+from tests.helpers.derivatives import SCENES, aimed, recorded, start_of, tangent_of
 
 ALL = {**SCENES, "pool": Scene.named("pool", 2)}
 KINDS = dict(zip(MARGINS, ("ball_ball", "pocket", "cushion"), strict=True))
