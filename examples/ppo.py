@@ -5,12 +5,11 @@
 The environment is `Billiards-v0` with its default arguments: the observation is the positions of the cue ball and of
 one object ball, and the action is the velocity of the cue ball. An episode is one shot, so the advantage of a shot is
 its success minus the value of the layout. A success is a pot without a scratch. (The reward of the environment is 0.9
-for a pot with a scratch, so a policy that maximises it scratches more.) The program needs PyTorch and no library of
-algorithms.
+for a pot with a scratch, so a policy that maximises it scratches more.)
 
 The policy is a mixture of Gaussians over the velocity (`Mixture`). Each component aims at a point next to the object
-ball. The place of this point depends on the object ball alone, and a network learns it. Another network chooses the
-component and its speed. The program contains no pockets, cut angles or ghost balls.
+ball. A network learns this point from the position of the object ball alone. Another network chooses the component and
+its speed. The program contains no pockets, cut angles or ghost balls.
 
 Sources: Schulman et al., Proximal Policy Optimization Algorithms (2017); Huang et al., CleanRL (2022), for the form.
 """
@@ -33,6 +32,8 @@ from torch import Tensor, nn
 
 from billiards_env.evaluation import evaluation_seeds, play_together
 
+ENV_ID = "billiards_env:Billiards-v0"
+
 
 def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     """Returns the settings of a run."""
@@ -44,15 +45,15 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--envs", type=int, default=4096, help="environments, which are the shots of one update")
     add("--minibatch", type=int, default=1024)
     add("--epochs", type=int, default=4, help="passes over the shots of an update")
-    add("--points", type=int, default=10, help="points to aim at; each has a Gaussian for each range of speeds")
-    add("--speeds", type=float, nargs="+", default=(0.1, 0.2, 0.4, 0.8), help="borders of the ranges of mean speeds")
-    add("--hidden", type=int, default=256, help="units of each of the two hidden layers of the choice")
+    add("--points", type=int, default=16, help="points to aim at; each has a Gaussian for each range of speeds")
+    add("--speeds", type=float, nargs="+", default=(0.2, 0.4, 0.8), help="borders of the ranges of mean speeds")
+    add("--hidden", type=int, default=128, help="units of each of the two hidden layers of the choice")
     add("--rate", type=float, default=2e-3, help="learning rate at the start; falls linearly to a hundredth")
     add("--clip", type=float, default=0.2, help="largest change of a probability, as a share")
-    add("--entropy", type=float, nargs=2, default=(0.02, 0.001), help="first and last weight of the choice's entropy")
+    add("--entropy", type=float, nargs=2, default=(0.03, 0.003), help="first and last weight of the choice's entropy")
     add("--std-speed", type=float, nargs=2, default=(0.1, 0.03), help="first and last std of the speed")
     add("--std-aim", type=float, nargs=2, default=(0.025, 0.0015), help="first and last std of the point aimed at, m")
-    add("--until", type=float, default=0.4, help="share of the shots after which the stds are the last ones")
+    add("--until", type=float, default=0.4, help="share of the shots after which the last three are constant")
     add("--evaluate-every", type=lambda text: int(float(text)), default=250_000, help="shots between two evaluations")
     add("--episodes", type=int, default=10_000, help="new layouts of an evaluation")
     add("--policy", type=Path, help="file for the weights")
@@ -126,9 +127,10 @@ class Policy(nn.Module):
         half_extents: Half the length and half the width of the table, m: the units of the observation.
         points: The number of points to aim at.
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
-        hidden: Units of each hidden layer of the choice; the other networks have half as many or fewer.
+        hidden: Units of each hidden layer of the choice; the other networks have half as many.
     """
 
+    half_extents: Tensor
     CIRCLE = 0.05
     """m: radius of the circle around the object ball on which the points are before the training."""
 
@@ -140,26 +142,30 @@ class Policy(nn.Module):
         self.register_buffer("slowest", borders[:-1].repeat_interleave(points))
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        self.points = network(2, hidden // 4, 2 * points, 0.02)
-        self.choice = network(4, hidden, 2 * points * ranges, 0.02)
-        self.critic = network(4, hidden // 4, 1)
-        self.ranges, self.std = ranges, (1.0, 1.0)  # the stds are those of the speed and of the aim
+        self.points = network(2, hidden // 2, 2 * points, 0.02)
+        self.choice = network(8, hidden, 2 * points * ranges, 0.02)
+        self.critic = network(8, hidden // 2, 1)
+        self.ranges = ranges
+        self.std = 1.0, 1.0  # of the speed, over the largest, and of the point aimed at, m
 
     def forward(self, observations: Tensor) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for observations (m, 4)."""
         signs = torch.where(observations[:, 2:] < 0, -1.0, 1.0)
         layout = observations * signs.repeat(1, 2)
         cue_ball, ball = layout.chunk(2, 1)
+        to_ball = (ball - cue_ball) * self.half_extents
+        distance = to_ball.norm(dim=1, keepdim=True)
+        features = torch.cat((layout, to_ball / distance, distance, 1 / (distance + 0.1)), 1)
         offset = self.first_points + self.CIRCLE * self.points(ball).unflatten(1, (2, -1))
-        dx, dy = (((ball - cue_ball) * self.half_extents)[:, :, None] + offset).unbind(1)
+        dx, dy = (to_ball[:, :, None] + offset).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
         dx, dy, inverse = (part.repeat(1, self.ranges) for part in (dx, dy, inverse))
-        logit, faster = self.choice(layout).chunk(2, 1)
+        logit, faster = self.choice(features).chunk(2, 1)
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
-        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0]), self.critic(layout)[:, 0]
+        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0]), self.critic(features)[:, 0]
 
 
 def update(
@@ -170,7 +176,7 @@ def update(
         for rows in torch.randperm(len(batch[0])).split(args.minibatch):
             observations, velocities, log_densities, values, rewards = (part[rows] for part in batch)
             mixture, value = policy(observations)
-            advantages = rewards - values
+            advantages = (rewards - values) / values.clamp(0.1, 1.0)  # the gradient of the logarithm of the success
             advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
             ratio = (mixture.log_density(velocities) - log_densities).exp()
             gain = torch.min(advantages * ratio, advantages * ratio.clamp(1 - args.clip, 1 + args.clip)).mean()
@@ -197,11 +203,9 @@ def train(args: argparse.Namespace) -> Policy:
     torch.manual_seed(args.seed)
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise
-    envs, tests = (
-        gym.make_vec("billiards_env:Billiards-v0", num_envs=number, threads=args.threads)
-        for number in (args.envs, args.episodes)
-    )
-    policy = Policy(envs.unwrapped.single_env.scene.half_extents, args.points, args.speeds, args.hidden)
+    envs, tests = (gym.make_vec(ENV_ID, num_envs=number, threads=args.threads) for number in (args.envs, args.episodes))
+    half_extents = gym.make(ENV_ID).unwrapped.scene.half_extents  # pyright: ignore
+    policy = Policy(half_extents, args.points, args.speeds, args.hidden)
     optimizer = torch.optim.Adam(policy.parameters(), eps=1e-5, fused=True)
     observations = torch.from_numpy(envs.reset(seed=args.seed * args.envs)[0])
     done, evaluations, seconds = 0, 0, 0.0
@@ -209,7 +213,9 @@ def train(args: argparse.Namespace) -> Policy:
         begin = time.perf_counter()
         share = done / args.shots
         part = min(share / args.until, 1.0)
-        policy.std = tuple(first * (last / first) ** part for first, last in (args.std_speed, args.std_aim))
+        schedules = args.entropy, args.std_speed, args.std_aim
+        entropy, *std = (first * (last / first) ** part for first, last in schedules)
+        policy.std = std[0], std[1]
         for group in optimizer.param_groups:
             group["lr"] = args.rate * (1 - 0.99 * share)
         with torch.no_grad():
@@ -218,23 +224,17 @@ def train(args: argparse.Namespace) -> Policy:
             log_densities = mixture.log_density(velocities)
         following, _, _, _, infos = envs.step(velocities.clamp(-1, 1).numpy())
         rewards = torch.from_numpy(infos["final_info"]["is_success"]).float()
-        entropy = args.entropy[0] + (args.entropy[1] - args.entropy[0]) * share
         update(policy, optimizer, (observations, velocities, log_densities, values, rewards), entropy, args)
         observations = torch.from_numpy(following)
         done += args.envs
         seconds += time.perf_counter() - begin
         if done >= args.shots or done // args.evaluate_every > evaluations:
             evaluations = done // args.evaluate_every
-            line = {
-                "shots": done,
-                "success": success(policy, tests, args.seed),
-                "exploring": rewards.mean().item(),
-                "seconds": round(seconds, 1),
-                "seed": args.seed,
-            }
+            rate = success(policy, tests, args.seed)
             print(
-                f"{done:>11,} shots, {seconds:5.0f} s, success {line['success']:.1%}, exploring {line['exploring']:.1%}"
+                f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}", flush=True
             )
+            line = {"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 1)}
             if args.log:
                 with args.log.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(line) + "\n")

@@ -1,18 +1,17 @@
 """The program `examples/ppo.py`."""
 
-import importlib.util
 import json
 import math
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 torch = pytest.importorskip("torch")
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "ppo.py"
-SPEC = importlib.util.spec_from_file_location("examples_ppo", PATH)
-ppo = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(ppo)
+ppo = SimpleNamespace(**runpy.run_path(str(PATH)))
 
 
 @pytest.fixture(autouse=True)
