@@ -276,13 +276,14 @@ def calibrate(
             break
         if not rows.used.any():
             raise ValueError(f"shots: no row is within {cut * scale:.2g} m of a path: expected tracks in this scene")
-        starts, _ = fit.settle(scene, starts, rows, "soft_l1", noise)
+        starts = fit.settle_sides(scene, starts, rows, "soft_l1", noise)
         starts = fitted("soft_l1", _EVALUATIONS).starts
         size, _ = _judged(scene, starts, rows, np.inf)
         scale = max(noise, float(np.median(size[rows.used])) / 1.1774)  # of Gaussian noise in two coordinates
         if progress is not None:
             text = ", ".join(f"{name} {value:.5g}" for name, value in zip(names, numbers, strict=True))
             progress(f"round {number + 1}: {rows.used.sum()} of {rows.seen.sum()} rows, {text}")
+    starts = fit.settle_sides(scene, starts, rows, "linear", noise)
     problem = fitted("linear", 10 * _EVALUATIONS)
     starts = problem.starts
     covariance, variance, freedom = _covariance(problem, numbers, rows, names)

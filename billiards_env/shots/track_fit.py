@@ -272,6 +272,23 @@ def settle(
     return starts, cost
 
 
+def settle_sides(scene: Scene, starts: Floats, rows: Rows, loss: str, noise: float) -> Floats:
+    """Fits the starts of shots as `settle` does, also from other side spins of the cue ball, and returns the best.
+
+    The loss has several minima over the side spin: the ball may slip or stick at each of its contacts.
+    """
+    m, radius = len(starts), scene.balls.radius[0]
+    free = np.isnan(rows.known[:, -1]) & (scene.physics.motion == "sliding")
+    if not free.any():
+        return settle(scene, starts, rows, loss, noise)[0]
+    tried = np.repeat(starts[:, None], 1 + len(_SIDES), axis=1)
+    speeds = np.hypot(*starts[:, -5:-3].T)
+    tried[free, 1:, -1] = np.array(_SIDES) * speeds[free, None] / radius
+    shot = np.repeat(np.arange(m), tried.shape[1])
+    ends, losses = settle(scene, tried.reshape(len(shot), -1), rows.of(shot), loss, noise)
+    return ends.reshape(tried.shape)[np.arange(m), losses.reshape(m, -1).argmin(axis=1)]
+
+
 def _scale(normal: Floats) -> Floats:
     """Returns the norms of the columns for normal equations (m, d, d); 1 for a column of zeros."""
     size = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
