@@ -354,7 +354,7 @@ def version() -> None:
 
 def cache(clear: bool) -> None:
     """Runs the command `cache`."""
-    from billiards_env.jit.decorators import cache_folder
+    from billiards_env.jit.folders import cache_folder
 
     current = cache_folder()
     if current is None:

@@ -14,7 +14,7 @@ from billiards_env.engine.modes import MODES
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.games import Setup, Stroke, opening, records
 from billiards_env.games.game import History
-from billiards_env.jit import decorators as jit
+from billiards_env.jit.folders import source_hash
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records
@@ -144,7 +144,7 @@ def test_version_lists_the_packages(capsys):
 
 def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder, old = tmp_path / f"kernels-{jit.source_hash()}", tmp_path / ("kernels-" + "0" * 16)
+    folder, old = tmp_path / f"kernels-{source_hash()}", tmp_path / ("kernels-" + "0" * 16)
     for each in (folder, old, tmp_path / "kernels-of-others"):
         each.mkdir()
         (each / "code.nbc").write_bytes(bytes(1_500_000))

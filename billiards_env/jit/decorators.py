@@ -8,81 +8,70 @@ dispatcher, so `pyproject.toml` has an upper bound on its version.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
-import re
 import sys
-import tempfile
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numba.core import config as _numba_config
-from numba.core.caching import FunctionCache as _FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
 from numba.core.registry import CPUDispatcher
 
 from billiards_env.jit.compiler import Kernel, ShortCompiler
+from billiards_env.jit.folders import cache_folder, shipped_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_PACKAGE = Path(__file__).resolve().parent.parent
-_IMPORT = re.compile(r"^from billiards_env\.([\w.]+) import", re.MULTILINE)
-
-
-def kernel_sources() -> list[Path]:
-    """Returns the files of the package that import `billiards_env.jit`, and all files that they import."""
-    imports: dict[Path, set[Path]] = {}
-    for path in _PACKAGE.rglob("*.py"):
-        modules = [_PACKAGE.joinpath(*name.split(".")) for name in _IMPORT.findall(path.read_text(encoding="utf-8"))]
-        imports[path] = {m / "__init__.py" if m.is_dir() else m.with_suffix(".py") for m in modules}
-    found = [path for path in imports if _PACKAGE / "jit" / "__init__.py" in imports[path]]
-    for path in found:
-        found += [other for other in imports[path] if other in imports and other not in found]
-    return sorted(found)
-
-
-def source_hash() -> str:
-    """Returns a hash of the source of all kernels and of the constants that they import.
-
-    Numba's cache checks only the file of the function that it stores, not those of the functions that it calls.
-    """
-    return hashlib.sha256(b"".join(path.read_bytes() for path in kernel_sources())).hexdigest()[:16]
-
-
-def _writable(folder: Path) -> bool:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
-
-
-def cache_folder() -> Path | None:
-    """Returns the folder of the compiled code, or None if no folder is writable.
-
-    It is the first writable one of these: the environment variable `NUMBA_CACHE_DIR`, the package's `__pycache__`, the
-    user's cache folder. Warns if there is none, or if the variable is set and its folder is not writable.
-    """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "billiards_env"
-    folders = [*([Path(chosen)] if chosen else []), _PACKAGE / "__pycache__", user]
-    name = f"kernels-{source_hash()}"
-    found = next((folder / name for folder in folders if _writable(folder / name)), None)
-    if found is None or (chosen and found.parent != Path(chosen)):
-        so = f"billiards_env writes its compiled code to {found}" if found else "every process compiles billiards_env"
-        message = f"NUMBA_CACHE_DIR = {chosen!r}: expected a folder that can be written; {so}"
-        warnings.warn(message, RuntimeWarning, stacklevel=2)
-    return found
-
-
-_FOLDER = cache_folder()
+_FOLDER, _SHIPPED = cache_folder(), shipped_folder()
 _config: Any = _numba_config  # numba defines its attributes at run time
+GENERIC = "generic", ""  # NUMBA_CPU_NAME and the CPU features of the code in the package
 
 
-class _Cache(_FunctionCache):
-    """The files with the machine code of a function. They save all later processes the first compile, 18 s."""
+class _Locator(UserProvidedCacheLocator):
+    """The folder of the files of a function, and a hash of its source. The folder may be missing."""
+
+    def __init__(self, py_func: Any, py_file: str) -> None:
+        self._py_file, self._lineno = py_file, py_func.__code__.co_firstlineno
+        self._cache_path = os.path.join(_FOLDER or "", self.get_suitable_cache_subpath(py_file))
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> _Locator:
+        return cls(py_func, py_file)
+
+
+class _Files(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class _Cache(FunctionCache):
+    """The files with the machine code of a function. They save all later processes the first compile, 18 s.
+
+    The code of the user's cache comes first, because it is for this CPU, and then that of the package.
+    """
+
+    _impl_class = _Files
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = super()._load_overload(sig, target_context) if _FOLDER else None
+        if found is not None or not _SHIPPED or _config.CPU_NAME or not self._enabled:
+            return found
+        signature, (triple, *_), code = self._index_key(sig, target_context.codegen())
+        folder = str(_SHIPPED / Path(self._py_func.__code__.co_filename).parent.name)
+        files = IndexDataCacheFile(folder, self._impl.filename_base, self._impl.locator.get_source_stamp())
+        try:
+            shipped = files.load((signature, (triple, *GENERIC), code))
+            return None if shipped is None else self._impl.rebuild(target_context, shipped)
+        except Exception as error:
+            self._print_discarded(folder, error)
+
+    def _save_overload(self, sig: Any, data: Any) -> None:
+        if _FOLDER:
+            super()._save_overload(sig, data)
+
+    def _print_discarded(self, folder: str, error: Exception) -> None:
+        code = f"the compiled code of {self._py_func.__qualname__} in {folder}"
+        print(f"billiards_env: discards {code} ({error!r})", file=sys.stderr)
 
     @contextlib.contextmanager
     def _guard_against_spurious_io_errors(self) -> Iterator[None]:
@@ -91,8 +80,7 @@ class _Cache(_FunctionCache):
             with super()._guard_against_spurious_io_errors():
                 yield
         except Exception as error:  # unpickling half a file may raise any exception
-            code = f"the compiled code of {self._py_func.__qualname__} in {self.cache_path}"
-            print(f"billiards_env: discards {code} ({error!r})", file=sys.stderr)
+            self._print_discarded(self.cache_path, error)
             with contextlib.suppress(OSError):
                 self.flush()
 
@@ -102,14 +90,8 @@ class EntryPoint(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, targetoptions, ShortCompiler)
-        if _FOLDER is not None:
-            # Numba reads the folder when it creates the cache. Other packages keep their own folder.
-            before = _config.CACHE_DIR
-            _config.CACHE_DIR = str(_FOLDER)
-            try:
-                self._cache = _Cache(py_func)
-            finally:
-                _config.CACHE_DIR = before
+        if _FOLDER or _SHIPPED:
+            self._cache = _Cache(py_func)
 
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:

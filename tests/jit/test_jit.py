@@ -13,7 +13,7 @@ import pytest
 from numba.core.codegen import JITCPUCodegen
 from numba.core.errors import TypingError
 
-from billiards_env.jit import compiler
+from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
 from billiards_env.physics import motion
 
@@ -33,7 +33,7 @@ def package(tmp_path, monkeypatch):
     )
     (tmp_path / "constants.py").write_text("GAP = 1\n")
     (tmp_path / "other.py").write_text("from billiards_env import Scene\n")
-    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    monkeypatch.setattr(folders, "_PACKAGE", tmp_path)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
     return tmp_path
@@ -83,26 +83,26 @@ def compiled(function: Any) -> Any:
 
 @pytest.mark.parametrize("name", ["jit/decorators.py", "kernels.py", "engine.py", "constants.py"])
 def test_every_edit_of_a_kernel_or_its_constants_changes_the_hash(package, name):
-    before = jit.source_hash()
-    assert jit.source_hash() == before
+    before = folders.source_hash()
+    assert folders.source_hash() == before
     with (package / name).open("a") as file:
         file.write("# more\n")
-    assert jit.source_hash() != before
+    assert folders.source_hash() != before
 
 
 def test_a_new_module_of_kernels_changes_the_hash_and_other_files_do_not(package):
-    before = jit.source_hash()
+    before = folders.source_hash()
     (package / "other.py").write_text("x = 2\n")
     (package / "jit" / "notes.txt").write_text("x")
-    assert jit.source_hash() == before
+    assert folders.source_hash() == before
     (package / "more.py").write_text("from billiards_env.jit import kernel\n")
-    assert jit.source_hash() != before
+    assert folders.source_hash() != before
 
 
 def test_every_module_with_a_decorator_is_hashed():
     """A module that uses a decorator has it, or `jit`, in its namespace, whatever the form of its import."""
     decorators = [*KERNELS, jit.entry_point, jit.allocating_entry_point]
-    hashed = jit.kernel_sources()
+    hashed = folders.kernel_sources()
     for path in (ROOT / "billiards_env").resolve().rglob("*.py"):
         if path.name == "__init__.py":  # has its submodules in its namespace, and no functions
             continue
@@ -113,29 +113,29 @@ def test_every_module_with_a_decorator_is_hashed():
 
 
 def test_the_cache_folder_is_the_selected_one_or_in_the_package(package, monkeypatch, tmp_path):
-    name = f"kernels-{jit.source_hash()}"
-    assert jit.cache_folder() == package / "__pycache__" / name
+    name = f"kernels-{folders.source_hash()}"
+    assert folders.cache_folder() == package / "__pycache__" / name
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
-    assert jit.cache_folder() == tmp_path / "given" / name
+    assert folders.cache_folder() == tmp_path / "given" / name
 
 
 def test_a_selected_folder_that_cannot_be_written_is_replaced_with_a_warning(package, monkeypatch, tmp_path):
     (tmp_path / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
     with pytest.warns(RuntimeWarning, match=r"NUMBA_CACHE_DIR = .*file': expected a folder that can be written"):
-        assert jit.cache_folder() == package / "__pycache__" / f"kernels-{jit.source_hash()}"
+        assert folders.cache_folder() == package / "__pycache__" / f"kernels-{folders.source_hash()}"
 
 
 def test_the_user_s_cache_replaces_a_package_folder_that_cannot_be_written(package):
     (package / "__pycache__").touch()  # no folder can be made here
-    assert jit.cache_folder() == package / "user" / "billiards_env" / f"kernels-{jit.source_hash()}"
+    assert folders.cache_folder() == package / "user" / "billiards_env" / f"kernels-{folders.source_hash()}"
 
 
 def test_functions_compile_without_a_cache_folder_with_a_warning(package, monkeypatch):
     (package / "__pycache__").touch()
     (package / "user").touch()
     with pytest.warns(RuntimeWarning, match="NUMBA_CACHE_DIR = None: expected a folder that can be written; every"):
-        assert jit.cache_folder() is None
+        assert folders.cache_folder() is None
     monkeypatch.setattr(jit, "_FOLDER", None)
     assert jit.entry_point(double)(3) == 6
 

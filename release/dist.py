@@ -1,0 +1,181 @@
+"""Builds the source archive and the wheel, and tries them in empty environments: `python -m release.dist`.
+
+The wheel has the machine code of the environments in `release.shots`, for any CPU of this architecture and for this
+version of Python. Its tags are those of the installed numba, whose versions the code needs. The package uses the code
+only with the same versions (`billiards_env.jit.folders`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import email
+import importlib.metadata
+import json
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import venv
+from collections.abc import Iterable
+from pathlib import Path
+from time import time
+
+from benchmarks.start_up import FIRST_STEP
+from billiards_env.jit.decorators import GENERIC
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER_OF_CODE = (
+    "from billiards_env.jit import folders; print(folders.code_folder(), folders.cache_folder(), sep='\\n')"
+)
+
+
+def run(*command: str | Path, cwd: Path | None = None, **environment: str) -> str:
+    """Runs a command, without the paths of this environment, and returns what it prints.
+
+    Raises:
+        RuntimeError: If it fails. The message has its errors.
+    """
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "PYTHON", "BILLIARDS_"))} | environment
+    done = subprocess.run([str(part) for part in command], cwd=cwd, env=env, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(str(part) for part in command)}:\n{done.stdout[-2000:]}{done.stderr[-4000:]}")
+    return done.stdout
+
+
+def tags() -> list[str]:
+    """Returns the tags of the installed numba, such as "cp311-cp311-manylinux_2_27_x86_64"."""
+    wheel = importlib.metadata.distribution("numba").read_text("WHEEL") or ""
+    return email.message_from_string(wheel).get_all("Tag") or []
+
+
+def add_machine_code(package: Path, folder: Path) -> None:
+    """Compiles the environments of `release.shots` with the sources of an unpacked wheel, and adds the code to it.
+
+    Args:
+        package: The folder of the unpacked wheel.
+        folder: An empty folder for the cache of numba.
+    """
+    cpu, features = GENERIC
+    environment = {
+        "PYTHONPATH": str(package),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "NUMBA_CACHE_DIR": str(folder),
+        "NUMBA_CPU_NAME": cpu,
+        "NUMBA_CPU_FEATURES": features,
+    }
+    run(sys.executable, ROOT / "release" / "shots.py", cwd=folder, **environment)
+    code, cache = run(sys.executable, "-c", FOLDER_OF_CODE, cwd=folder, **environment).splitlines()
+    for path in Path(cache).rglob("*.nb[ci]"):
+        target = Path(code) / path.parent.name.rpartition("_")[0]  # numba adds a hash of the path of the source
+        target.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, target)
+
+
+def build(output: Path, folder: Path) -> tuple[Path, Path]:
+    """Builds the source archive, and the wheel from this archive. Returns their paths.
+
+    Args:
+        output: The folder for both.
+        folder: An empty folder for work.
+    """
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder / "built", ROOT, cwd=folder)
+    (archive,), (plain,) = (folder / "built").glob("*.tar.gz"), (folder / "built").glob("*.whl")
+    run(sys.executable, "-m", "wheel", "unpack", "--dest", folder, plain)
+    (package,) = folder.glob("billiards_env-*")
+    (folder / "cache").mkdir()
+    add_machine_code(package, folder / "cache")
+    (metadata,) = package.glob("*.dist-info/WHEEL")
+    text = re.sub(r"(?m)^(Tag|Root-Is-Purelib): .*\n", "", metadata.read_text(encoding="utf-8")).rstrip()
+    lines = [text, "Root-Is-Purelib: false", *(f"Tag: {tag}" for tag in tags())]
+    metadata.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "packed").mkdir()
+    run(sys.executable, "-m", "wheel", "pack", "--dest-dir", folder / "packed", package)
+    (wheel,) = (folder / "packed").glob("*.whl")
+    output.mkdir(parents=True, exist_ok=True)
+    archive, wheel = (Path(shutil.copy(path, output)) for path in (archive, wheel))
+    return archive, wheel
+
+
+def install(file: Path, extra: str, folder: Path) -> Path:
+    """Installs an archive or a wheel with one extra ("" for none) in a new virtual environment. Returns its Python."""
+    venv.create(folder, with_pip=True)
+    python = folder / "bin" / "python"
+    what = f"billiards-env[{extra}] @ {file.resolve().as_uri()}" if extra else file.resolve()
+    run(python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", what, cwd=folder)
+    return python
+
+
+def start(python: Path, folder: Path, **environment: str) -> float:
+    """Returns the time from the start of a process to the end of its first `env.step`, s."""
+    begin = time()
+    return json.loads(run(python, "-c", FIRST_STEP, cwd=folder, **environment))[-1] - begin
+
+
+def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, float]:
+    """Installs the wheel alone, and measures the first step with its machine code and with code of this machine.
+
+    Returns:
+        The times in seconds: that of the first start, which writes Python's bytecode, the median of the next ones, and
+        that of a start that compiles.
+
+    Raises:
+        RuntimeError: If the wheel's code and newly compiled code give different results, or if the first is not used.
+    """
+    python, cache, fresh = install(wheel, "", folder / "venv"), folder / "none", folder / "fresh"
+    times = {"first start": start(python, folder, NUMBA_CACHE_DIR=str(cache))}
+    later = [start(python, folder, NUMBA_CACHE_DIR=str(cache)) for _ in range(repeats)]
+    times["later starts, median"] = statistics.median(later)
+    times["compiling"] = start(python, folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1")
+    shots = python, ROOT / "release" / "shots.py"
+    shipped = run(*shots, cwd=folder, NUMBA_CACHE_DIR=str(cache))
+    if list(cache.rglob("*.nb[ci]")):
+        raise RuntimeError(f"{wheel.name}: expected the machine code of all common environments")
+    if run(*shots, cwd=folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1") != shipped:
+        raise RuntimeError(f"{wheel.name}: expected the same results as those of newly compiled code")
+    return times
+
+
+def try_quick_start(files: Iterable[Path], extras: Iterable[str], folder: Path) -> None:
+    """Runs the Python of `docs/quickstart.md` with each file and each extra, in new virtual environments."""
+    page = (ROOT / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    code = "\n".join(re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL))
+    for file in files:
+        for extra in extras:
+            with tempfile.TemporaryDirectory(dir=folder) as inner:
+                python = install(file, extra, Path(inner) / "venv")
+                run(python, "-c", code, cwd=Path(inner))
+            print(f"{file.name}[{extra}]: the quick start runs", flush=True)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m release.dist --help`."""
+    parser = argparse.ArgumentParser(prog="python -m release.dist", description="Build and try the distributions.")
+    parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of both (default: dist)")
+    parser.add_argument("--repeats", type=int, default=5, help="starts to measure (default: %(default)s)")
+    parser.add_argument(
+        "--extras", nargs="*", default=[], metavar="EXTRA", help="run the quick start with these extras"
+    )
+    args = parser.parse_args(arguments)
+    if args.repeats < 1:
+        parser.error(f"--repeats = {args.repeats}: expected at least 1")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        try:
+            files = build(args.output, folder)
+            for file in files:
+                print(f"{file}: {file.stat().st_size / 1e6:.1f} MB", flush=True)
+            times = try_wheel(files[1], folder, args.repeats)
+            print("from the start of a process to the end of the first env.step, wheel alone:")
+            for what, seconds in times.items():
+                print(f"  {what}: {seconds:.1f} s")
+            print("results: the same bits as newly compiled code", flush=True)
+            try_quick_start(files, args.extras, folder)
+        except RuntimeError as error:
+            sys.exit(f"error: {error}")
+
+
+if __name__ == "__main__":
+    main()
