@@ -15,7 +15,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test pythons docs stress lint bench results study rllib figures format clean
+.PHONY: help train play test pythons docs dist ci smoke stress lint bench results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -39,6 +39,15 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 
 docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+
+dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
+	$(BIN)/python -m release.dist
+
+ci: test pythons docs smoke dist  ## what .github/workflows/ci.yml runs, on this machine
+
+smoke: $(INSTALLED)  ## measure a little, to see that the benchmarks run
+	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json
+	$(BIN)/python -m benchmarks.vector --repeats 1 --output build/vector.json
 
 stress: $(INSTALLED)  ## the slow tests, and ten million random shots, every event checked (20 minutes)
 	$(BIN)/pytest -n 2 --dist worksteal -q -m slow

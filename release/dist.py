@@ -14,7 +14,6 @@ import json
 import os
 import re
 import shutil
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -22,11 +21,15 @@ import venv
 from collections.abc import Iterable
 from pathlib import Path
 from time import time
+from typing import Any
 
+from benchmarks import machine, machine_line, report, table
 from benchmarks.start_up import FIRST_STEP
 from billiards_env.jit.decorators import GENERIC
+from release.shots import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "release" / "results" / "dist.json"
 FOLDER_OF_CODE = (
     "from billiards_env.jit import folders; print(folders.code_folder(), folders.cache_folder(), sep='\\n')"
 )
@@ -108,27 +111,30 @@ def install(file: Path, extra: str, folder: Path) -> Path:
     return python
 
 
-def start(python: Path, folder: Path, **environment: str) -> float:
-    """Returns the time from the start of a process to the end of its first `env.step`, s."""
-    begin = time()
-    return json.loads(run(python, "-c", FIRST_STEP, cwd=folder, **environment))[-1] - begin
+def start(python: Path, folder: Path, **environment: str) -> tuple[float, float]:
+    """Returns the time from the start of a process to the end of its first `env.step`, and its processor time, s."""
+    before, begin = sum(os.times()[2:4]), time()
+    end = json.loads(run(python, "-c", FIRST_STEP, cwd=folder, **environment))[-1]
+    return end - begin, sum(os.times()[2:4]) - before
 
 
-def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, float]:
+def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float, float]]:
     """Installs the wheel alone, and measures the first step with its machine code and with code of this machine.
 
     Returns:
-        The times in seconds: that of the first start, which writes Python's bytecode, the median of the next ones, and
-        that of a start that compiles.
+        The times of `start`: of the first start, in which the bytecode of all packages may be compiled, the median of
+        the next ones, and of a start that compiles the kernels.
 
     Raises:
         RuntimeError: If the wheel's code and newly compiled code give different results, or if the first is not used.
     """
     python, cache, fresh = install(wheel, "", folder / "venv"), folder / "none", folder / "fresh"
-    times = {"first start": start(python, folder, NUMBA_CACHE_DIR=str(cache))}
+    times = {"first start after the installation": start(python, folder, NUMBA_CACHE_DIR=str(cache))}
     later = [start(python, folder, NUMBA_CACHE_DIR=str(cache)) for _ in range(repeats)]
-    times["later starts, median"] = statistics.median(later)
-    times["compiling"] = start(python, folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1")
+    times["later starts"] = sorted(later)[repeats // 2]
+    times["with BILLIARDS_ENV_COMPILE=1, first start"] = start(
+        python, folder, NUMBA_CACHE_DIR=str(fresh), BILLIARDS_ENV_COMPILE="1"
+    )
     shots = python, ROOT / "release" / "shots.py"
     shipped = run(*shots, cwd=folder, NUMBA_CACHE_DIR=str(cache))
     if list(cache.rglob("*.nb[ci]")):
@@ -150,10 +156,23 @@ def try_quick_start(files: Iterable[Path], extras: Iterable[str], folder: Path) 
             print(f"{file.name}[{extra}]: the quick start runs", flush=True)
 
 
+def blocks(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the results as Markdown, by name."""
+    files = " and ".join(f"{what} ({size / 1e6:.1f} MB)" for what, size in result["bytes"].items())
+    rows = [(what, *(f"{s:.1f}" for s in both)) for what, both in result["seconds"].items()]
+    same = "The wheel's machine code and newly compiled code give the same bits"
+    return {
+        "machine": machine_line(result["machine"]),
+        "files": f"It makes {files}. {same} in {result['environments']} environments.",
+        "times": table(("start, wheel alone", "s", "processor s"), rows),
+    }
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m release.dist --help`."""
     parser = argparse.ArgumentParser(prog="python -m release.dist", description="Build and try the distributions.")
     parser.add_argument("--output", type=Path, default=ROOT / "dist", help="folder of both (default: dist)")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="JSON file of the measured times")
     parser.add_argument("--repeats", type=int, default=5, help="starts to measure (default: %(default)s)")
     parser.add_argument(
         "--extras", nargs="*", default=[], metavar="EXTRA", help="run the quick start with these extras"
@@ -165,13 +184,15 @@ def main(arguments: list[str] | None = None) -> None:
         folder = Path(name)
         try:
             files = build(args.output, folder)
-            for file in files:
-                print(f"{file}: {file.stat().st_size / 1e6:.1f} MB", flush=True)
-            times = try_wheel(files[1], folder, args.repeats)
-            print("from the start of a process to the end of the first env.step, wheel alone:")
-            for what, seconds in times.items():
-                print(f"  {what}: {seconds:.1f} s")
-            print("results: the same bits as newly compiled code", flush=True)
+            print(*files, sep="\n", flush=True)
+            sizes = [file.stat().st_size for file in files]
+            result = {
+                "machine": machine(),
+                "bytes": dict(zip(("the source archive", "a wheel"), sizes, strict=True)),
+                "environments": len(ENVIRONMENTS),
+                "seconds": try_wheel(files[1], folder, args.repeats),
+            }
+            report(result, blocks, args.results)
             try_quick_start(files, args.extras, folder)
         except RuntimeError as error:
             sys.exit(f"error: {error}")

@@ -30,6 +30,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
+from release import dist
 from studies import gradient_timestep, learn_by_gradient, plain, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -43,6 +44,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "calibration": ("benchmarks.calibration", calibration.blocks),
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "differentiable": ("benchmarks.differentiable", differentiable.blocks),
+    "dist": ("release.dist", dist.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "gradient_timestep": ("studies.gradient_timestep", gradient_timestep.blocks),

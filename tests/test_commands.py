@@ -22,7 +22,7 @@ import pytest
 from studies import readme
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "studies")
+PACKAGES = ("agents", "benchmarks", "billiards_env", "reference", "release", "studies")
 COMMANDS = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__main__")
     for package in PACKAGES
@@ -48,6 +48,8 @@ TESTED = {
     "benchmarks.differentiable_worker": "benchmarks/test_differentiable.py",
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
+    "release.dist": "release/test_dist.py",
+    "release.shots": "release/test_dist.py",
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",

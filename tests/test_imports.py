@@ -25,6 +25,6 @@ def test_no_test_module_imports_a_test_module():
 
 def test_only_tests_import_tests():
     root = TESTS.parent
-    for package in ("agents", "benchmarks", "billiards_env", "reference", "studies"):
+    for package in ("agents", "benchmarks", "billiards_env", "reference", "release", "studies"):
         for path in (root / package).rglob("*.py"):
             assert all(name.split(".")[0] != "tests" for name in imported(path)), path

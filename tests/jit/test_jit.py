@@ -202,6 +202,92 @@ def test_a_cache_that_cannot_be_written_prints_a_line_and_the_call_succeeds(cach
     assert "disk full" in line
 
 
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda patch: None, True),
+        (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "0"), True),
+        (lambda patch: patch.setenv("BILLIARDS_ENV_COMPILE", "1"), False),
+        (lambda patch: patch.setattr(folders.numba, "__version__", "0.0"), False),
+        (lambda patch: patch.setattr(folders.llvmlite, "__version__", "0.0"), False),
+        (lambda patch: patch.setattr(sys.implementation, "cache_tag", "cpython-30"), False),
+        (lambda patch: (folders._PACKAGE / "kernels.py").write_text("from billiards_env.jit import kernel"), False),
+    ],
+)
+def test_the_code_of_the_package_is_found_with_its_versions_and_its_source(package, monkeypatch, change, found):
+    assert folders.shipped_folder() is None
+    expected = folders.code_folder()
+    expected.mkdir(parents=True)
+    change(monkeypatch)
+    assert folders.shipped_folder() == (expected if found else None)
+
+
+def test_a_wrong_choice_of_code_is_rejected(package, monkeypatch):
+    monkeypatch.setenv("BILLIARDS_ENV_COMPILE", "yes")
+    with pytest.raises(ValueError, match="BILLIARDS_ENV_COMPILE = 'yes': expected '0' or '1'"):
+        folders.shipped_folder()
+
+
+@pytest.fixture
+def shipped(cache, tmp_path, monkeypatch):
+    """The folder of the package with the code of `double` for int64 and any CPU; `cache` is empty."""
+    monkeypatch.setattr(jit, "_SHIPPED", tmp_path / "shipped")
+    made: Any = jit.entry_point(double)
+    assert made(3) == 6
+    made = made._cache._cache_file
+    overloads = {(sig, (magic[0], *jit.GENERIC), code): name for (sig, magic, code), name in made._load_index().items()}
+    made._save_index(overloads)
+    (tmp_path / "shipped").mkdir()
+    (source,) = cache.iterdir()
+    source.rename(tmp_path / "shipped" / Path(__file__).parent.name)
+    return tmp_path / "shipped"
+
+
+def hits(number: float = 3) -> int:
+    """Returns the number of functions that a new `double` loads for a call."""
+    function: Any = jit.entry_point(double)
+    assert function(number) == 2 * number
+    return sum(function.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize("folder", [True, False])
+def test_the_code_of_the_package_is_used_also_without_a_cache_folder(shipped, cache, monkeypatch, folder):
+    if not folder:
+        monkeypatch.setattr(jit, "_FOLDER", None)
+    assert hits() == 1
+    assert list(cache.rglob("*.nb[ci]")) == []
+    assert hits(0.5) == 0  # not in the package
+    assert len(list(cache.rglob("*.nb[ci]"))) == 2 * folder
+    assert hits(0.5) == folder
+
+
+def test_the_cache_comes_before_the_code_of_the_package(shipped, monkeypatch, capsys):
+    with monkeypatch.context() as patch:
+        patch.setattr(jit, "_SHIPPED", None)
+        assert hits() == 0
+    for path in shipped.rglob("*.nb[ci]"):
+        path.write_bytes(b"")
+    assert hits() == 1
+    assert capsys.readouterr().err == ""
+
+
+def test_a_selected_cpu_does_not_use_the_code_of_the_package(shipped, monkeypatch):
+    monkeypatch.setattr(jit._config, "CPU_NAME", "znver3")
+    assert hits() == 0
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_damaged_code_of_the_package_is_replaced_in_the_cache_with_one_line(shipped, cache, capsys, suffix):
+    assert hits(0.5) == 0
+    (path,) = shipped.rglob(f"*.{suffix}")
+    path.write_bytes(path.read_bytes()[:40])
+    assert hits() == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"billiards_env: discards the compiled code of double in {shipped}")
+    assert hits() == hits(0.5) == 1
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("decorate", KERNELS)
 def test_only_the_callers_of_a_kernel_have_machine_code(decorate):
     """The function of a kernel and its wrapper for Python are compiled only if Python calls it."""
