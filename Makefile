@@ -41,7 +41,7 @@ docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, war
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
-	$(BIN)/python -m release.dist
+	$(BIN)/python -m release.dist --results build/dist.json
 
 ci: test pythons docs smoke dist  ## what .github/workflows/ci.yml runs, on this machine
 
@@ -72,6 +72,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m benchmarks.vector
 	$(BIN)/python -m benchmarks.start_up
+	$(BIN)/python -m release.dist
 	$(BIN)/python -m studies.readme
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)

@@ -43,6 +43,7 @@ COMMANDS = {
     "benchmarks.comparison": "compare run times and errors with pooltool and pymunk",
     "benchmarks.error_limit": "measure errors against the 50-digit reference",
     "benchmarks.stress": "check every event of ten million random shots",
+    "release.dist": "build the source archive and the wheel, and try them",
     "studies.readme": "write the measured tables into the documentation",
 }
 """Modules of the repository that run with `python -m`, and what they do."""

@@ -1,4 +1,4 @@
-"""Writes the measured tables into README.md and the pages in docs: `python -m studies.readme`.
+"""Writes the measured tables into README.md, the pages in docs and the paper: `python -m studies.readme`.
 
 A line `<!-- speed: shots -->` is followed by the block "shots" that `benchmarks.speed.blocks` makes from
 `benchmarks/results/speed.json`, up to a line `<!-- end -->`. The command replaces this block. It measures nothing, and
@@ -34,7 +34,7 @@ from release import dist
 from studies import gradient_timestep, learn_by_gradient, plain, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
 # By the name of the results: the command, and the function that makes the blocks.

@@ -1,0 +1,23 @@
+"""The workflow of continuous integration and `make ci` run the same targets."""
+
+import re
+
+import yaml
+
+from release.dist import ROOT
+
+WORKFLOW = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_the_workflow_runs_the_targets_of_make_ci():
+    lines = [step["run"] for job in WORKFLOW["jobs"].values() for step in job["steps"] if "run" in step]
+    assert all(line.startswith("make ") for line in lines)
+    (targets,) = re.findall(r"^ci: (.*?)  ##", MAKEFILE, re.MULTILINE)
+    assert sorted(line.split()[1] for line in lines) == sorted(targets.split())
+
+
+def test_the_matrices_have_the_pythons_of_the_makefile():
+    (pythons,) = re.findall(r"^PYTHONS := (.*)$", MAKEFILE, re.MULTILINE)
+    matrices = [job["strategy"]["matrix"]["python"] for job in WORKFLOW["jobs"].values() if "strategy" in job]
+    assert matrices == [pythons.split()] * 2
