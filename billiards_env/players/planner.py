@@ -1,14 +1,15 @@
 """A player that plans under execution noise: "planner:100ms", "planner:1s".
 
-A decision takes the given time on one core, also for the break and with the cue ball in hand. It has three parts:
+A decision takes the given time on one core, a break four times as long. It has three parts:
 
 * Candidates: pots by geometry (direct and off one cushion) from each place of the cue ball, with several speeds and
   offsets of the tip, and random shots.
 * Each candidate is simulated without errors, and those with the lowest values leave. The others are simulated with
-  random errors of direction and speed, and again the worse half leaves, until a few are left (sequential halving: Karnin,
-  Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits).
-* The value of an outcome is the probability to win from there, or the expected lead in points. It depends on the success
-  of the easiest pot from the balls as they lie: that of the player who shoots next.
+  random errors of direction and speed, and again the worse half leaves, until a few are left (sequential halving:
+  Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). The better ones are also tried
+  with the mean error of their better outcomes.
+* The value of an outcome is the probability to win from there, or the expected lead in points. It depends on the
+  success of the easiest pot from the balls as they lie: that of the player who shoots next.
 
 The size of the errors is known to the player, the errors of a shot are not.
 """
@@ -40,7 +41,7 @@ Ints = NDArray[np.int64]
 Noise = tuple[float, float]
 
 NOISE = (0.057, 0.02)
-"""The errors that a player expects if nothing else is known: standard deviations of direction, degrees, and speed, m/s."""
+"""The errors that a player expects if none are given: standard deviations of direction, degrees, and speed, m/s."""
 
 TIPS = ((0.0, 0.0), (0.0, 0.35), (0.0, -0.35), (0.35, 0.0), (-0.35, 0.0), (0.25, -0.25), (-0.25, -0.25))
 """The offsets of the tip that the planner tries: to the left and up, in ball radii."""
@@ -58,8 +59,9 @@ _CHUNK = 250  # shots between two looks at the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _TURN = 0.2  # random turn of a pot over its tolerance
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
+_KEPT, _KEPT_BREAKS = 0.25, 0.125  # share of the candidates after the first simulation
 _LONGER = 4.0  # budget of a break over that of another shot
-_WITHOUT = 0.45  # probability to win for a player without a pot, who plays safe
+_WITHOUT = 0.4  # probability to win for a player without a pot, who plays safe
 _BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
 _SCRATCH = 0.5  # share of the ease of a pot whose cue ball seems to drop at every speed
 _FLOOR = math.radians(0.03)  # error of a leave's pot in addition to the noise
@@ -130,7 +132,13 @@ class Shots(NamedTuple):
 
     def of(self, which: Any) -> Shots:
         """Returns some of the candidates."""
-        return Shots(*(array[which] for array in self))
+        arrays: Any = (array[which] for array in self)
+        return Shots(*arrays)
+
+    def and_also(self, others: Shots) -> Shots:
+        """Returns these candidates and others."""
+        arrays: Any = (np.concatenate(pair) for pair in zip(self, others, strict=True))
+        return Shots(*arrays)
 
 
 class Budget:
@@ -193,6 +201,7 @@ def plan(
     seconds: float = 0.1,
     shots: float = math.inf,
     noise: Noise = NOISE,
+    run_out: bool = False,
 ) -> Plan:
     """Returns the best shot that the planner finds.
 
@@ -204,62 +213,112 @@ def plan(
         seconds: Time of the decision, s; infinite for no limit.
         shots: Number of shots to simulate; infinite for no limit.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
+        run_out: Whether only a win without another turn of an opponent counts, in a game that is not won by points. The
+            value is then the probability of a run-out.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    values = Values(setup, game, max_speed, errors[0])
+    values = Values(setup, game, max_speed, errors[0], run_out)
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     every = _candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0])
 
-    # Without errors; the calls are those of the pots that happen.
-    exact, leaves = [], []
-    for first in range(0, len(every.velocities), _CHUNK):
-        if exact and budget.left < 2 * budget.used:
-            break
-        part = every.of(slice(first, first + _CHUNK))
+    # Without errors. The calls of random shots are those of the pots that happen.
+    exact = np.empty(0)
+    while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
+        part = every.of(slice(len(exact), len(exact) + _CHUNK))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
-        exact.append(values.of(played))
-        leaves.append(played.positions)
-    exact, leaves = np.concatenate(exact), np.concatenate(leaves)
-    alive = np.argsort(-exact, kind="stable")[: max(FINALISTS, len(exact) // (8 if game.state.break_shot else 4))]
+        exact = np.concatenate((exact, values.of(played)))
+    share = _KEPT_BREAKS if game.state.break_shot else _KEPT
+    alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(share * len(exact)))])
 
-    total, kept, count = (np.zeros(len(exact)) for _ in range(3))
+    found = Sums(*np.zeros((3, len(alive.velocities))))
     while True:
-        rounds = max(1, math.ceil(math.log2(len(alive) / FINALISTS)) + 1)
-        samples = max(1, int(budget.left / rounds / len(alive)))
-        part = every.of(np.repeat(alive, samples))
-        velocities, spins = with_errors(part.velocities, part.spins, _errors(len(alive), samples, errors, rng), max_speed)
-        for first in range(0, len(velocities), 4 * _CHUNK):
-            some = slice(first, first + 4 * _CHUNK)
-            played = play_batch(
-                setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
-            )
-            budget.used += len(played.verdicts)
-            where = np.repeat(alive, samples)[some]
-            np.add.at(total, where, values.of(played))
-            np.add.at(kept, where, played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player))
-            np.add.at(count, where, 1)
-            if budget.left <= 0:
-                break
-        alive = alive[count[alive] > 0]
-        alive = alive[np.argsort(-total[alive] / count[alive], kind="stable")]
-        if rounds == 1 or budget.left < len(alive):
+        rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
+        samples = max(1, int(budget.left / rounds / len(found.samples)))
+        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, values, rng, budget)
+        found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
+        order = np.argsort(-found.total / np.maximum(found.samples, 1e-9), kind="stable")
+        order = order[found.samples[order] > 0]
+        if rounds == 1 or budget.left < len(order):
             break
-        alive = alive[: max(FINALISTS, len(alive) // 2)]
+        order = order[: max(FINALISTS, len(order) // 2)]
+        # The worse half of these become copies of the better half, with the mean error of the better outcomes.
+        half = len(order) // 2 if rounds > 2 else 0
+        copied, order = order[:half], order[: len(order) - half]
+        velocities, spins = with_errors(alive.velocities[copied], alive.spins[copied], shifts[copied], max_speed)
+        copies = alive.of(copied)._replace(velocities=velocities, spins=spins)
+        alive = alive.of(order).and_also(copies)
+        found = Sums(*(np.concatenate((sums[order], np.zeros(half))) for sums in found))
 
-    def planned(k: int) -> Plan:
-        (x, y), place = every.velocities[k].tolist(), tuple(every.places[k].tolist())
-        ball, pocket = every.targets[k].tolist()
+    order = order[:FINALISTS]
+    best = alive.of(order)
+    leaves = play_batch(setup, game, best.velocities, best.spins, best.places, best.targets, threads=1).positions
+    plans = []
+    for k, leave in zip(order.tolist(), leaves, strict=True):
+        ball, pocket = alive.targets[k].tolist()
         call = Call(ball, pocket) if game.state.call_shot and not game.state.break_shot and ball >= 0 else NO_CALL
-        stroke = Stroke((x, y), None if game.state.in_hand == "no" else place, tuple(every.spins[k].tolist()), call)
-        return Plan(stroke, total[k] / count[k], kept[k] / count[k], ball, pocket, leaves[k], int(count[k]))
+        x, y = alive.velocities[k].tolist()
+        place = None if game.state.in_hand == "no" else tuple(alive.places[k].tolist())
+        stroke = Stroke((x, y), place, tuple(alive.spins[k].tolist()), call)
+        value, probability = (float(sums[k] / found.samples[k]) for sums in found[:2])
+        plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(found.samples[k])))
+    return plans[0]._replace(alternatives=tuple(plans[1:]))
 
-    best, *others = (planned(k) for k in alive[:FINALISTS].tolist())
-    return best._replace(alternatives=tuple(others))
+
+class Sums(NamedTuple):
+    """Sums over the noisy outcomes of k candidates.
+
+    Attributes:
+        total: (k,) of the values.
+        kept: (k,) number that win or continue the turn.
+        samples: (k,) number of outcomes.
+    """
+
+    total: Floats
+    kept: Floats
+    samples: Floats
+
+
+def _sample(
+    setup: Setup,
+    game: GameState,
+    shots: Shots,
+    samples: int,
+    noise: Noise,
+    max_speed: float,
+    values: Values,
+    rng: np.random.Generator,
+    budget: Budget,
+) -> tuple[Sums, Floats]:
+    """Simulates each of k candidates `samples` times with errors, fewer if the budget ends.
+
+    Returns:
+        The sums, and (k, 2) the mean error of the outcomes that are better than the mean of a candidate.
+    """
+    k = len(shots.velocities)
+    errors = _errors(k, samples, noise, rng)
+    part = shots.of(np.repeat(np.arange(k), samples))
+    velocities, spins = with_errors(part.velocities, part.spins, errors, max_speed)
+    found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
+    for first in range(0, k * samples, 4 * _CHUNK):
+        some = slice(first, first + 4 * _CHUNK)
+        played = play_batch(
+            setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
+        )
+        budget.used += len(played.verdicts)
+        found[some] = values.of(played)
+        kept[some] = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
+        if budget.left <= 0:
+            break
+    done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
+    sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
+    better = np.where(done, np.maximum(found - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
+    shifts = (better[..., None] * errors.reshape(k, samples, 2)).sum(axis=1)
+    return sums, shifts / np.maximum(better.sum(axis=1), 1e-9)[:, None]
 
 
 def _set_targets(setup: Setup, game: GameState, targets: Ints, played: PlayedBatch) -> None:
@@ -311,10 +370,9 @@ def _candidates(
     places = _places(setup, game, rng)
     pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error)
     near = int(_GEOMETRY * count) if pots is not None else 0
-    parts = [_anywhere(setup, game, places, count - near, max_speed, rng)]
+    every = _anywhere(setup, game, places, count - near, max_speed, rng)
     if pots is not None:
-        parts.append(_near(setup.scene, places, pots, near, max_speed, rng))
-    every = Shots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        every = every.and_also(_near(setup.scene, places, pots, near, max_speed, rng))
     return every.of(rng.permutation(count))
 
 
@@ -363,7 +421,7 @@ def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error
         place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
         tolerance = pots.rows[place, k, TOLERANCE]
         target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
-        share = (success(tolerance, error) + 0.02)
+        share = success(tolerance, error) + 0.02
         parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
     found = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return found if len(found.place) else None
@@ -373,9 +431,7 @@ def _tips(scene: Scene) -> tuple[tuple[float, float], ...]:
     return TIPS if scene.physics.motion == "sliding" else TIPS[:1]
 
 
-def _near(
-    scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator
-) -> Shots:
+def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator) -> Shots:
     """Returns shots at pots, the easier pots more often, with random speeds and small turns."""
     k = rng.choice(len(pots.share), count, p=pots.share / pots.share.sum())
     possible = pots.shots[k, :, SPEED] > 0
@@ -436,8 +492,9 @@ def success(tolerance: Floats, error: float) -> Floats:
 class Values:
     """The values of outcomes for the player to shoot in a game."""
 
-    def __init__(self, setup: Setup, game: GameState, max_speed: float, error: float) -> None:
+    def __init__(self, setup: Setup, game: GameState, max_speed: float, error: float, run_out: bool) -> None:
         """Prepares the values; `error` is the standard deviation of the direction, rad."""
+        self._run_out = run_out
         self._setup, self._me, self._max_speed, self._error = setup, game.state.player, max_speed, error
         self._usual = 0.3 + 0.7 * float(success(np.array(_LENGTH), error))
 
@@ -454,6 +511,8 @@ class Values:
             following = _POINTS.get(self._setup.rules, 1.0) * ease * sign
             return points + np.where(verdicts["over"], 10.0 * won, following)
         left = self._left(states, legal)
+        if self._run_out:
+            return np.where(verdicts["over"], won == 1.0, mine * ease * self._usual ** (left - 1.0))
         chance = ease * (0.5 + 0.5 * self._usual ** (left - 1.0)) + (1.0 - ease) * _WITHOUT
         return np.where(verdicts["over"], won, sign * (2.0 * chance - 1.0))
 
