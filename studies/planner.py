@@ -5,9 +5,9 @@
 * Matches: eight ball on `real_pool` against other players. The players break in turn.
 * One ball: pots of one ball from random layouts of `pool`, without english.
 
-Each player knows the size of the errors. The results are in `studies/results/planner.json`, written after each rack. The
-command continues after an interruption; with `--racks` it adds racks. The players have a time for each decision, so on
-another machine the results differ.
+Each player knows the size of the errors. The results are in `studies/results/planner.json`, written after each rack.
+The command continues after an interruption; with `--racks` it adds racks. The players have a time for each decision, so
+on another machine the results differ.
 """
 
 from __future__ import annotations
