@@ -83,6 +83,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.plain
 	$(WORK)/python -m studies.learn_by_gradient
 	$(WORK)/python -m studies.run_outs
+	$(WORK)/python -m studies.planner
 	$(WORK)/python -m studies.readme
 
 study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)

@@ -5,6 +5,7 @@ Modules:
     timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     players: Measures players without training.
+    planner: Measures the planner under execution noise.
     run_outs: Measures run-outs of players without training, with and without execution noise.
 """
 

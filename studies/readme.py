@@ -31,7 +31,7 @@ from benchmarks import (
 )
 from billiards_env.files import write_whole
 from release import dist
-from studies import gradient_timestep, learn_by_gradient, plain, recipes, run_outs, timestep_report
+from studies import gradient_timestep, learn_by_gradient, plain, planner, recipes, run_outs, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -51,6 +51,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "gradients": ("benchmarks.gradients", gradients.blocks),
     "learn_by_gradient": ("studies.learn_by_gradient", learn_by_gradient.blocks),
     "plain": ("studies.plain", plain.blocks),
+    "planner": ("studies.planner", planner.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),

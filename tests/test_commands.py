@@ -53,6 +53,7 @@ TESTED = {
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",
+    "studies.planner": "studies/test_planner.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
     "studies.timestep": "studies/test_timestep.py",

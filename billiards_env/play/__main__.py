@@ -41,8 +41,8 @@ def make_parser() -> argparse.ArgumentParser:
     add(
         "--players",
         metavar="A,B",
-        help="the players: human, random, geometric, search[:SHOTS], aim, policy:RUN_FOLDER or "
-        "module:function[:ARGUMENT] (default: all human)",
+        help="the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], "
+        "policy:RUN_FOLDER or module:function[:ARGUMENT] (default: all human)",
     )
     add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
     add("--balls", type=int, help="number of object balls, for straight (default: 15)")

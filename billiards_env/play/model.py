@@ -372,6 +372,29 @@ def aim_along(model: Model, velocity: NDArray[np.float64]) -> Model:
     return _aimed(model, angle=math.atan2(y, x), speed=math.hypot(x, y), tip=(0.0, 0.0), elevation=0.0)
 
 
+def aim_like(model: Model, made: Stroke) -> Model:
+    """Places the cue ball in hand and aims for a stroke with a level cue; the clock starts again.
+
+    While a program thinks, this shows what it intends.
+    """
+    if model.phase not in ("placing", "aiming", "thinking"):
+        return model
+    (x, y), place, _, call = made
+    speed, heading, tip = math.hypot(x, y), math.atan2(y, x), (0.0, 0.0)
+    if any(made.spin) and speed > 0.0:
+        # The velocity and spin of `physics.strike.struck` with elevation 0, solved for the offsets and the cue
+        scene, (wx, wy, wz) = model.setup.scene, made.spin
+        share = scene.balls.radius[model.cue] / (2.5 * speed)
+        tip = -share * wz, math.copysign(share * math.hypot(wx, wy), wy * x - wx * y)
+        level, one = strike(scene, 1.0, 0.0).velocity, strike(scene, 1.0, 0.0, *tip).velocity
+        speed *= float(level[0] / np.hypot(*one))
+        heading -= math.atan2(one[1], one[0])
+    aim = Aim(math.remainder(heading, math.tau), speed, tip, place=place, call=call)
+    preview = make_preview(model.setup, model.game, made)
+    phase = "thinking" if model.phase == "thinking" else "aiming"
+    return dataclasses.replace(model, phase=phase, aim=aim, preview=preview, clock=0.0)
+
+
 @_only("aiming")
 def set_tip(model: Model, side: float, top: float) -> Model:
     """Sets the offset of the cue's tip, to the left and up, in ball radii, limited to where the tip does not slip."""

@@ -16,6 +16,7 @@ KEYS: Page = (
     ("comma, period", "turn the aim by 0.01 degrees; with shift 0.001"),
     ("F", "enlarge the object ball; the wheel then turns the aim by 0.01 degrees"),
     ("A", "aim to pot the ball under the mouse, or the aimed ball into the pocket under it"),
+    ("Shift A", "aim for the best shot that the planner finds"),
     ("up, down, wheel", "speed by 0.1 m/s; with shift 0.01"),
     ("the white ball below", "drag the tip of the cue: english, follow and draw"),
     ("ctrl + arrows", "move the tip of the cue; with shift by less"),

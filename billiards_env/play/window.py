@@ -25,6 +25,7 @@ from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
+from billiards_env.players.planner import Plan, plan
 
 T = TypeVar("T")
 
@@ -65,6 +66,9 @@ ELEVATIONS = {pygame.K_PAGEUP: 5.0, pygame.K_PAGEDOWN: -5.0}
 DOUBLE_CLICK = 0.35
 """s. The longest time between the two clicks of a double click."""
 
+HINT_TIME, INTENT = 0.5, 0.6
+"""s. Time in which the planner finds the best shot for a person, and for which it shows its own shot before it."""
+
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
@@ -78,10 +82,10 @@ class _Thought(NamedTuple):
 
 
 class _Hint(NamedTuple):
-    """The search of the aim for a pot in a state of the game."""
+    """The search for a shot in a state of the game: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
-    velocity: Future[NDArray[np.float64] | None]
+    shot: Future[NDArray[np.float64] | Plan | None]
 
 
 def _in_thread(work: Callable[[], T]) -> Future[T]:
@@ -174,7 +178,7 @@ class GameWindow:
         """
         for event in pygame.event.get():
             self._take(event)
-        if self._hint is not None and self._hint.velocity.done():
+        if self._hint is not None and self._hint.shot.done():
             self._take_hint(self._hint)
         if self.model.phase == "thinking":
             self._think()
@@ -203,9 +207,19 @@ class GameWindow:
         if self._thought is None or self._thought.game is not self.model.game:
             self._thought = self._start_thought()
         elif self._thought.stroke.done():
-            self.model = shoot(self.model, self._thought.stroke.result())
+            stroke, now = self._thought.stroke.result(), time.monotonic()
+            if self.model.preview is None and self._shows_plan and stroke.call.kind not in actions.NO_SHOT:
+                self._do(actions.aim_like, stroke)
+                self._thought = self._thought._replace(start=now)
+            elif self.model.preview is None or now - self._thought.start >= INTENT:
+                self.model = shoot(self.model, stroke)
         elif time.monotonic() - self._thought.start > self.model.clock + 1:
             self.model = tick(self.model, 1.0)  # once per second, because the window shows whole seconds
+
+    @property
+    def _shows_plan(self) -> bool:
+        """Whether the program whose turn it is shows its shot before it plays it."""
+        return self.model.players[self.model.game.state.player].partition(":")[0] == "planner"
 
     def _start_thought(self) -> _Thought:
         """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
@@ -224,13 +238,25 @@ class GameWindow:
         else:
             self.message, self._hint = "", _Hint(model.game, _in_thread(lambda: velocity_for(model, pot)))
 
+    def _start_plan(self) -> None:
+        """Starts a thread that finds the best shot for a person."""
+        model, (rng,) = self.model, self._rng.spawn(1)
+        if model.phase in ("placing", "aiming"):
+            found = _in_thread(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME))
+            self.message, self._hint = "thinking", _Hint(model.game, found)
+
     def _take_hint(self, hint: _Hint) -> None:
         """Aims as the thread has found, unless the game went on."""
-        self._hint, velocity = None, hint.velocity.result()
-        if velocity is None:
+        self._hint, shot = None, hint.shot.result()
+        if shot is None:
             self.message = "no pot found"
-        elif hint.game is self.model.game:
-            self._do(actions.aim_along, velocity)
+        elif hint.game is not self.model.game:
+            self.message = ""
+        elif isinstance(shot, Plan):
+            self._do(actions.aim_like, shot.stroke)
+            self.message = f"keeps the turn with probability {shot.probability:.2f}"
+        else:
+            self._do(actions.aim_along, shot)
 
     def _quit(self) -> None:
         """Closes the window, but asks first if the game is not saved. A second call closes it."""
@@ -264,7 +290,7 @@ class GameWindow:
             elif event.key == pygame.K_s:
                 self.save()
             elif event.key == pygame.K_a:
-                self._start_hint()
+                (self._start_plan if event.mod & pygame.KMOD_SHIFT else self._start_hint)()
             elif event.key == pygame.K_n and self.model.phase == "over":
                 self._new_game()
             elif event.key in ELEVATIONS:

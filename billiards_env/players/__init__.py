@@ -8,5 +8,6 @@ Modules:
     hits: The hit of the cue ball on an object ball, and the motion of both after it.
     paths: The path of a ball that meets no other ball.
     env_player: The strategies in `Billiards-v0`.
+    planner: The player that plans under execution noise.
     game_player: The strategies and other players in games, found by name.
 """

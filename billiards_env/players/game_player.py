@@ -5,6 +5,7 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 `find_player` accepts
 
 * "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
+* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
@@ -34,6 +35,7 @@ from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
+from billiards_env.players.planner import planner
 from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
@@ -47,7 +49,11 @@ _PLACES = 30  # random places for a cue ball in hand
 
 
 def find_player(
-    text: str, setup: Setup, makers: Mapping[str, str] = MappingProxyType({}), also: Sequence[str] = ()
+    text: str,
+    setup: Setup,
+    makers: Mapping[str, str] = MappingProxyType({}),
+    also: Sequence[str] = (),
+    noise: tuple[float, float] = (0.0, 0.0),
 ) -> Player:
     """Returns the player of a name.
 
@@ -56,6 +62,8 @@ def find_player(
         setup: The game to be played.
         makers: Other makers as "module:function", by name.
         also: Names of other players that the caller knows, for the message of an error.
+        noise: The execution noise that "search", "aim" and "planner" expect, see `strategies.search`. Without noise
+            "planner" expects `planner.NOISE`.
 
     Raises:
         ValueError: If there is no such player, or it cannot play this game.
@@ -63,7 +71,9 @@ def find_player(
     """
     name, _, argument = text.partition(":")
     if name in STRATEGIES:
-        return _strategic(text, setup)
+        return _strategic(text, setup, noise)
+    if name == "planner":
+        return planner(setup, argument, *((noise,) if any(noise) else ()))
     offered = importlib.metadata.entry_points(group=GROUP)
     if name in offered.names:
         maker: Any = offered[name].load()
@@ -76,7 +86,7 @@ def find_player(
         try:
             maker = getattr(importlib.import_module(module), function)
         except (AttributeError, ImportError, ValueError) as error:
-            known = sorted({*STRATEGIES, *makers, *offered.names, *also})
+            known = sorted({*STRATEGIES, "planner", *makers, *offered.names, *also})
             why = "" if name in known else suggestion(name, known)
             expected = f"one of {', '.join(map(repr, known))}, or module:function"
             raise ValueError(f"player = {text!r}: expected {expected}{why or f' ({error})'}") from error
@@ -95,13 +105,13 @@ def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str)
         ) from None
 
 
-def _strategic(text: str, setup: Setup) -> Player:
+def _strategic(text: str, setup: Setup, noise: tuple[float, float]) -> Player:
     """Returns a player with a strategy.
 
     Raises:
         ValueError: If there is no such strategy, or it is "geometric" and the table has no pockets.
     """
-    strategy = find_strategy(text)
+    strategy = find_strategy(text, noise)
     if text == "geometric" and not setup.game_rules.pockets:
         raise ValueError(f"player = 'geometric' with rules = {setup.rules!r}: expected a game with pockets")
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from billiards_env.games import RULES, Stroke, opening, play
-from billiards_env.games.batch import best_call, judge_batch
-from billiards_env.games.judging import verdict_of
+from billiards_env.games import RULES, Call, Stroke, opening, play
+from billiards_env.games.batch import best_call, judge_batch, play_batch
+from billiards_env.games.judging import state_array, verdict_of
 from tests.helpers.games import setup
 
 CASES = {f"{rules} {layout}": (rules, layout, {}) for rules in RULES for layout in (RULES[rules].layouts[0], "random")}
@@ -48,3 +48,42 @@ def test_a_batch_has_the_verdicts_of_single_shots(case):
     found = [verdict_of(row, highest_first=rules == "snooker") for row in verdicts]
     assert found == one_by_one(settings, game, velocities, spins)
     assert not state or any(verdict.continues for verdict in found)
+
+
+@pytest.mark.parametrize("rules", ["nine_ball", "eight_ball", "snooker", "carom"])
+def test_a_batch_has_the_next_states_and_positions_of_single_shots(rules):
+    settings = setup(rules)
+    game = opening(settings, np.random.default_rng(1), "random")
+    velocities, spins = shots(150)
+    places = np.repeat(game.positions[None, 0], 150, axis=0)
+    places[:, 1] += np.linspace(-1e-3, 1e-3, 150)
+    played = play_batch(settings, game, velocities, spins, places)
+    pots = 0
+    for k, place in enumerate(places):
+        positions = game.positions.copy()
+        positions[0] = place
+        stroke = Stroke(tuple(velocities[k].tolist()), spin=tuple(spins[k].tolist()))
+        after = play(settings, game._replace(positions=positions), stroke).game
+        expected = state_array([after.state])[0]
+        for name in set(expected.dtype.names) - {"fouls", "free_ball"}:
+            np.testing.assert_array_equal(played.states[k][name], expected[name], name)
+        still = sorted(after.state.on_table - ({0} if after.state.in_hand != "no" else set()))
+        np.testing.assert_array_equal(played.positions[k][still], after.positions[still])
+        pots += len(after.state.on_table) < settings.scene.n_balls
+    assert pots > 5 or rules == "carom"
+
+
+def test_a_call_counts_if_its_ball_drops_in_its_pocket():
+    settings = setup("straight", 2, call_shot=True)
+    game = opening(settings, np.random.default_rng(1), "random")
+    velocities, _ = shots(3000)
+    exact = play_batch(settings, game, velocities)
+    called = np.flatnonzero(exact.verdicts["points"] > 0)[:4]
+    assert len(called) == 4
+    for k in called.tolist():
+        found = play(settings, game, Stroke(tuple(velocities[k].tolist()))).facts
+        calls = [[found.potted[0], found.pockets[0]], [found.potted[0], (found.pockets[0] + 1) % 6], [-1, -1]]
+        three = play_batch(settings, game, np.repeat(velocities[k, None], 3, 0), calls=np.array(calls))
+        assert three.verdicts["continues"].tolist() == [True, False, False]
+        call = Call(calls[0][0], calls[0][1])
+        assert play(settings, game, Stroke(tuple(velocities[k].tolist()), call=call)).verdict.continues

@@ -14,6 +14,7 @@ from billiards_env.games.placement import placement_area
 from billiards_env.play.model import (
     LEAST_SPEED,
     aim_at,
+    aim_like,
     begin,
     change_speed,
     go,
@@ -395,3 +396,17 @@ def test_a_colour_is_nominated(make_model):
     model = after(make_model("snooker", opening, {"colour": True}), *[(next_called, "ball")] * 4)
     assert model.stroke.call == Call(ball=19)
     assert after(make_model("snooker", opening), (next_called, "ball")).call == NO_CALL  # a red is on
+
+
+def test_the_aim_for_a_stroke_is_that_stroke(make_model):
+    scene = Scene.named("pool", 2)
+    model = make_model(positions=[[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]], state={"in_hand": "anywhere"})
+    for side, top in ((0.0, 0.0), (0.3, 0.2), (-0.2, -0.4)):
+        made = strike(scene, 2.0, 0.7, side, top)
+        stroke = Stroke(tuple(made.velocity.tolist()), (-0.5, 0.1), tuple(made.spin.tolist()))
+        aimed = aim_like(model, stroke)
+        assert (aimed.phase, aimed.aim.place) == ("aiming", (-0.5, 0.1))
+        assert aimed.aim.tip == pytest.approx((side, top), abs=1e-9)
+        np.testing.assert_allclose(aimed.stroke.velocity, stroke.velocity, atol=1e-9)
+        np.testing.assert_allclose(aimed.stroke.spin, stroke.spin, atol=1e-9)
+    assert aim_like(go(aimed), stroke).phase == "rolling"

@@ -190,6 +190,17 @@ def hint(shown, point):
     return shown.model
 
 
+def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
+    monkeypatch.setattr("billiards_env.play.window.HINT_TIME", 0.05)
+    press(shown, pygame.K_a, mod=SHIFT)
+    assert shown.message == "thinking"
+    while shown._hint is not None:
+        shown.frame()
+    assert shown.model.phase == "aiming"
+    assert shown.message.startswith("keeps the turn with probability ")
+    assert shot_of(shown.model).potted.any()
+
+
 def shot_of(model) -> Any:
     """Returns the aimed shot."""
     return go(model).last_shot.shot  # pyright: ignore[reportOptionalMemberAccess]
@@ -422,6 +433,23 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
     while shown.model.phase == "thinking":
         press(shown)
     assert shown.model.strokes == (*first, Stroke((0.3, 0.4)))
+
+
+def test_the_planner_shows_its_shot_before_it_plays_it(make_model, window, monkeypatch):
+    stroke = Stroke((0.3, 0.4))
+    model = make_model(positions=BALLS, players=("planner:1s", "human"))
+    monkeypatch.setattr("billiards_env.play.window.INTENT", np.inf)
+    shown = window(model, (lambda *_: stroke, None))
+    plain = pixels(shown.frame()).copy()
+    while shown.model.preview is None:
+        plain = pixels(shown.frame()).copy()
+    assert (pixels(shown.frame()) != plain).any()
+    assert (shown.model.phase, shown.model.strokes) == ("thinking", ())
+    np.testing.assert_allclose(shown.model.stroke.velocity, stroke.velocity)
+    monkeypatch.setattr("billiards_env.play.window.INTENT", 0.01)
+    while shown.model.phase == "thinking":
+        shown.frame()
+    assert shown.model.strokes == (stroke,)
 
 
 def test_an_error_of_a_program_is_raised(make_model, window):

@@ -137,7 +137,8 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
     game = setup("straight", 2)
     assert find_player("theirs:3", game)(game, custom_opening(game, EASY), 8.0, RNG(0)) == Stroke((3.0, 0.0))
     with pytest.raises(
-        ValueError, match="expected one of 'aim', 'geometric', 'ours', 'random', 'search', 'theirs', or module:function"
+        ValueError,
+        match="expected one of 'aim', 'geometric', 'ours', 'planner', 'random', 'search', 'theirs', or module:function",
     ):
         find_player("them", game, {"ours": "mine:own"})
 
@@ -154,6 +155,8 @@ def test_a_player_is_found_in_an_installed_package(monkeypatch):
         ("", "straight", "player = ''"),
         (":x", "straight", "player = ':x'"),
         ("geometric", "carom", "expected a game with pockets"),
+        ("planner:fast", "carom", "player = 'planner:fast': expected a time such as 'planner:100ms' or a number"),
+        ("planner:0ms", "carom", "player = 'planner:0ms': expected a time"),
     ],
 )
 def test_unknown_players_are_refused(text, rules, message):

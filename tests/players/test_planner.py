@@ -1,0 +1,142 @@
+"""The planner plays every game, keeps its budget, knows the noise and plans a good leave."""
+
+import time
+
+import numpy as np
+import pytest
+
+from billiards_env import Scene
+from billiards_env.games import RULES, Setup, custom_opening, opening, play
+from billiards_env.players.game_player import find_player
+from billiards_env.players.planner import TIPS, _errors, _with_spin, parse_budget, plan, success, with_errors
+from billiards_env.shots.strikes import strike
+from tests.helpers.games import setup
+
+RNG = np.random.default_rng
+NOISE = (0.125, 0.075)
+
+
+@pytest.mark.parametrize("rules", list(RULES))
+def test_whole_games_are_played_and_a_seed_repeats_them(rules):
+    game = setup(rules, call_shot=rules == "eight_ball")
+    player, strokes = find_player("planner:400", game, noise=NOISE), []
+    for _ in range(2):
+        rng, table, played = RNG(1), opening(game, RNG(1)), []
+        for _ in range(4):
+            stroke = player(game, table, 6.0, rng)
+            assert np.hypot(*stroke.velocity) <= 6.0 * (1 + 1e-12)
+            table = play(game, table, stroke).game  # refuses what the rules forbid
+            played.append(stroke)
+            if table.state.over:
+                break
+        strokes.append(played)
+    assert strokes[0] == strokes[1]
+
+
+def test_the_time_of_a_decision_is_kept():
+    game = setup("nine_ball")
+    table = opening(game, RNG(0), "random")
+    plan(game, table, 6.0, RNG(0), shots=300)
+    begin = time.perf_counter()
+    plan(game, table, 6.0, RNG(0), seconds=0.2)
+    assert 0.15 < time.perf_counter() - begin < 0.4
+
+
+def test_a_budget_is_a_time_or_a_number_of_shots():
+    assert parse_budget("100ms") == (0.1, np.inf)
+    assert parse_budget("1.5s") == (1.5, np.inf)
+    assert parse_budget("500") == (np.inf, 500)
+
+
+def test_a_plan_has_what_it_expects():
+    game = setup("straight", 2, call_shot=True)
+    table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])  # ball 1 hangs in pocket 3
+    found = plan(game, table, 4.0, RNG(0), np.inf, 2000, NOISE)
+    played = play(game, table, found.stroke)
+    assert (found.stroke.call.ball, found.stroke.call.pocket) == (found.ball, found.pocket) == (1, 3)
+    assert played.verdict.points == 1
+    assert found.probability > 0.95
+    np.testing.assert_array_equal(found.leave[0], played.shot.positions[0])
+    assert len(str(found).splitlines()) == 1 + len(found.alternatives) > 2
+    assert "ball 1 in pocket 3, probability" in str(found)
+    assert found.value >= max(other.value for other in found.alternatives)
+
+
+def test_the_probability_is_that_of_played_shots_with_errors():
+    game = setup("nine_ball")
+    for seed in range(3):
+        table = opening(game, RNG(seed), "random")
+        found = plan(game, table, 6.0, RNG(0), np.inf, 4000, NOISE)
+        errors = RNG(1).standard_normal((200, 2)) * (np.radians(NOISE[0]), NOISE[1])
+        stroke = np.array([found.stroke.velocity]).repeat(200, 0), np.array([found.stroke.spin]).repeat(200, 0)
+        velocities, spins = (array.tolist() for array in with_errors(*stroke, errors, 6.0))
+        kept = [
+            play(game, table, found.stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict
+            for v, w in zip(velocities, spins, strict=True)
+        ]
+        share = np.mean([verdict.continues or verdict.winner == 0 for verdict in kept])
+        assert abs(share - found.probability) < 0.15
+
+
+def test_it_sinks_more_balls_under_noise_than_search():
+    game = setup("straight", 1)
+    points = {}
+    for name in ("planner:1500", "search:1500"):
+        player, rng, points[name] = find_player(name, game, noise=NOISE), RNG(3), 0
+        for _ in range(60):
+            table = opening(game, rng, "random")
+            stroke = player(game, table, 6.0, RNG(0))
+            errors = rng.standard_normal((1, 2)) * (np.radians(NOISE[0]), NOISE[1])
+            (v,), (w,) = with_errors(np.array([stroke.velocity]), np.array([stroke.spin]), errors, 6.0)
+            points[name] += play(game, table, stroke._replace(velocity=tuple(v), spin=tuple(w))).verdict.points
+    assert points["planner:1500"] >= points["search:1500"]
+    assert points["planner:1500"] > 35
+
+
+def test_it_leaves_the_cue_ball_for_the_next_pot():
+    game = setup("nine_ball")
+    rng, eases = RNG(0), {}
+    for name in ("planner:2000", "geometric"):
+        player, eases[name] = find_player(name, game, noise=NOISE), []
+        for seed in range(12):
+            table = custom_opening(game, opening(game, RNG(seed), "random").positions, {"on_table": [0, 7, 8, 9]})
+            after = play(game, table, player(game, table, 6.0, rng)).game
+            if after.state.player == 0 and not after.state.over:
+                following = plan(game, after, 6.0, RNG(0), np.inf, 1000, NOISE)
+                eases[name].append(following.probability)
+    assert len(eases["planner:2000"]) > len(eases["geometric"])
+    assert np.mean(eases["planner:2000"]) > np.mean(eases["geometric"])
+
+
+def test_a_stroke_with_spin_is_one_of_the_cue():
+    scene = Scene.named("real_pool", 1)
+    velocities = np.array([[1.0, 0.5], [-2.0, 0.1], [0.3, -3.0]])
+    tips = np.array([1, 3, 6])
+    made, spins = _with_spin(scene, velocities, tips, 8.0)
+    np.testing.assert_allclose(made, velocities, atol=1e-12)
+    for velocity, spin, tip in zip(velocities, spins, tips, strict=True):
+        unit = strike(scene, 1.0, 0.0, *TIPS[tip])
+        cue = np.hypot(*velocity) / np.hypot(*unit.velocity)
+        heading = np.arctan2(velocity[1], velocity[0]) - np.arctan2(unit.velocity[1], unit.velocity[0])
+        expected = strike(scene, cue, heading, *TIPS[tip])
+        np.testing.assert_allclose(velocity, expected.velocity, atol=1e-12)
+        np.testing.assert_allclose(spin, expected.spin, atol=1e-9)
+    fast, _ = _with_spin(scene, 9.0 * velocities, tips, 8.0)
+    assert (np.hypot(*fast.T) < 9.0 * np.hypot(*velocities.T)).all()
+
+
+def test_errors_are_normal_and_stratified():
+    errors = _errors(50, 64, (0.1, 2.0), RNG(0)).reshape(50, 64, 2)
+    np.testing.assert_allclose(errors.std(axis=(0, 1)), (0.1, 2.0), rtol=0.01)
+    assert abs(errors.mean(axis=1)).max() < 0.1 * 2.0
+    assert abs(np.corrcoef(errors.reshape(-1, 2).T)[0, 1]) < 0.05
+
+
+def test_the_success_of_a_pot_is_that_of_a_normal_error():
+    assert success(np.array([1.0]), 1.0)[0] == pytest.approx(0.6827, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_setup_with_the_fixed_timestep_is_played():
+    game = Setup("nine_ball", Scene.named("pool", 9), mode="pit", dt=1 / 120)
+    assert plan(game, opening(game, RNG(0), "random"), 6.0, RNG(0), np.inf, 300).probability >= 0.0

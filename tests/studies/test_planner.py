@@ -1,0 +1,55 @@
+"""The study of the planner."""
+
+import json
+
+import numpy as np
+import pytest
+
+from billiards_env.games import Stroke
+from studies import planner
+from studies.planner import CELLS, blocks, main, noisy
+
+TINY = (
+    ("run-outs", (0.03, 0.0), "planner:150"),
+    ("run-outs", (0.03, 0.0), "search:2"),
+    ("matches", (0.125, 0.075), "random"),
+    ("one ball", (0.125, 0.075), "planner:150"),
+)
+
+
+def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(planner, "CELLS", TINY)
+    monkeypatch.setattr(planner, "PLANNER", "planner:150")
+    monkeypatch.setattr(planner, "MAX_SHOTS", 4)
+    output = tmp_path / "planner.json"
+    main(["--racks", "1", "--output", str(output)])
+    first = json.loads(output.read_text())
+    assert all(text in capsys.readouterr().out for text in blocks(first).values())
+    assert {experiment for experiment, _, _ in CELLS} == first["results"].keys()
+    main(["--racks", "2", "--output", str(output)])
+    found = json.loads(output.read_text())["results"]
+    for experiment, noise, player in TINY:
+        played = found[experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
+        assert len(played) == 2
+        assert played[:1] == first["results"][experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
+    before = output.read_text()
+    main(["--racks", "2", "--output", str(output)])
+    assert output.read_text() == before
+
+
+def test_the_noise_turns_a_stroke_and_changes_its_speed():
+    rng, strokes = np.random.default_rng(0), []
+    for _ in range(400):
+        strokes.append(noisy(Stroke((2.0, 0.0), spin=(0.0, 10.0, 5.0)), (0.5, 0.1), 8.0, rng))
+    velocities, spins = np.array([s.velocity for s in strokes]), np.array([s.spin for s in strokes])
+    speeds, angles = np.hypot(*velocities.T), np.degrees(np.arctan2(velocities[:, 1], velocities[:, 0]))
+    np.testing.assert_allclose((speeds.std(), angles.std()), (0.1, 0.5), rtol=0.15)
+    np.testing.assert_allclose(spins[:, 2], 2.5 * speeds)
+    np.testing.assert_allclose((spins[:, :2] * velocities).sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_a_file_that_cannot_be_read_is_reported(tmp_path):
+    for path in (tmp_path, tmp_path / "broken.json"):
+        (tmp_path / "broken.json").write_text("{")
+        with pytest.raises(SystemExit, match="error: "):
+            main(["--output", str(path)])
