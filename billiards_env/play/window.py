@@ -85,7 +85,7 @@ class _Hint(NamedTuple):
     """The search for a shot in a state of the game: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
-    shot: Future[NDArray[np.float64] | Plan | None]
+    shot: Future[NDArray[np.float64] | None] | Future[Plan]
 
 
 def _in_thread(work: Callable[[], T]) -> Future[T]:
