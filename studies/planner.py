@@ -13,6 +13,7 @@ on another machine the results differ.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -128,17 +129,15 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     if found.get("settings") != settings:
         found = {"machine": machine(), "settings": settings, "results": {}}
-    with tqdm(total=racks * len(CELLS), unit="rack") as bar:
-        for experiment, noise, player in CELLS:
+    cells = itertools.product(range(racks), CELLS)
+    with tqdm(cells, total=racks * len(CELLS), unit="rack") as bar:
+        for rack, (experiment, noise, player) in bar:
             name = f"{noise[0]:g} degrees, {noise[1]:g} m/s"
             bar.set_description(f"{experiment}, {name}, {player}")
             played = found["results"].setdefault(experiment, {}).setdefault(name, {}).setdefault(player, [])
-            bar.update(min(len(played), racks))
-            for rack in range(len(played), racks):
-                rng = np.random.default_rng([SEED, rack])
-                played.append(EXPERIMENTS[experiment](player, noise, rng))
+            if rack == len(played):
+                played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, rack])))
                 write_json(output, found)
-                bar.update()
     return found
 
 

@@ -56,7 +56,7 @@ FINALISTS = 4
 _SHOTS_PER_CANDIDATE = 12
 _CANDIDATES = 120, 4000  # their least and largest number
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
-_CHUNK = 250  # shots between two looks at the clock
+_CHUNK = 100  # shots without errors between two looks at the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _TURN = 0.2  # random turn of a pot over its tolerance
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
@@ -248,8 +248,7 @@ def plan(
         samples = max(1, int(budget.left / rounds / len(found.samples)))
         some, shifts = _sample(setup, game, alive, samples, errors, max_speed, values, rng, budget)
         found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
-        order = np.argsort(-found.total / np.maximum(found.samples, 1e-9), kind="stable")
-        order = order[found.samples[order] > 0]
+        order = found.order()
         if rounds == 1 or budget.left < len(order):
             break
         order = order[: max(FINALISTS, len(order) // 2)]
@@ -289,6 +288,12 @@ class Sums(NamedTuple):
     kept: Floats
     samples: Floats
 
+    def order(self) -> Ints:
+        """Returns the candidates with samples, the best first; few samples count against a candidate."""
+        sampled = np.flatnonzero(self.samples)
+        means = self.total[sampled] / self.samples[sampled]
+        return sampled[np.argsort(means.std() / np.sqrt(self.samples[sampled]) - means, kind="stable")]
+
 
 def _sample(
     setup: Setup,
@@ -311,16 +316,16 @@ def _sample(
     part = shots.of(np.repeat(np.arange(k), samples))
     velocities, spins = with_errors(part.velocities, part.spins, errors, max_speed)
     found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
-    for first in range(0, k * samples, 4 * _CHUNK):
-        some = slice(first, first + 4 * _CHUNK)
+    end = 0
+    while end < k * samples and (end == 0 or budget.left > 0):
+        some = slice(end, end + int(np.clip(0.25 * budget.left, 25, 1000)))
+        end = some.stop
         played = play_batch(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
         )
         budget.used += len(played.verdicts)
         found[some] = values.of(played)
         kept[some] = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
-        if budget.left <= 0:
-            break
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
     sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
     better = np.where(done, np.maximum(found - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
