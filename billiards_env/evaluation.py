@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from billiards_env.checks import suggestion
 from billiards_env.envs.wrappers import ExecutionNoise
 from billiards_env.intervals import mean_interval, wilson_interval
-from billiards_env.players.env_player import situation
+from billiards_env.players.env_player import planned, situation
 from billiards_env.players.strategies import STRATEGIES, find_strategy
 
 Act = Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]
@@ -106,10 +106,11 @@ def find_player(
     """Returns the player of a name.
 
     Args:
-        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "policy:FOLDER" for the policy of a
-            run, or "module:function" for your own function `act(observation) -> action`.
+        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "planner:TIME" (see
+            `players.planner`), "policy:FOLDER" for the policy of a run, or "module:function" for your own function
+            `act(observation) -> action`.
         env: The environment that it plays in.
-        noise: The execution noise in the simulations of "search", see `players.strategies.search`.
+        noise: The execution noise in the simulations of "search" and "planner", see `players.strategies.search`.
         seed: The seed of the random numbers of "random" and "search".
 
     Raises:
@@ -122,6 +123,9 @@ def find_player(
     if name in STRATEGIES:
         strategy, rng, base = find_strategy(text, noise), np.random.default_rng(seed), cast(Any, env.unwrapped)
         return lambda observation: strategy(situation(base), rng)
+    if name == "planner":
+        rng, base = np.random.default_rng(seed), cast(Any, env.unwrapped)
+        return lambda observation: planned(base, argument, noise, rng)
     if name == "policy":
         from billiards_env import sb3  # needs the extra `train`
 
@@ -131,7 +135,7 @@ def find_player(
     try:
         act = getattr(importlib.import_module(name), argument)
     except (AttributeError, ImportError, ValueError) as error:
-        known = (*STRATEGIES, "policy")
+        known = (*STRATEGIES, "planner", "policy")
         why = suggestion(name, known) or f" ({error})"
         raise ValueError(
             f"player = {text!r}: expected one of {', '.join(map(repr, known))}, or module:function{why}"

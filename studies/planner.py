@@ -3,7 +3,7 @@
 * Run-outs: racks of nine ball on `real_pool` that are won from the break without losing the turn. "planner" plays for a
   run-out (`run_out=True`) and chooses the place of the cue ball and the break for the rack that it sees.
 * Matches: eight ball on `real_pool` against other players. The players break in turn.
-* One ball: pots of one ball from random layouts of `pool`, without english.
+* One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 
 Each player knows the size of the errors. The results are in `studies/results/planner.json`, written after each rack.
 The command continues after an interruption; with `--racks` it adds racks. The players have a time for each decision, so
@@ -13,6 +13,7 @@ on another machine the results differ.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
+from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import GameState, PlayedShot, Setup, Stroke, opening, play
 from billiards_env.intervals import wilson_interval
@@ -33,6 +35,8 @@ from studies import RESULTS, errors_in_one_line
 
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 60, 30, 8.0, 60
+ONE_BALL = 10
+"""Episodes that count as one rack."""
 
 OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
@@ -104,13 +108,9 @@ def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator) -
 
 
 def one_ball(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
-    """Plays ten shots at one ball from random layouts. Returns `success`, the list of the outcomes, and `strokes`."""
-    setup = Setup("straight", Scene.named("pool", 1))
-    chosen, pots = find_player(player, setup, noise=noise), []
-    for _ in range(10):
-        game = opening(setup, rng, "random")
-        pots.append(shoot(setup, game, chosen, noise, rng.spawn(2)).verdict.points > 0)
-    return {"success": pots, "strokes": len(pots)}
+    """Plays `ONE_BALL` episodes of `Billiards-v0`. Returns `success`, the number of pots, and `strokes`."""
+    found = play_alone(player, {}, noise, ONE_BALL, int(rng.integers(2**31)))
+    return {"success": found["successes"], "strokes": ONE_BALL}
 
 
 EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {"run-outs": run_out, "matches": match, "one ball": one_ball}
@@ -129,17 +129,15 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     if found.get("settings") != settings:
         found = {"machine": machine(), "settings": settings, "results": {}}
-    with tqdm(total=racks * len(CELLS), unit="rack") as bar:
-        for experiment, noise, player in CELLS:
+    cells = itertools.product(range(racks), CELLS)
+    with tqdm(cells, total=racks * len(CELLS), unit="rack") as bar:
+        for rack, (experiment, noise, player) in bar:
             name = f"{noise[0]:g} degrees, {noise[1]:g} m/s"
             bar.set_description(f"{experiment}, {name}, {player}")
             played = found["results"].setdefault(experiment, {}).setdefault(name, {}).setdefault(player, [])
-            bar.update(min(len(played), racks))
-            for rack in range(len(played), racks):
-                rng = np.random.default_rng([SEED, rack])
-                played.append(EXPERIMENTS[experiment](player, noise, rng))
+            if rack == len(played):
+                played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, rack])))
                 write_json(output, found)
-                bar.update()
     return found
 
 
@@ -160,13 +158,19 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    won = np.concatenate([np.atleast_1d(rack["success"]) for rack in played])
-    low, high = (100 * end for end in wilson_interval(int(won.sum()), len(won)))
-    share = str(len(won)), f"{won.mean():.1%} ({low:.1f} to {high:.1f})"
+    won = sum(rack["success"] for rack in played)
+    count = len(played) * (ONE_BALL if experiment == "one ball" else 1)
+    low, high = (100 * end for end in wilson_interval(won, count))
+    share = str(count), f"{won / count:.1%} ({low:.1f} to {high:.1f})"
     strokes = f"{np.mean([rack['strokes'] for rack in played]):.1f}"
     if experiment == "run-outs":
         breaks = [rack["break"] for rack in played]
-        return *share, f"{1 - breaks.count('lost') / len(won):.0%}", f"{breaks.count('nine') / len(won):.0%}", strokes
+        return (
+            *share,
+            f"{1 - breaks.count('lost') / len(played):.0%}",
+            f"{breaks.count('nine') / len(played):.0%}",
+            strokes,
+        )
     return (*share, strokes) if experiment == "matches" else share
 
 

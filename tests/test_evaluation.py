@@ -20,6 +20,18 @@ def test_success_rates():
     assert measure("search:300", {"task": "carom", "layout": "random"}, (0.0, 0.0), 40, 1)["success_rate"] > 0.5
 
 
+def test_the_planner_plays_pots_and_run_outs():
+    noise = (0.125, 0.075)
+    pots = {name: measure(name, {}, noise, 60, 1)["success_rate"] for name in ("planner:1000", "geometric")}
+    assert pots["planner:1000"] > pots["geometric"] + 0.05
+    arguments = {"scene": "real_pool", "max_shots": 4, "action": "strike", "max_speed": 8.0}
+    for task, balls in (("nine_ball", 9), ("eight_ball", 15)):
+        layout = {"task": task, "n_object_balls": balls, "layout": "random"}
+        assert measure("planner:600", arguments | layout, noise, 4, 1)["mean_score"] >= 1.0
+    with pytest.raises(ValueError, match="task of the player 'planner' = 'place'"):
+        measure("planner", {"task": "place"}, noise, 1, 1)
+
+
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
     """A module with players."""

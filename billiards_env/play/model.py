@@ -36,6 +36,7 @@ from billiards_env.play.controls import STEEPEST, on_face
 from billiards_env.play.preview import Preview, make_preview
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
+from billiards_env.shots.strikes import level_strike
 
 HUMAN = "human"
 """The name of a player who is a person."""
@@ -380,16 +381,11 @@ def aim_like(model: Model, made: Stroke) -> Model:
     if model.phase not in ("placing", "aiming", "thinking"):
         return model
     (x, y), place, _, call = made
-    speed, heading, tip = math.hypot(x, y), math.atan2(y, x), (0.0, 0.0)
-    if any(made.spin) and speed > 0.0:
-        # The velocity and spin of `physics.strike.struck` with elevation 0, solved for the offsets and the cue
-        scene, (wx, wy, wz) = model.setup.scene, made.spin
-        share = scene.balls.radius[model.cue] / (2.5 * speed)
-        tip = -share * wz, math.copysign(share * math.hypot(wx, wy), wy * x - wx * y)
-        level, one = strike(scene, 1.0, 0.0).velocity, strike(scene, 1.0, 0.0, *tip).velocity
-        speed *= float(level[0] / np.hypot(*one))
-        heading -= math.atan2(one[1], one[0])
-    aim = Aim(math.remainder(heading, math.tau), speed, tip, place=place, call=call)
+    speed, heading, tip = math.hypot(x, y), math.atan2(y, x), [0.0, 0.0]
+    if any(made.spin):
+        cue, heading, *tip = level_strike(model.setup.scene, made.velocity, made.spin)
+        speed = cue * float(strike(model.setup.scene, 1.0, 0.0).velocity[0])
+    aim = Aim(math.remainder(heading, math.tau), speed, (tip[0], tip[1]), place=place, call=call)
     preview = make_preview(model.setup, model.game, made)
     phase = "thinking" if model.phase == "thinking" else "aiming"
     return dataclasses.replace(model, phase=phase, aim=aim, preview=preview, clock=0.0)

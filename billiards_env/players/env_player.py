@@ -15,12 +15,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.checks import one_of
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.tasks import TASKS
+from billiards_env.games import GameState, Setup
+from billiards_env.games.game import opening_state
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
+from billiards_env.players.planner import NOISE, parse_budget, plan
 from billiards_env.players.strategies import Situation
+from billiards_env.shots.strikes import level_strike, strike
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +56,44 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     if TASKS[task].pockets:
         return tuple((FirstTouch(ball), Pot(ball), *leave) for ball in balls)
     return ()
+
+
+_RULES = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
+"""The tasks that the planner can play, with the games whose rules it follows."""
+
+
+def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: np.random.Generator) -> Floats:
+    """Returns the action of the player "planner", (2,) or (5,), see `players.planner`.
+
+    Args:
+        env: The environment.
+        argument: The budget of the player, such as "100ms".
+        noise: The execution noise that it expects, see `planner.plan`.
+        rng: The generator to draw from.
+
+    Raises:
+        ValueError: If the planner cannot play the task, or there is no such budget.
+    """
+    one_of("task of the player 'planner'", env.task, tuple(_RULES))
+    seconds, shots = parse_budget(argument)
+    setup, legal = Setup(_RULES[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
+    state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
+    state = state._replace(break_shot=env.task == "eight_ball" and {1, 8, 9} <= legal)
+    if env.task == "eight_ball" and not state.break_shot and not (min(legal) < 8 < max(legal)):
+        first = min(state.object_balls & legal)
+        on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
+        state = state._replace(solids=int(on_stripes))
+    game, run_out = GameState(env.positions, state), env.task in ("nine_ball", "eight_ball")
+    expected = noise if any(noise) else NOISE
+    english = env.action == "strike"
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, expected, run_out, english).stroke
+    if not english:
+        return np.array(stroke.velocity) / env.max_speed
+    scene = env.episode_scene
+    cue, heading, side, top = level_strike(scene, stroke.velocity, stroke.spin)
+    share = cue * float(strike(scene, 1.0, 0.0).velocity[0]) / env.max_speed
+    offsets = side / scene.cue.miscue_offset, top / scene.cue.miscue_offset
+    return np.array([share * np.cos(heading), share * np.sin(heading), *offsets, 0.0])
 
 
 def rewards(env: BilliardsEnv, actions: Floats) -> Floats:

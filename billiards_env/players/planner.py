@@ -1,6 +1,6 @@
 """A player that plans under execution noise: "planner:100ms", "planner:1s".
 
-A decision takes the given time on one core, a break four times as long. It has three parts:
+A decision takes the given processor time, on one core, and a break four times as long. It has three parts:
 
 * Candidates: pots by geometry (direct and off one cushion) from each place of the cue ball, with several speeds and
   offsets of the tip, and random shots.
@@ -39,6 +39,7 @@ from billiards_env.shots.strikes import strike
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Noise = tuple[float, float]
+Tips = tuple[tuple[float, float], ...]
 
 NOISE = (0.057, 0.02)
 """The errors that a player expects if none are given: standard deviations of direction, degrees, and speed, m/s."""
@@ -55,7 +56,7 @@ FINALISTS = 4
 _SHOTS_PER_CANDIDATE = 12
 _CANDIDATES = 120, 4000  # their least and largest number
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
-_CHUNK = 250  # shots between two looks at the clock
+_CHUNK = 100  # shots without errors between two looks at the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _TURN = 0.2  # random turn of a pot over its tolerance
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
@@ -142,7 +143,7 @@ class Shots(NamedTuple):
 
 
 class Budget:
-    """The time or the number of simulated shots that a decision may use.
+    """The processor time or the number of simulated shots that a decision may use.
 
     Attributes:
         used: The number of shots that were simulated.
@@ -150,14 +151,14 @@ class Budget:
 
     def __init__(self, seconds: float = math.inf, shots: float = math.inf) -> None:
         """Starts the clock."""
-        self._begin, self._seconds, self._shots, self.used = time.perf_counter(), seconds, shots, 0
+        self._begin, self._seconds, self._shots, self.used = time.thread_time(), seconds, shots, 0
 
     @property
     def left(self) -> float:
         """The number of shots that can still be simulated, from the time that the shots up to now have taken."""
         if math.isinf(self._seconds):
             return self._shots - self.used
-        taken = time.perf_counter() - self._begin
+        taken = time.thread_time() - self._begin
         return min(self._shots - self.used, (self._seconds - taken) * max(self.used, 1) / max(taken, 1e-6))
 
 
@@ -173,7 +174,7 @@ def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[
     Raises:
         ValueError: If the argument is neither a time nor a number.
     """
-    seconds, shots = parse_budget(argument or "100ms")
+    seconds, shots = parse_budget(argument)
     noise = real("noise[0]", noise[0], "angle_std"), real("noise[1]", noise[1], "speed_std")
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
@@ -183,8 +184,11 @@ def planner(setup: Setup, argument: str = "", noise: Noise = NOISE) -> Callable[
 
 
 def parse_budget(text: str) -> tuple[float, float]:
-    """Returns the seconds and the number of shots of a budget, infinite for the one that is not given."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s)|(\d+)", text)
+    """Returns the seconds and the number of shots of a budget, infinite for the one that is not given.
+
+    An empty text is "100ms".
+    """
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)(ms|s)|(\d+)", text or "100ms")
     amount = float(found[1] or found[3]) if found else 0.0
     if found is None or amount <= 0.0:
         raise ValueError(f"player = 'planner:{text}': expected a time such as 'planner:100ms' or a number of shots")
@@ -202,6 +206,7 @@ def plan(
     shots: float = math.inf,
     noise: Noise = NOISE,
     run_out: bool = False,
+    english: bool = True,
 ) -> Plan:
     """Returns the best shot that the planner finds.
 
@@ -210,11 +215,12 @@ def plan(
         game: Its state.
         max_speed: Speed of the fastest shot, m/s.
         rng: The generator to draw from.
-        seconds: Time of the decision, s; infinite for no limit.
+        seconds: Processor time of the decision, s; infinite for no limit.
         shots: Number of shots to simulate; infinite for no limit.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
         run_out: Whether only a win without another turn of an opponent counts, in a game that is not won by points. The
             value is then the probability of a run-out.
+        english: Whether to try offsets of the tip, in a scene with spin.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
@@ -222,7 +228,8 @@ def plan(
     errors = math.radians(noise[0]), noise[1]
     values = Values(setup, game, max_speed, errors[0], run_out)
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
-    every = _candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0])
+    tips = TIPS if english and setup.scene.physics.motion == "sliding" else TIPS[:1]
+    every = _candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0], tips)
 
     # Without errors. The calls of random shots are those of the pots that happen.
     exact = np.empty(0)
@@ -241,8 +248,7 @@ def plan(
         samples = max(1, int(budget.left / rounds / len(found.samples)))
         some, shifts = _sample(setup, game, alive, samples, errors, max_speed, values, rng, budget)
         found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
-        order = np.argsort(-found.total / np.maximum(found.samples, 1e-9), kind="stable")
-        order = order[found.samples[order] > 0]
+        order = found.order()
         if rounds == 1 or budget.left < len(order):
             break
         order = order[: max(FINALISTS, len(order) // 2)]
@@ -282,6 +288,12 @@ class Sums(NamedTuple):
     kept: Floats
     samples: Floats
 
+    def order(self) -> Ints:
+        """Returns the candidates with samples, the best first; few samples count against a candidate."""
+        sampled = np.flatnonzero(self.samples)
+        means = self.total[sampled] / self.samples[sampled]
+        return sampled[np.argsort(means.std() / np.sqrt(self.samples[sampled]) - means, kind="stable")]
+
 
 def _sample(
     setup: Setup,
@@ -304,16 +316,16 @@ def _sample(
     part = shots.of(np.repeat(np.arange(k), samples))
     velocities, spins = with_errors(part.velocities, part.spins, errors, max_speed)
     found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
-    for first in range(0, k * samples, 4 * _CHUNK):
-        some = slice(first, first + 4 * _CHUNK)
+    end = 0
+    while end < k * samples and (end == 0 or budget.left > 0):
+        some = slice(end, end + int(np.clip(0.25 * budget.left, 25, 1000)))
+        end = some.stop
         played = play_batch(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
         )
         budget.used += len(played.verdicts)
         found[some] = values.of(played)
         kept[some] = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
-        if budget.left <= 0:
-            break
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
     sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
     better = np.where(done, np.maximum(found - (sums.total / np.maximum(sums.samples, 1.0))[:, None], 0.0), 0.0)
@@ -364,13 +376,13 @@ def _errors(shots: int, samples: int, noise: Noise, rng: np.random.Generator) ->
 
 
 def _candidates(
-    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, count: int, error: float
+    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, count: int, error: float, tips: Tips
 ) -> Shots:
     """Returns `count` candidates in random order."""
     places = _places(setup, game, rng)
-    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error)
+    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips)
     near = int(_GEOMETRY * count) if pots is not None else 0
-    every = _anywhere(setup, game, places, count - near, max_speed, rng)
+    every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
     if pots is not None:
         every = every.and_also(_near(setup.scene, places, pots, near, max_speed, rng))
     return every.of(rng.permutation(count))
@@ -405,7 +417,7 @@ class _Pots(NamedTuple):
     share: Floats
 
 
-def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error: float) -> _Pots | None:
+def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips) -> _Pots | None:
     """Returns the pots of the legal balls; None if there are none."""
     state, n = game.state, len(game.positions)
     targets = np.isin(np.arange(n), sorted(setup.game_rules.legal(state, state.player)))
@@ -416,7 +428,7 @@ def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error
     if not setup.game_rules.pockets:
         return None
     parts = []
-    for tip, offset in enumerate(_tips(setup.scene)):
+    for tip, offset in enumerate(tips):
         pots = find_pots(tables, most=12, offset=offset, banks=tip == 0)
         place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
         tolerance = pots.rows[place, k, TOLERANCE]
@@ -425,10 +437,6 @@ def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error
         parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
     found = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     return found if len(found.place) else None
-
-
-def _tips(scene: Scene) -> tuple[tuple[float, float], ...]:
-    return TIPS if scene.physics.motion == "sliding" else TIPS[:1]
 
 
 def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator) -> Shots:
@@ -449,7 +457,13 @@ def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: floa
 
 
 def _anywhere(
-    setup: Setup, game: GameState, places: Floats, count: int, max_speed: float, rng: np.random.Generator
+    setup: Setup,
+    game: GameState,
+    places: Floats,
+    count: int,
+    max_speed: float,
+    rng: np.random.Generator,
+    tips: Tips,
 ) -> Shots:
     """Returns random shots: half of them towards a legal ball, in a break all of them, towards the nearest one."""
     state, radius = game.state, setup.scene.balls.radius
@@ -466,14 +480,13 @@ def _anywhere(
     breaks = state.break_shot and not setup.game_rules.has_spots
     share = rng.uniform(*_BREAKS, count) / max_speed if breaks else 0.03 + 0.97 * rng.random(count) ** 2
     velocities = max_speed * np.minimum(share, 1.0)[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
-    tips = rng.integers(len(_tips(setup.scene)), size=count)
-    velocities, spins = _with_spin(setup.scene, velocities, tips, max_speed)
+    velocities, spins = _with_spin(setup.scene, velocities, rng.integers(len(tips), size=count), max_speed)
     return Shots(velocities, spins, from_places, np.full((count, 2), -1))
 
 
 def _with_spin(scene: Scene, velocities: Floats, tips: Ints, max_speed: float) -> tuple[Floats, Floats]:
     """Returns level strokes with velocities (k, 2) and offsets of the tip; a stroke that is too fast is slower."""
-    if len(_tips(scene)) == 1:
+    if not tips.any():
         return velocities, np.zeros((len(velocities), 3))
     made = strike(scene, 1.0, 0.0, *np.array(TIPS).T)
     unit, spin = made.velocity[tips], made.spin[tips]

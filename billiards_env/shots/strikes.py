@@ -79,6 +79,31 @@ def strike(
     return result
 
 
+def level_strike(scene: Scene, velocity: ArrayLike, spin: ArrayLike) -> tuple[float, float, float, float]:
+    """Returns the arguments (speed, heading, side, top) of the level `strike` that gives a velocity and a spin.
+
+    A spin that no level cue gives with this velocity is replaced by one that has the same size about the vertical axis
+    and the same size about the horizontal ones.
+
+    Args:
+        scene: As in `strike`.
+        velocity: (2,) m/s, not zero.
+        spin: (3,) rad/s.
+
+    Example:
+        >>> scene = Scene.named("pool")
+        >>> velocity, spin, _ = strike(scene, 2.0, 0.7, 0.3, -0.2)
+        >>> [round(value, 9) for value in level_strike(scene, velocity, spin)]
+        [2.0, 0.7, 0.3, -0.2]
+    """
+    (x, y), (wx, wy, wz) = np.asarray(velocity, float).tolist(), np.asarray(spin, float).tolist()
+    speed = float(np.hypot(x, y))
+    share = scene.balls.radius[0] / (2.5 * speed)  # see `physics.strike.struck`
+    side, top = -share * wz, share * float(np.copysign(np.hypot(wx, wy), wy * x - wx * y))
+    one = strike(scene, 1.0, 0.0, side, top).velocity
+    return speed / float(np.hypot(*one)), float(np.arctan2(y, x) - np.arctan2(one[1], one[0])), side, top
+
+
 def strike_derivative(
     scene: Scene, speed: float, heading: float, side: float = 0.0, top: float = 0.0, elevation: float = 0.0
 ) -> Floats:

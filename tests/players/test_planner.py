@@ -37,9 +37,9 @@ def test_the_time_of_a_decision_is_kept():
     game = setup("nine_ball")
     table = opening(game, RNG(0), "random")
     plan(game, table, 6.0, RNG(0), shots=300)
-    begin = time.perf_counter()
+    begin = time.thread_time()
     plan(game, table, 6.0, RNG(0), seconds=0.2)
-    assert 0.15 < time.perf_counter() - begin < 0.4
+    assert 0.15 < time.thread_time() - begin < 0.4
 
 
 def test_a_budget_is_a_time_or_a_number_of_shots():
