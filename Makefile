@@ -85,10 +85,9 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.readme
 
-study: $(WORKS)  ## train three recipes with several timesteps and compare the policies (half an hour; the same)
-	$(WORK)/python -m studies.timestep configs/study/pot.yaml $(SPREAD)
-	$(WORK)/python -m studies.timestep configs/study/mixture.yaml $(SPREAD)
-	$(WORK)/python -m studies.timestep configs/study/blocked.yaml $(SPREAD)
+study: $(WORKS)  ## train policies with several timesteps and compare them (an hour; runs with results are not trained again)
+	$(WORK)/python -m studies.timestep $(SPREAD)
+	$(WORK)/python -m studies.timestep_page
 	$(WORK)/python -m studies.gradient_timestep
 	$(WORK)/python -m studies.readme
 

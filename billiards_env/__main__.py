@@ -34,7 +34,7 @@ COMMANDS = {
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
     "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
     "studies.recipes": "train all recipes with several seeds",
-    "studies.timestep": "train one recipe with several timesteps and compare the policies",
+    "studies.timestep": "train policies with several timesteps and compare them",
     "benchmarks.speed": "measure shots per second",
     "benchmarks.gradients": "measure the cost of derivatives",
     "benchmarks.calibration": "measure how often the intervals of a calibration contain the truth",

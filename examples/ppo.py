@@ -2,6 +2,7 @@
 
     python examples/ppo.py --policy policy.pt --log runs.jsonl
     python examples/ppo.py --shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006
+    python examples/ppo.py --env '[{"mode": "pit", "dt": 0.0167}]'
 
 The environment is `Billiards-v0` with its default arguments: the observation is the positions of the cue ball and of
 one object ball, and the action is the velocity of the cue ball. An episode is one shot, so the advantage of a shot is
@@ -23,7 +24,7 @@ import math
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -56,6 +57,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--std-aim", type=float, nargs=2, default=(0.025, 0.0015), help="first and last std of the point aimed at, m")
     add("--until", type=float, default=0.4, help="share of the shots after which the last three are constant")
     add("--evaluate-every", type=lambda text: int(float(text)), default=250_000, help="shots between two evaluations")
+    add("--env", type=json.loads, default=[{}], help="JSON list of arguments of gym.make; an update draws one of them")
     add("--episodes", type=int, default=10_000, help="new layouts of an evaluation")
     add("--policy", type=Path, help="file for the weights")
     add("--log", type=Path, help="file to which a line of JSON is added after each evaluation")
@@ -199,17 +201,18 @@ def success(policy: Policy, envs: VectorEnv, seed: int) -> float:
     return play_together(envs, act, evaluation_seeds(seed, envs.num_envs).tolist())["success_rate"]
 
 
-def train(args: argparse.Namespace) -> Policy:
-    """Trains a policy and prints its success on new layouts during the training."""
+def train(args: argparse.Namespace, policy: Policy | None = None) -> tuple[Policy, list[dict[str, Any]]]:
+    """Trains a policy, a new one if none is given. Prints and returns its success on new layouts meanwhile."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise
-    envs, tests = (gym.make_vec(ENV_ID, num_envs=number, threads=args.threads) for number in (args.envs, args.episodes))
+    worlds = [gym.make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **world) for world in args.env]
+    tests = gym.make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env[0])
     half_extents = gym.make(ENV_ID).unwrapped.scene.half_extents  # pyright: ignore
-    policy = Policy(half_extents, args.points, args.speeds, args.hidden)
+    policy = policy or Policy(half_extents, args.points, args.speeds, args.hidden)
     optimizer = torch.optim.Adam(policy.parameters(), eps=1e-5, fused=True)
-    observations = torch.from_numpy(envs.reset(seed=args.seed * args.envs)[0])
-    done, evaluations, seconds = 0, 0, 0.0
+    layouts = [torch.from_numpy(envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]
+    done, curve, seconds = 0, [], 0.0
     while done < args.shots:
         begin = time.perf_counter()
         share = done / args.shots
@@ -219,29 +222,28 @@ def train(args: argparse.Namespace) -> Policy:
         policy.std = std[0], std[1]
         for group in optimizer.param_groups:
             group["lr"] = args.rate * (1 - 0.99 * share)
+        world = int(torch.randint(len(worlds), ()))
+        observations = layouts[world]
         with torch.no_grad():
             mixture, values = policy(observations)
             velocities = mixture.sample()
             log_densities = mixture.log_density(velocities)
-        following, _, _, _, infos = envs.step(velocities.clamp(-1, 1).numpy())
+        following, _, _, _, infos = worlds[world].step(velocities.clamp(-1, 1).numpy())
         rewards = torch.from_numpy(infos["final_info"]["is_success"]).float()
         update(policy, optimizer, (observations, velocities, log_densities, values, rewards), entropy, args)
-        observations = torch.from_numpy(following)
+        layouts[world] = torch.from_numpy(following)
         done += args.envs
         seconds += time.perf_counter() - begin
-        if done >= args.shots or done // args.evaluate_every > evaluations:
-            evaluations = done // args.evaluate_every
+        if done >= args.shots or done // args.evaluate_every > len(curve):
             rate = success(policy, tests, args.seed)
-            print(
-                f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}", flush=True
-            )
-            line = {"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 1)}
+            print(f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}")
+            curve.append({"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 1)})
             if args.log:
                 with args.log.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(line) + "\n")
+                    file.write(json.dumps(curve[-1]) + "\n")
     if args.policy:
         torch.save(policy.state_dict(), args.policy)
-    return policy
+    return policy, curve
 
 
 if __name__ == "__main__":

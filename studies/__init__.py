@@ -2,9 +2,9 @@
 
 Modules:
     recipes: Trains every recipe with several seeds: `make results`.
-    timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
+    timestep: Trains policies with several timesteps and compares them: `make study`.
+    timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
-    players: Measures players without training.
     run_outs: Measures run-outs of players without training, with and without execution noise.
 """
 

@@ -58,9 +58,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
-    "timestep_blocked": ("studies.timestep configs/study/blocked.yaml", timestep_report.blocks),
-    "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
-    "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
+    "timestep": ("studies.timestep", timestep_report.blocks),
     "validation": ("benchmarks.validation", validation.blocks),
     "vector": ("benchmarks.vector", vector.blocks),
 }

@@ -1,266 +1,357 @@
-"""Studies the effect of the timestep on the learned policies: `python -m studies.timestep configs/study/pot.yaml`.
+"""Studies the effect of the timestep on policies that learn to aim: `python -m studies.timestep`.
 
-One recipe is trained in several worlds with several seeds each. One world is exact; in the others the same balls move
-in steps of dt. Then every policy plays the same layouts once in every world, without exploration noise. A shot is a
-false success if it succeeds in the world of the training and fails in the exact one. `studies.causes` finds the cause.
+`examples/ppo.py` trains policies in several worlds with several seeds each. One world is exact; in the others the same
+balls move in steps of dt. Then every policy plays the same new layouts in every world, without exploration noise. A
+shot is a false success if it succeeds in the world of the training and fails in the exact one.
 
-The results, with the learning curve of every run, are written to `studies/results/timestep_NAME.json` and the figure
-to `docs/images`. A study outside of `configs/study` has both in the folder of its runs. If the results of a study are
-there, nothing is trained: the command prints its tables and draws its figures. The runs are kept in
-`runs/timestep/NAME/WORLD/seedN`, so an interrupted command continues when it is started again.
+The results of all runs are in `studies/results/timestep.json`, and the weights of the main and the long part in
+`studies/results/policies/timestep`. Each run is written there when it ends. The command skips runs that have results,
+so it continues after an interruption. At the end it prints the tables and draws the pictures of the study.
 """
 
 from __future__ import annotations
 
-import dataclasses
+import contextlib
+import io
 import json
-import re
-import time
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+import multiprocessing
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
-from pydantic import AfterValidator
-from pydantic.dataclasses import dataclass
 from tqdm import tqdm
 
-from agents.config import CHECKS, Checked, Config, Count, Seed, distinct, load, read
-from agents.evaluate import deterministic
-from agents.ppo import load_policy
-from agents.runs import train_all
-from agents.train import learning_curve, versions
-from benchmarks import IMAGES
-from billiards_env.engine.modes import checked_engine
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.actions import cue_strike
+from agents.cluster import RayExecutor
+from agents.train import versions
+from benchmarks import IMAGES, machine
+from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds
-from billiards_env.files import write_json
-from billiards_env.shots.simulation import simulate
-from studies import RESULTS, RUNS, errors_in_one_line, parser_of_runs, timestep_report
-from studies.causes import CAUSES, cause
+from billiards_env.files import replacing, write_json
+from billiards_env.scene import Scene
+from examples import ppo
+from studies import RESULTS, errors_in_one_line, parser_of_runs, timestep_report
+from studies.timestep_report import GROUPS
 
 Floats = NDArray[np.float64]
+Weights = dict[str, NDArray[np.float16]]
 
-STUDIES = RUNS.parent / "configs" / "study"
-"""The folder of the project's studies."""
+TIMESTEPS = (960, 480, 240, 120, 60, 30, 15)  # 1/s
+WORLDS: dict[str, dict[str, Any]] = {"exact": {}, **{f"1/{n}": {"mode": "pit", "dt": 1 / n} for n in TIMESTEPS}}
+"""The arguments of `gym.make` of each world, by name. The fix of a world with a timestep is `push_apart`."""
 
-EXACT = "exact"
-"""The name of the world without a timestep."""
+MOVE_BACK = {f"1/{n}": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 60, 15)}
+RANDOM = [WORLDS[f"1/{n}"] for n in TIMESTEPS]
+SEEDS = (11, 12, 13, 14, 15)
+FEW_SEEDS = SEEDS[:3]
+SHOTS = 1_000_000
+LONG = "--shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006"
+FINE_TUNING = (
+    "--shots 5e5 --rate 5e-4 --entropy 0.003 0.003 --std-speed 0.03 0.03 --std-aim 0.005 0.0015 --evaluate-every 5e4"
+)
+ABLATION = {
+    "4 points": "--points 4",
+    "constant spread of the aim": "--std-aim 0.0015 0.0015",
+    "little entropy": "--entropy 0.003 0.003",
+}
+"""Options of `examples/ppo.py` that take away one of its ideas, by the name of what is left."""
 
-LAYOUT_SEED = 0
-
-
-@dataclass(frozen=True, kw_only=True, config=CHECKS)
-class Study(Checked):
-    """A study.
-
-    Attributes:
-        recipe: Path of the configuration to train, relative to the study's file. Its task is "pot", with one shot an
-            episode and no execution noise, and its world is the exact one.
-        worlds: "exact" and timesteps, s, as fractions, such as "1/60".
-        timesteps: Steps of each run; None for the recipe's.
-        fix: How worlds with a timestep resolve overlaps, see `gym.make`'s argument of that name.
-        seeds: The seeds of the training; in every world there is a run with each.
-        layouts: The number of layouts on which the policies are compared. No policy is trained on them.
-    """
-
-    recipe: str
-    worlds: Annotated[tuple[str, ...], AfterValidator(distinct)]
-    timesteps: Count | None = None
-    fix: str | None = None
-    seeds: Annotated[tuple[Seed, ...], AfterValidator(distinct)] = (0, 1, 2)
-    layouts: Count = 2000
-
-    def __post_init__(self) -> None:
-        for i, world in enumerate(self.worlds):
-            try:
-                arguments = world_arguments(world, self.fix)
-            except ValueError as error:
-                raise ValueError(f"worlds[{i}] = {world!r}: {error}") from error
-            checked_engine(**arguments)
-        if EXACT not in self.worlds:
-            raise ValueError(f"worlds = {list(self.worlds)!r}: expected {EXACT!r} among them, to compare with")
-
-
-def world_arguments(world: str, fix: str | None) -> dict[str, Any]:
-    """Returns the arguments of `gym.make` for the world "exact", or for a timestep as a fraction: `mode`, `dt`, `fix`.
-
-    Raises:
-        ValueError: If the world is neither.
-
-    Example:
-        >>> world_arguments("1/50", None)
-        {'mode': 'pit', 'dt': 0.02, 'fix': None}
-    """
-    if world == EXACT:
-        return {"mode": "pic", "dt": None, "fix": None}
-    fraction = re.fullmatch(r"1/([1-9]\d*)", world)
-    if fraction is None:
-        raise ValueError(f"expected {EXACT!r} or a timestep in s as a fraction, such as '1/60'")
-    return {"mode": "pit", "dt": 1 / int(fraction[1]), "fix": fix}
-
-
-def load_study(path: Path) -> tuple[Study, Config]:
-    """Returns the study in a YAML file, and its recipe.
-
-    Raises:
-        ValueError: If a file is not YAML, a key is unknown or missing, or a value impossible.
-        TypeError: If a value has the wrong type.
-        OSError: If a file cannot be read.
-    """
-    study = read(Study, path)
-    recipe = load(path.parent / study.recipe)
-    expected = {"task": "pot", "max_shots": 1, **world_arguments(EXACT, None)}
-    for key, value in expected.items():
-        if recipe.env[key] != value:
-            raise ValueError(f"env.{key} = {recipe.env[key]!r} in the recipe {study.recipe}: expected {value!r}")
-    if recipe.noise is not None:
-        raise ValueError(f"noise in the recipe {study.recipe}: expected none, so that policies can be compared by shot")
-    return study, recipe if study.timesteps is None else dataclasses.replace(recipe, timesteps=study.timesteps)
+LAYOUTS, LAYOUT_SEED = 10_000, 20_261
+NEAR = 0.015
+"""m. A shot is aimed at a pocket if its line is at most this far from the ghost ball of the pocket."""
 
 
 class Run(NamedTuple):
-    """A finished training run: the world and the seed of the training, and the folder."""
+    """A training run.
 
+    Attributes:
+        part: The part of the study, a key of `PARTS`.
+        world: The name of the world, or of the variant.
+        seed: The seed of the training.
+        envs: The arguments of `gym.make` of the worlds of the training. The first one is the policy's own world.
+        options: Further options of `examples/ppo.py`.
+        start: The name of the run whose policy is trained further; None for a new policy.
+    """
+
+    part: str
     world: str
     seed: int
-    folder: Path
+    envs: list[dict[str, Any]]
+    options: str = f"--shots {SHOTS}"
+    start: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the run and of the file of its weights."""
+        return "_".join((self.part, self.world, str(self.seed))).replace("/", "-").replace(" ", "-")
 
 
-def runs(study: Study, recipe: Config, folder: Path) -> Iterator[tuple[Run, Config]]:
-    """Yields each run of a study, with its folder under `folder`, and its configuration."""
-    for world in study.worlds:
-        env = {**recipe.env, **world_arguments(world, study.fix)}
-        for seed in study.seeds:
-            run_dir = folder / world.replace("/", "-") / f"seed{seed}"
-            yield Run(world, seed, run_dir), dataclasses.replace(recipe, env=env, seed=seed)
+PARTS: dict[str, list[Run]] = {
+    "main": [Run("main", world, seed, [env]) for seed in SEEDS for world, env in WORLDS.items()],
+    "random": [Run("random", "random", seed, RANDOM) for seed in FEW_SEEDS],
+    "move_back": [Run("move_back", world, seed, [env]) for seed in FEW_SEEDS for world, env in MOVE_BACK.items()],
+    "fine_tuning": [
+        Run("fine_tuning", world, seed, [{}], FINE_TUNING, Run("main", world, seed, []).name)
+        for seed in FEW_SEEDS
+        for world in MOVE_BACK
+    ],
+    "ablation": [
+        Run("ablation", name, seed, [{}], options) for seed in FEW_SEEDS for name, options in ABLATION.items()
+    ],
+    "long": [Run("long", "exact", SEEDS[0], [{}], LONG)],
+}
+"""The runs of each part. A run starts from a policy of an earlier part, or from none."""
+
+SAVED = ("main", "long")
+"""The parts whose weights are kept."""
 
 
-def find_result(path: Path, study: Study, recipe: Config) -> dict[str, Any] | None:
-    """Returns the result in a file; None if there is none, or it is of another study or recipe."""
-    if not path.exists():
-        return None
-    result = json.loads(path.read_text(encoding="utf-8"))
-    asked = json.loads(json.dumps(dataclasses.asdict(study)))
-    same = all(result.get(key) == value for key, value in asked.items())
-    return result if same and recipe.is_saved_as(result["recipe_config"]) else None
+def play(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[str, NDArray[np.bool_]]:
+    """Returns which shots succeed in each world, (m,), for actions (m, 2) and positions (m, 2, 2) in m."""
+    found = {}
+    for world, env in envs.items():
+        env.reset(options={"positions": positions})
+        found[world] = env.step(actions)[-1]["is_success"]
+    return found
 
 
-def measure(
-    name: str, study: Study, recipe: Config, folder: Path, jobs: int, address: str | None = None
-) -> dict[str, Any]:
-    """Trains the policies of a study, and returns the study, its recipe and the output of `compare` as plain data.
+class Aims(NamedTuple):
+    """m shots, seen as direct pots into the pocket whose ghost ball is nearest to the line of the shot.
 
-    `jobs` runs are trained at a time, in `folder`, on this machine or on the Ray cluster at `address`.
+    Attributes:
+        error: (m,) m, the distance of the line from the ghost ball; positive if the hit is too thin.
+        predicted: (m,) m, the error that makes up for a timestep on average, see `aims`.
+        cut: (m,) degrees, the cut angle of the ghost ball.
+        distance: (m,) m, between the cue ball and the object ball.
+        speed: (m,) m/s, of the cue ball when the balls touch.
     """
-    planned = list(runs(study, recipe, folder))
-    train_all({run.folder: config for run, config in planned}, jobs, address)
-    worlds = {world: world_arguments(world, study.fix) for world in study.worlds}
-    return {
-        "study": name,
-        **dataclasses.asdict(study),
-        "recipe_config": recipe.to_dict(),
-        **compare(recipe, worlds, [run for run, _ in planned], study.layouts),
-    }
+
+    error: Floats
+    predicted: Floats
+    cut: Floats
+    distance: Floats
+    speed: Floats
 
 
-def compare(
-    recipe: Config, worlds: Mapping[str, Mapping[str, Any]], runs: Sequence[Run], layouts: int
-) -> dict[str, Any]:
-    """Plays the policies of finished runs in all worlds, on a number of layouts.
+def aims(actions: Floats, positions: Floats, scene: Scene, max_speed: float, dt: float) -> Aims:
+    """Returns how shots (m, 2) of the cue ball aim, on tables with positions (m, 2, 2).
 
-    `worlds` has the arguments of `gym.make` of each world, by name; "exact" is among them.
+    An engine with a timestep finds the contact late: the cue ball has gone on by s, which is between 0 and v dt. At the
+    cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is thicker by
+    s sin(a) cos(a) makes up for it. The mean of s is v dt / 2.
+    """
+    cue_ball, ball = positions[:, 0], positions[:, 1]
+    speed = max_speed * np.linalg.norm(actions, axis=1)
+    line = max_speed * actions / np.maximum(speed, 1e-9)[:, None]
+    touching = 2.0 * scene.balls.radius[0]
+    pockets = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
+    to_pocket = pockets - ball[:, None]
+    to_pocket /= np.linalg.norm(to_pocket, axis=2, keepdims=True)
+    to_ghost = ball[:, None] - touching * to_pocket - cue_ball[:, None]
+    to_ghost /= np.linalg.norm(to_ghost, axis=2, keepdims=True)
+    cosine, side = (to_ghost * to_pocket).sum(2), _cross(to_ghost, to_pocket)
+    aside = _cross(line, ball - cue_ball)[:, None]
+    error = np.where(side < 0, -1.0, 1.0) * (aside - touching * side)
+    nearest = np.where(cosine > 0, np.abs(error), np.inf).argmin(1)
+    error, cosine, side = (part[np.arange(len(part)), nearest] for part in (error, cosine, side))
+    distance = np.linalg.norm(ball - cue_ball, axis=1)
+    speed = _speed_after(speed, np.maximum(distance - touching * cosine, 0.0), scene)
+    cut = np.degrees(np.arctan2(np.abs(side), cosine))
+    return Aims(error, -0.5 * speed * dt * np.abs(side) * cosine, cut, distance, speed)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
+    """Returns the speed of a ball after a path, m/s. It starts without spin, slides, and rolls at 5/7 of its speed."""
+    physics = scene.physics
+    sliding = 12.0 * speed**2 / (49.0 * physics.mu_slide * physics.g)
+    rolls = (5.0 / 7.0 * speed) ** 2 - 2.0 * physics.mu_roll * physics.g * (path - sliding)
+    slides = speed**2 - 2.0 * physics.mu_slide * physics.g * path
+    return np.sqrt(np.maximum(np.where(path < sliding, slides, rolls), 0.0))
+
+
+def aims_by_group(aimed: Aims, potted: NDArray[np.bool_]) -> dict[str, list[list[float]]]:
+    """Returns the number of direct pots, the median of their error and of its prediction, mm, for each of `GROUPS`."""
+    direct = potted & (np.abs(aimed.error) < NEAR)
+    found: dict[str, list[list[float]]] = {}
+    for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
+        found[name] = []
+        for low, high in pairwise(edges):
+            group = direct & (values >= low) & (values < high)
+            middle = [1e3 * float(np.median(part[group])) if group.any() else 0.0 for part in aimed[:2]]
+            found[name].append([int(group.sum()), *middle])
+    return found
+
+
+def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any], Weights]:
+    """Trains a policy and plays it on new layouts in all worlds.
+
+    Args:
+        run: The run.
+        start: The weights of the policy that is trained further; None for a new policy.
+        layouts: The number of new layouts.
 
     Returns:
-        Plain data: `versions`; `worlds_measured`, the arguments and speed of each world; and `policies`. A policy has
-        `world`, `seed`, `curve` (a list of `agents.train.Point`), `success` (the number of successes in each world),
-        and `false_successes` (their number by cause).
+        The result as plain data, and the weights. The result has the fields of the run; `curve`, the evaluations during
+        the training (see `ppo.train`); and the output of `compare`.
+    """
+    given = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
+    args = ppo.arguments([*given, "--env", json.dumps(run.envs)])
+    with contextlib.redirect_stdout(io.StringIO()):
+        policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
+    weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
+    return {**run._asdict(), "curve": curve, **compare(policy_of(weights, args), run.envs[0], layouts)}, weights
+
+
+def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
+    """Plays a policy on new layouts in all worlds.
+
+    Args:
+        policy: The policy.
+        own_world: The arguments of `gym.make` of its own world.
+        layouts: The number of layouts.
+
+    Returns:
+        `success`, the number of successes in each world; `own`, the number in the own world; `false_successes` and
+        `false_failures`, the numbers of shots that succeed only in the own world and only in the exact one; and `aim`,
+        see `aims_by_group`.
+    """
+    envs = make_worlds(layouts, {**WORLDS, "own": own_world})
+    observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
+    positions, env = envs["exact"].positions, envs["exact"].single_env
+    actions = shots_of(policy, observations)
+    potted = play(actions, positions, envs)
+    own, exact = potted.pop("own"), potted["exact"]
+    aimed = aims(actions, positions, env.scene, env.max_speed, own_world.get("dt", 0.0))
+    return {
+        "success": {world: int(shots.sum()) for world, shots in potted.items()},
+        "own": int(own.sum()),
+        "false_successes": int((own & ~exact).sum()),
+        "false_failures": int((exact & ~own).sum()),
+        "aim": aims_by_group(aimed, own),
+    }
+
+
+def shots_of(policy: ppo.Policy, observations: NDArray[np.float32]) -> Floats:
+    """Returns the actions (m, 2) of a policy without exploration noise."""
+    with torch.no_grad():
+        return policy(torch.from_numpy(observations))[0].mode().clamp(-1, 1).numpy().astype(np.float64)
+
+
+def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """Returns vector environments of a number of layouts in some worlds, by name. They do not reset by themselves."""
+    return {name: BilliardsVectorEnv(layouts, "Disabled", 1, **arguments) for name, arguments in worlds.items()}
+
+
+def policy_of(weights: Weights, args: Any) -> ppo.Policy:
+    """Returns the policy with some weights, for the options of the training."""
+    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden)
+    policy.load_state_dict({name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()})
+    return policy
+
+
+class Places(NamedTuple):
+    """The JSON file of the results, the folder of the weights, and the folder of the pictures."""
+
+    results: Path
+    policies: Path
+    images: Path
+
+
+def places(folder: Path | None) -> Places:
+    """Returns the places of the published study, or those in a folder."""
+    if folder is None:
+        return Places(RESULTS / "timestep.json", RESULTS / "policies" / "timestep", IMAGES)
+    return Places(folder / "timestep.json", folder / "policies", folder)
+
+
+def load_weights(policies: Path, name: str) -> Weights:
+    """Returns the weights of a run.
 
     Raises:
-        OSError: If a file of a run cannot be read.
-        ValueError: If a file of a run has the wrong content.
+        OSError: If there is no file of the run.
+        ValueError: If the file is damaged.
     """
-    seeds = evaluation_seeds(LAYOUT_SEED, layouts).tolist()
-    envs = {
-        world: BilliardsVectorEnv(layouts, "Disabled", 1, **{**recipe.env, **arguments})
-        for world, arguments in worlds.items()
-    }
-    observations, _ = envs["exact"].reset(seed=seeds)
-    positions, env = envs["exact"].positions, envs["exact"].single_env
-    shots = [_shots(run.folder, observations) for run in tqdm(runs, "policies")]
-    successes = {world: [] for world in worlds}
-    seconds = dict.fromkeys(worlds, 0.0)
-    for world in tqdm(worlds, "worlds"):
-        for actions in shots:
-            envs[world].reset(options={"positions": positions})
-            begin = time.perf_counter()
-            *_, infos = envs[world].step(actions)
-            seconds[world] += time.perf_counter() - begin
-            successes[world].append(infos["is_success"])
-    policies = []
-    for k, run in enumerate(tqdm(runs, "false successes")):
-        own, exact = successes[run.world][k], successes["exact"][k]
-        policies.append(
-            {
-                "world": run.world,
-                "seed": run.seed,
-                "curve": [list(point) for point in learning_curve(run.folder)],
-                "success": {world: int(successes[world][k].sum()) for world in worlds},
-                "false_successes": _causes(worlds[run.world], env, positions, shots[k], own & ~exact),
-            }
-        )
-    return {
-        "versions": versions(),
-        "worlds_measured": {
-            world: {**worlds[world], "shots_per_second": layouts * len(shots) / seconds[world]} for world in worlds
-        },
-        "policies": policies,
-    }
+    with np.load(policies / f"{name}.npz", allow_pickle=False) as file:
+        return dict(file)
 
 
-def _shots(run_dir: Path, observations: NDArray[np.float32]) -> Floats:
-    """Returns the actions of a run's policy, (m, 2)."""
-    _, policy = load_policy(run_dir)
-    return np.asarray(deterministic(policy)(observations), np.float64)
+@contextlib.contextmanager
+def workers(jobs: int, address: str | None) -> Iterator[Executor]:
+    """Yields processes of this machine, or the nodes of a Ray cluster."""
+    if address is not None:
+        yield RayExecutor(address)
+        return
+    pool = ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
-def _causes(
-    world: Mapping[str, Any], env: BilliardsEnv, positions: Floats, actions: Floats, false: NDArray[np.bool_]
-) -> dict[str, int]:
-    """Returns the number of false successes by cause."""
-    counts: Counter[str] = Counter()
-    for i in np.flatnonzero(false).tolist():
-        start = env.scene, positions[i], cue_strike(actions[i], env.scene, env.max_speed)
-        exact, stepped = simulate(*start, record=True), simulate(*start, **world, record=True)
-        differs = np.flatnonzero(exact.potted != stepped.potted)
-        counts[cause(exact, stepped, world["dt"], int(differs[-1]))] += 1  # a ball to pot, or else the cue ball
-    return {name: counts[name] for name in CAUSES}
+def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict[str, Any]:
+    """Trains what has no results, and writes the result of each run as soon as it ends.
+
+    `jobs` runs are trained at a time, on this machine or on the Ray cluster at `address`.
+
+    Returns:
+        The content of the file: `machine`, `versions`, `layouts`, and `runs`, the results of `train` by name.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+        RuntimeError: If a run fails on the cluster.
+    """
+    found: dict[str, Any] = json.loads(where.results.read_text(encoding="utf-8")) if where.results.exists() else {}
+    if found.get("layouts") != layouts:
+        found = {"machine": machine(), "versions": versions(), "layouts": layouts, "runs": {}}
+    missing = {part: [run for run in runs if not is_result(found, run)] for part, runs in PARTS.items()}
+    if not any(missing.values()):
+        return found
+    where.policies.mkdir(parents=True, exist_ok=True)
+    with (
+        workers(jobs, address) as pool,
+        tqdm(total=sum(map(len, PARTS.values())), initial=len(found["runs"]), unit="run", smoothing=0) as bar,
+    ):
+        for part, runs in missing.items():
+            starts = [None if run.start is None else load_weights(where.policies, run.start) for run in runs]
+            futures = [pool.submit(train, run, start, layouts) for run, start in zip(runs, starts, strict=True)]
+            for future in as_completed(futures):
+                result, weights = future.result()
+                name = runs[futures.index(future)].name
+                if part in SAVED:
+                    with replacing(where.policies / f"{name}.npz") as file:
+                        np.savez_compressed(file, **weights)  # pyright: ignore[reportArgumentType]
+                found["runs"][name] = result
+                write_json(where.results, found)
+                bar.update()
+                bar.set_postfix_str(f"{name}: {result['success']['exact'] / layouts:.1%} in the exact world")
+    return found
+
+
+def is_result(found: Mapping[str, Any], run: Run) -> bool:
+    """Returns whether the results have those of a run with these settings."""
+    result = found["runs"].get(run.name)
+    return result is not None and all(result[key] == value for key, value in run._asdict().items())
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.timestep --help`."""
-    description = "Train one recipe in the exact world and in worlds with a timestep, and compare the policies."
+    description = "Train policies in the exact world and in worlds with a timestep, and compare them."
     parser = parser_of_runs("timestep", description)
-    parser.add_argument("study", type=Path, help="YAML file of the study, e.g. configs/study/pot.yaml")
     args = parser.parse_args(arguments)
-    name = args.study.stem
-    published = args.folder is None and args.study.resolve().parent == STUDIES
-    runs_folder = (args.folder or RUNS / "timestep") / name
-    path = (RESULTS if published else runs_folder) / f"timestep_{name}.json"
-    figure = (IMAGES if published else runs_folder) / f"study_{name}_success.png"
+    where = places(args.folder)
     with errors_in_one_line():
-        study, recipe = load_study(args.study)
-        result = find_result(path, study, recipe)
-        if result is None:
-            result = measure(name, study, recipe, runs_folder, args.jobs, args.address)
-            write_json(path, result)
-        timestep_report.draw(result, figure)
-    shown = timestep_report.blocks(result)
-    print("\n\n".join(shown[name] for name in timestep_report.tables(result)))
-    print(f"\nin {path} and {figure}")
+        result = measure(where, args.jobs, args.address, LAYOUTS)
+        timestep_report.draw(result, where.images)
+    print("\n\n".join(timestep_report.blocks(result).values()))
+    print(f"\nin {where.results}; pictures in {where.images}")
 
 
 if __name__ == "__main__":

@@ -1,142 +1,290 @@
-"""Summarizes a study of timesteps: means over the seeds, tables and the figure.
+"""Summarizes the study of timesteps: statistics over the seeds, tables and pictures.
 
-The mean over the policies of a world has Student's 95% interval over the few seeds of the training. The layouts are
-the same for all policies.
+The statistics are those of Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
+interquartile means with 95% bootstrap intervals over the seeds, performance profiles, and probabilities of improvement.
+The layouts are the same for all policies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from benchmarks import save, table, use_own_font
-from billiards_env.intervals import as_percent, difference, over_seeds
-from studies.causes import CAUSES
+from benchmarks import machine_line, save, table, use_own_font
+from billiards_env.intervals import bootstrap, interquartile_mean
+
+EXACT = "exact"
+BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#777777"
+SHOTS_OF_FINE_TUNING = (0, 50_000, 100_000, 200_000, 500_000)
+
+GROUPS = {
+    "cut angle": ("degrees", (0, 15, 30, 45, 60, 90)),
+    "distance": ("m", (0.0, 0.5, 1.0, 2.9)),
+    "speed": ("m/s", (0.0, 0.8, 1.1, 4.0)),
+}
+"""The groups of shots in which the aim is measured: the unit and the edges. The speed is that at the hit."""
+
+Result = Mapping[str, Any]
+Floats = NDArray[np.float64]
 
 
-def summary(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Returns the means over the seeds of the policies trained in each world, from the result of `studies.timestep`.
+def of_part(result: Result, part: str) -> dict[str, list[dict[str, Any]]]:
+    """Returns the runs of a part by world, from the results of `studies.timestep`."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for run in result["runs"].values():
+        if run["part"] == part:
+            found.setdefault(run["world"], []).append(run)
+    order = list(next(iter(result["runs"].values()))["success"])  # the worlds, with the smallest timestep first
+    return {world: found[world] for world in sorted(found, key=lambda w: order.index(w) if w in order else -1)}
 
-    Returns:
-        By world: `own` and `exact`, the success in the world itself and in the exact one; `behind`, the success in the
-        exact world less that of the policies trained there; `false`, the share of the successes in the own world that
-        fail in the exact one, and `causes`, these shares by cause; `training_seconds` of a run; and `shots_per_second`
-        of the world.
-    """
-    found = {}
-    by_world = {w: [p for p in result["policies"] if p["world"] == w] for w in result["worlds_measured"]}
-    exact = {world: rates(result, world, "exact") for world in by_world}
-    for world, policies in by_world.items():
-        own = rates(result, world, world)
-        successes = [max(p["success"][world], 1) for p in policies]
-        causes = [p["false_successes"] for p in policies]
-        found[world] = {
-            "own": over_seeds(own),
-            "exact": over_seeds(exact[world]),
-            "behind": difference(exact[world], exact["exact"]),
-            "false": over_seeds([sum(c.values()) / n for c, n in zip(causes, successes, strict=True)]),
-            "causes": {
-                name: over_seeds([c[name] / n for c, n in zip(causes, successes, strict=True)]) for name in CAUSES
-            },
-            "training_seconds": over_seeds([p["curve"][-1][1] for p in policies]),
-            "shots_per_second": result["worlds_measured"][world]["shots_per_second"],
-        }
+
+def rates(result: Result, runs: Sequence[Mapping[str, Any]], tested: str) -> Floats:
+    """Returns the success of runs in a world, or in their own one for "own"; (runs,)."""
+    counts = [run["own"] if tested == "own" else run["success"][tested] for run in runs]
+    return np.array(counts) / result["layouts"]
+
+
+def false_shares(runs: Sequence[Mapping[str, Any]]) -> Floats:
+    """Returns the share of the successes in the own world that fail in the exact one, (runs,)."""
+    return np.array([run["false_successes"] / max(run["own"], 1) for run in runs])
+
+
+def gap(a: Floats, b: Floats) -> Any:
+    """Returns the difference of the interquartile means of a and b."""
+    return interquartile_mean(a) - interquartile_mean(b)
+
+
+def improvement(a: Floats, b: Floats) -> Any:
+    """Returns the probability that a run of a is better than one of b; equal runs count half."""
+    a, b = a[..., :, None], b[..., None, :]
+    return ((a > b) + 0.5 * (a == b)).mean((-1, -2))
+
+
+def share(values: Floats) -> str:
+    """Returns the interquartile mean of shares and its interval as text."""
+    low, high = bootstrap(interquartile_mean, values)
+    return f"{interquartile_mean(values):.1%} ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def points(a: Floats, b: Floats) -> str:
+    """Returns the difference of the interquartile means of shares and its interval as text, in points."""
+    low, high = (100 * end for end in bootstrap(gap, a, b))
+    return f"{100 * gap(a, b):+.1f} ({low:+.1f} to {high:+.1f})"
+
+
+def median_errors(runs: Sequence[Mapping[str, Any]], group: str) -> Floats:
+    """Returns the median error of the aim and its prediction for each group, mm, (groups, 2): means over runs."""
+    found = np.array([run["aim"][group] for run in runs])
+    return (found[..., :1] * found[..., 1:]).sum(0) / np.maximum(found[..., :1].sum(0), 1)
+
+
+def success_after(run: Mapping[str, Any], shots: int) -> float:
+    """Returns the success of the first evaluation after a number of shots of the training."""
+    return next(point["success"] for point in run["curve"] if point["shots"] >= shots)
+
+
+def blocks(result: Result) -> dict[str, str]:
+    """Returns the tables as Markdown, by name."""
+    main = of_part(result, "main")
+    exact = rates(result, main[EXACT], EXACT)
+    seconds = sum(run["curve"][-1]["seconds"] for run in result["runs"].values())
+    numbers = [len(runs) for runs in main.values()]
+    found = {
+        "machine": machine_line(result["machine"]),
+        "size": f"{len(result['runs'])} runs, {numbers[0]} seeds in each world of the main part, "
+        f"{result['layouts']:,} layouts, {seconds / 3600:.1f} hours of training on one core",
+        "main": _main(result, main, exact),
+        "transfer": table(
+            ("trained in", *(f"played in {_name(world)}" for world in main)),
+            [
+                (_name(a), *(f"{interquartile_mean(rates(result, runs, b)):.1%}" for b in main))
+                for a, runs in main.items()
+            ],
+        ),
+        **{f"aim: {group}": _aim(main, group) for group in GROUPS},
+    }
+    if controls := {**of_part(result, "random"), **of_part(result, "move_back")}:
+        found["control"] = _controls(result, controls, exact)
+    if tuned := of_part(result, "fine_tuning"):
+        found["fine_tuning"] = _fine_tuning(result, main, tuned)
+    if without := of_part(result, "ablation"):
+        found["ablation"] = _ablation(result, without, main[EXACT])
+    found["seeds"] = _seeds(result, {"main": main[EXACT], **of_part(result, "long")})
     return found
 
 
-def rates(result: Mapping[str, Any], trained: str, tested: str) -> list[float]:
-    """Returns the success in the world `tested` of each policy trained in the world `trained`."""
-    return [p["success"][tested] / result["layouts"] for p in result["policies"] if p["world"] == trained]
-
-
-def tables(result: Mapping[str, Any]) -> dict[str, tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-    """Returns the heads and rows of the tables, by name; a row for each world of training."""
-    means = summary(result)
-    return {
-        "conclusion": (
+def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Floats) -> str:
+    rows = []
+    for world, runs in main.items():
+        played = rates(result, runs, EXACT)
+        different = world != EXACT
+        rows.append(
             (
-                "trained in",
-                "success with its engine",
-                "success with the exact engine",
-                "difference to exact training, points",
-                "false successes",
-                "training",
-                "shots/s",
-            ),
-            [
-                (
-                    _name(world),
-                    as_percent(t["own"]),
-                    as_percent(t["exact"]),
-                    "" if world == "exact" else _points(t["behind"]),
-                    "" if world == "exact" else as_percent(t["false"]),
-                    f"{t['training_seconds']['mean'] / 60:.1f} min",
-                    f"{t['shots_per_second']:,.0f}",
-                )
-                for world, t in means.items()
-            ],
-        ),
-        "causes": (
-            ("trained in", "false successes", *(name.replace("_", " ") for name in CAUSES)),
-            [
-                (_name(world), *(as_percent(share) for share in (t["false"], *t["causes"].values())))
-                for world, t in means.items()
-                if world != "exact"
-            ],
-        ),
-        "transfer": (
-            ("trained in", *(f"played in {_name(world)}" for world in means)),
-            [(_name(a), *(f"{np.mean(rates(result, a, b)):.1%}" for b in means)) for a in means],
-        ),
-    }
+                _name(world),
+                share(rates(result, runs, "own")),
+                share(played),
+                points(played, exact) if different else "",
+                f"{improvement(played, exact):.0%}" if different else "",
+                share(false_shares(runs)) if different else "",
+                f"{np.mean([run['curve'][-1]['seconds'] for run in runs]):.0f} s",
+            )
+        )
+    head = ("trained in", "success in its own world", "success in the exact world", "difference to exact training")
+    return table((*head, "probability to beat exact training", "false successes", "training"), rows)
 
 
-def blocks(result: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the tables as Markdown, by name."""
-    minutes = sum(p["curve"][-1][1] for p in result["policies"]) / 60
-    return {
-        **{name: table(head, rows) for name, (head, rows) in tables(result).items()},
-        "time": f"- `{result['study']}`: {minutes:.0f} minutes on one core",
-    }
+def _aim(main: Mapping[str, list[dict[str, Any]]], group: str) -> str:
+    unit, edges = GROUPS[group]
+    base = median_errors(main[EXACT], group)[:, 0]
+    head = [f"{low:g} to {high:g} {unit}" for low, high in pairwise(edges)]
+    rows = []
+    for world, runs in main.items():
+        if world != EXACT:
+            measured, predicted = median_errors(runs, group).T
+            cells = (f"{m - b:+.1f} ({p:+.1f})" for m, b, p in zip(measured, base, predicted, strict=True))
+            rows.append((_name(world), *cells))
+    return table(("trained in", *head), rows)
 
 
-def draw(result: Mapping[str, Any], path: Path) -> None:
-    """Draws the success in the world of the training and in the exact world, against the timestep."""
+def _controls(result: Result, controls: Mapping[str, list[dict[str, Any]]], exact: Floats) -> str:
+    rows = []
+    for world, runs in controls.items():
+        name = "all timesteps, one drawn for each update" if world == "random" else f"{_name(world)}, `move_back`"
+        played = rates(result, runs, EXACT)
+        own = "" if world == "random" else share(rates(result, runs, "own"))
+        rows.append((name, own, share(played), points(played, exact)))
+    head = ("trained in", "success in its own world", "success in the exact world", "difference to exact training")
+    return table(head, rows)
+
+
+def _fine_tuning(
+    result: Result, main: Mapping[str, list[dict[str, Any]]], tuned: Mapping[str, list[dict[str, Any]]]
+) -> str:
+    rows = []
+    for world, runs in tuned.items():
+        seeds = [run["seed"] for run in runs]
+        before = rates(result, [run for run in main[world] if run["seed"] in seeds], EXACT)
+        after = ([success_after(run, shots) for run in runs] for shots in SHOTS_OF_FINE_TUNING[1:])
+        rows.append((_name(world), *(f"{np.mean(values):.1%}" for values in (before, *after))))
+    evaluated = [point["shots"] for point in main[EXACT][0]["curve"]]
+    scratch = (
+        f"{np.mean([success_after(run, shots) for run in main[EXACT]]):.1%}" if shots >= evaluated[0] else ""
+        for shots in SHOTS_OF_FINE_TUNING
+    )
+    rows.append(("a new policy", *scratch))
+    return table(("trained before in", *(f"{shots:,} shots" for shots in SHOTS_OF_FINE_TUNING)), rows)
+
+
+def _ablation(result: Result, without: Mapping[str, list[dict[str, Any]]], runs: Sequence[Mapping[str, Any]]) -> str:
+    rows = [("as it is", "", share(rates(result, runs, EXACT)), "")]
+    for name, changed in without.items():
+        values = rates(result, changed, EXACT)
+        rows.append((name, f"`{changed[0]['options']}`", share(values), points(values, rates(result, runs, EXACT))))
+    return table(("policy", "options", "success", "difference"), rows, left=2)
+
+
+def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
+    rows = []
+    for runs in parts.values():
+        values = rates(result, runs, EXACT)
+        shots, seconds = runs[0]["curve"][-1]["shots"], np.mean([run["curve"][-1]["seconds"] for run in runs])
+        shown = share(values) if len(values) > 1 else f"{values[0]:.1%}"
+        rows.append((f"{shots:,}", str(len(values)), shown, f"{np.ptp(values):.1%}", f"{shots / seconds:,.0f}"))
+    return table(("shots", "seeds", "success", "best less worst seed", "shots/s, one core"), rows, left=0)
+
+
+def draw(result: Result, folder: Path) -> None:
+    """Draws the pictures of the study: `timestep_success.png`, `timestep_aim.png` and `timestep_fine_tuning.png`."""
     use_own_font()
-    means = summary(result)
-    # The exact world, whose timestep would be 0, is on the left.
-    worlds = sorted(means, key=lambda world: result["worlds_measured"][world]["dt"] or 0.0)
-    figure = Figure(figsize=(6.6, 3.8), dpi=120, layout="constrained")
-    axes = figure.add_subplot()
-    for shift, key, colour, label in (
-        (-0.08, "exact", "#0072b2", "in the exact world"),
-        (0.08, "own", "#d55e00", "in the world of the training"),
+    main = of_part(result, "main")
+    for name, picture in (("success", _draw_success), ("aim", _draw_aim), ("profiles", _draw_profiles)):
+        save(picture(result, main), folder / f"timestep_{name}.png")
+    if tuned := of_part(result, "fine_tuning"):
+        save(_draw_fine_tuning(result, main, tuned), folder / "timestep_fine_tuning.png")
+
+
+def _draw_success(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
+    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
+    axes, at = figure.add_subplot(), np.arange(len(main))
+    for shift, tested, colour, label in (
+        (0.06, "own", ORANGE, "played with the timestep of its training"),
+        (-0.06, EXACT, BLUE, "played in exact physics"),
     ):
-        for k, world in enumerate(worlds):
-            played = "exact" if key == "exact" else world
-            found = rates(result, world, played)
-            axes.plot([k + shift] * len(found), 100 * np.array(found), ".", color=colour, alpha=0.5, markersize=5)
-        heights = 100 * np.array([means[world][key]["mean"] for world in worlds])
-        intervals = [means[world][key]["interval"] or [means[world][key]["mean"]] * 2 for world in worlds]
-        ends = np.abs(100 * np.clip(intervals, 0.0, 1.0).T - heights)
-        axes.errorbar(np.arange(len(worlds)) + shift, heights, ends, fmt="o-", color=colour, capsize=3, label=label)
-    axes.set_xticks(range(len(worlds)), worlds)
-    axes.set(xlabel="timestep of the training (s)", ylabel="success (%)", ylim=(0.0, None))
+        values = [100 * rates(result, runs, tested) for runs in main.values()]
+        means = np.array([interquartile_mean(v) for v in values])
+        ends = np.abs(np.array([bootstrap(interquartile_mean, v) for v in values]).T - means)
+        for k, seeds in enumerate(values):
+            axes.plot([k + shift] * len(seeds), seeds, ".", color=colour, alpha=0.35, markersize=4)
+        axes.errorbar(at + shift, means, ends, fmt="o-", color=colour, capsize=3, label=label)
+    axes.set_xticks(at, [EXACT, *(f"{world} s" for world in main if world != EXACT)])
+    axes.set(xlabel="timestep of the training", ylabel="balls potted (%)", ylim=(0.0, 100.0))
+    axes.set_title("A policy learns the errors of its timestep", loc="left", fontsize=11)
+    return _finished(figure)
+
+
+def _draw_aim(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
+    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    limits = np.array(GROUPS["cut angle"][1])[:-1]  # few shots have a cut of more than 60 degrees
+    at = 0.5 * (limits[:-1] + limits[1:])
+    base = median_errors(main[EXACT], "cut angle")[: len(at), 0]
+    for world, colour in (("1/240", "#56b4e9"), ("1/120", BLUE), ("1/60", ORANGE), ("1/30", "#cc79a7")):
+        if world in main:
+            measured, predicted = median_errors(main[world], "cut angle")[: len(at)].T
+            axes.plot(at, measured - base, "o-", color=colour, label=f"{world} s")
+            axes.plot(at, predicted, "--", color=colour)
+    axes.plot([], [], "--", color=GREY, label="predicted from the\nlate contact")
+    axes.axhline(0.0, color=GREY, linewidth=0.8)
+    axes.set(xlabel="cut angle (degrees)", ylabel="median error of the aim (mm)", xticks=limits)
+    axes.set_title("The error of the aim is the one that makes up for the late contact", loc="left", fontsize=11)
+    return _finished(figure)
+
+
+def _draw_profiles(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figure:
+    figure = Figure(figsize=(7.2, 3.4), dpi=120, layout="constrained")
+    axes, levels = figure.add_subplot(), np.linspace(0.0, 1.0, 501)
+    colours = np.linspace(0.0, 0.9, len(main))
+    for (world, runs), colour in zip(main.items(), colours, strict=True):
+        reached = (rates(result, runs, EXACT)[:, None] > levels).mean(0)
+        axes.plot(100 * levels, 100 * reached, color=colormaps["viridis"](colour), label=_name(world))
+    axes.set(xlabel="success in the exact world (%)", ylabel="runs with more (%)", xlim=(0, 100))
+    return _finished(figure, "trained in")
+
+
+def _draw_fine_tuning(
+    result: Result, main: Mapping[str, list[dict[str, Any]]], tuned: Mapping[str, list[dict[str, Any]]]
+) -> Figure:
+    figure = Figure(figsize=(7.2, 3.9), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    for (world, runs), colour in zip(tuned.items(), ("#56b4e9", ORANGE, "#cc79a7"), strict=False):
+        seeds = [run["seed"] for run in runs]
+        before = rates(result, [run for run in main[world] if run["seed"] in seeds], EXACT).mean()
+        shots = [0, *(point["shots"] for point in runs[0]["curve"])]
+        after = np.mean([[point["success"] for point in run["curve"]] for run in runs], axis=0)
+        axes.plot(np.array(shots) / 1e3, 100 * np.array([before, *after]), "o-", color=colour, label=f"{world} s")
+    shots = np.array([point["shots"] for point in main[EXACT][0]["curve"]])
+    curve = 100 * np.mean([[point["success"] for point in run["curve"]] for run in main[EXACT]], axis=0)
+    axes.plot(shots / 1e3, curve, "s--", color=GREY, label="a new policy")
+    axes.axhline(curve[-1], color=GREY, linewidth=0.8)
+    axes.set(xlabel="shots in the exact world (thousands)", ylabel="success in the exact world (%)", ylim=(0, 100))
+    return _finished(figure, "trained before in")
+
+
+def _finished(figure: Figure, title: str | None = None) -> Figure:
+    """Adds the grid and the legend."""
+    (axes,) = figure.axes
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
-    save(figure, path)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(title=title, fontsize=9, frameon=False)
+    return figure
 
 
 def _name(world: str) -> str:
-    return world if world == "exact" else f"{world} s"
-
-
-def _points(value: Mapping[str, Any]) -> str:
-    if value["interval"] is None:
-        return f"{100 * value['mean']:+.1f}"
-    low, high = (100 * end for end in value["interval"])
-    return f"{100 * value['mean']:+.1f} ({low:+.1f} to {high:+.1f})"
+    return world if world == EXACT else f"{world} s"

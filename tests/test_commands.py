@@ -56,6 +56,7 @@ TESTED = {
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
     "studies.timestep": "studies/test_timestep.py",
+    "studies.timestep_page": "studies/test_timestep.py",
 }
 """The commands that another test runs, by name, and the file of this test."""
 

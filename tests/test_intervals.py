@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from billiards_env.intervals import difference, mean_interval, over_seeds, wilson_interval
+from billiards_env.intervals import bootstrap, interquartile_mean, mean_interval, over_seeds, wilson_interval
 
 
 # The interval's ends solve (rate - p)^2 = z^2 p (1 - p) / n for p.
@@ -24,14 +24,26 @@ def test_the_interval_of_a_mean_contains_it_in_95_percent_of_samples():
 
 
 def test_student_intervals_contain_the_mean_in_95_percent_of_samples():
-    rng, mean, both = np.random.default_rng(0), 0, 0
+    rng, mean = np.random.default_rng(0), 0
     for _ in range(4000):
-        a, b = rng.normal(0.5, 0.1, 3).tolist(), rng.normal(0.4, 0.1, 3).tolist()
-        low, high = over_seeds(a)["interval"]
+        low, high = over_seeds(rng.normal(0.5, 0.1, 3).tolist())["interval"]
         mean += low <= 0.5 <= high
-        low, high = difference(a, b)["interval"]
-        both += low <= 0.1 <= high
     assert 0.94 < mean / 4000 < 0.96
-    assert 0.94 < both / 4000 < 0.96
     assert over_seeds([0.5]) == {"mean": 0.5, "interval": None}
-    assert difference([0.5], [0.25, 0.25]) == {"mean": 0.25, "interval": None}
+
+
+# By hand: a quarter of 5 values is 1.25, so the second and the fourth have the weight 0.75.
+def test_the_interquartile_mean_is_that_of_the_middle_half():
+    assert interquartile_mean([9.0, 0.0, 2.0, 1.0]) == 1.5
+    assert interquartile_mean([-50.0, 1.0, 2.0, 4.0, 99.0]) == pytest.approx((0.75 * 1.0 + 2.0 + 0.75 * 4.0) / 2.5)
+    assert interquartile_mean([3.0]) == 3.0
+    assert interquartile_mean(np.array([[1.0, 3.0], [2.0, 4.0]])).tolist() == [2.0, 3.0]
+
+
+def test_the_bootstrap_interval_of_a_difference_contains_it():
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(400):
+        a, b = rng.normal(0.5, 0.1, 40), rng.normal(0.4, 0.1, 30)
+        low, high = bootstrap(lambda x, y: x.mean(-1) - y.mean(-1), a, b, resamples=400)
+        held += low <= 0.1 <= high
+    assert 0.91 < held / 400 < 0.98

@@ -26,7 +26,7 @@ def settings_of_torch():
 def test_a_short_training_learns(tmp_path):
     log, weights = tmp_path / "log.jsonl", tmp_path / "policy.pt"
     sizes = "--shots 65536 --envs 1024 --minibatch 256 --epochs 2 --hidden 64 --episodes 500 --evaluate-every 32768"
-    policy = ppo.train(ppo.arguments([*sizes.split(), "--log", str(log), "--policy", str(weights)]))
+    policy, _ = ppo.train(ppo.arguments([*sizes.split(), "--log", str(log), "--policy", str(weights)]))
     lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
     assert [line["shots"] for line in lines] == [32768, 65536]
     assert lines[-1]["success"] > 0.15  # a random shot pots the ball once in a hundred times

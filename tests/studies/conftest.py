@@ -11,7 +11,7 @@ import torch
 
 from agents.config import Config
 from agents.train import open_run, train
-from studies import recipes, timestep
+from studies import recipes
 from tests.helpers.training import tiny, trained  # noqa: F401  (fixtures)
 
 
@@ -32,8 +32,7 @@ def in_this_process() -> Iterator[None]:
                 train(config, folder)
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (recipes, timestep):
-            patch.setattr(module, "train_all", train_here)
+        patch.setattr(recipes, "train_all", train_here)
         yield
 
 

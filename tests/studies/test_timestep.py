@@ -1,211 +1,205 @@
+"""The study of timesteps: its runs, what it measures, its statistics, and its page."""
+
+from __future__ import annotations
+
+import contextlib
 import json
-import shutil
-from pathlib import Path
+import math
+from concurrent.futures import Executor, Future
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-import yaml
 
-from agents.config import Config
-from agents.train import Point
-from billiards_env import Scene
-from billiards_env.envs.action_frames import ActionTransform
-from billiards_env.evaluation import evaluation_seeds
-from billiards_env.intervals import over_seeds
-from studies import timestep as module
-from studies import timestep_report
-from studies.causes import CAUSES
+from billiards_env import Scene, simulate
+from studies import timestep, timestep_page, timestep_report
+from studies.readme import fill, results
 
 pytest.importorskip("matplotlib")
 
-RECIPE = {
-    "timesteps": 64,
-    "n_envs": 4,
-    "checkpoint_every": 32,
-    "evaluation_episodes": 4,
-    "policy": {"head": "hits", "components": 3, "hidden": [8]},
-    "ppo": {"n_steps": 16, "n_epochs": 1},
+TINY = "--shots 2048 --envs 1024 --hidden 16 --points 4 --epochs 1"
+
+
+class Here(Executor):
+    """Calls functions in this thread."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future[Any]()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+WORLDS = {"exact": {}, "1/60": timestep.WORLDS["1/60"], "1/15": timestep.WORLDS["1/15"]}
+TUNED = timestep.Run("fine_tuning", "1/60", 5, [{}], TINY + " --evaluate-every 1024", "main_1-60_5")
+PARTS = {
+    "main": [timestep.Run("main", world, seed, [env], TINY) for seed in (5, 6) for world, env in WORLDS.items()],
+    "random": [timestep.Run("random", "random", 5, [WORLDS["1/60"], WORLDS["1/15"]], TINY)],
+    "fine_tuning": [TUNED],
 }
 
 
-def run_command(folder, *arguments: str, recipe_changes=None, **changes) -> None:
-    """Runs the command with tiny settings, with some changes; a folder contains all files."""
-    (folder / "recipe.yaml").write_text(yaml.safe_dump({**RECIPE, **(recipe_changes or {})}))
-    settings = {"recipe": "recipe.yaml", "worlds": ["exact", "1/15"], "seeds": [3], "layouts": 30, **changes}
-    (folder / "tiny.yaml").write_text(yaml.safe_dump({k: v for k, v in settings.items() if v is not None}))
-    module.main([str(folder / "tiny.yaml"), "--folder", str(folder / "runs"), *arguments])
-
-
-def test_a_study_trains_measures_draws_and_prints(printed, tmp_path):
-    runs = tmp_path / "runs" / "tiny"
-    assert sorted(str(path.parent.relative_to(runs)) for path in runs.rglob("policy.pt")) == [
-        "1-15/seed3",
-        "exact/seed3",
-    ]
-    env = yaml.safe_load((runs / "1-15" / "seed3" / "config.yaml").read_text())["env"]
-    assert (env["mode"], env["dt"], env["fix"]) == ("pit", 1 / 15, None)
-    result = json.loads((tmp_path / "runs" / "tiny" / "timestep_tiny.json").read_text())
-    assert [(p["world"], p["seed"]) for p in result["policies"]] == [("exact", 3), ("1/15", 3)]
-    assert all(p["success"].keys() == {"exact", "1/15"} for p in result["policies"])
-    assert all([point[0] for point in p["curve"]] == [0, 64] and p["curve"][-1][1] > 0 for p in result["policies"])
-    assert result["worlds_measured"]["exact"]["shots_per_second"] > result["worlds_measured"]["1/15"]["dt"]
-    assert (tmp_path / "runs" / "tiny" / "study_tiny_success.png").read_bytes().startswith(b"\x89PNG")
-    blocks = timestep_report.blocks(result)
-    assert all(blocks[name] in printed for name in timestep_report.tables(result))
-
-
-def test_a_study_with_results_is_printed_and_drawn_without_training(command, printed, tmp_path, monkeypatch, capsys):
-    files = tmp_path / "runs" / "tiny"
-    figure = (files / "study_tiny_success.png").read_bytes()
-    for name in ("exact", "1-15"):
-        shutil.rmtree(files / name)
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "train_all", None)
-        command()
-    assert capsys.readouterr().out == printed
-    assert (files / "study_tiny_success.png").read_bytes() == figure
-    command(layouts=20)
-    assert json.loads((tmp_path / "runs" / "tiny" / "timestep_tiny.json").read_text())["layouts"] == 20
-
-
-def test_a_study_may_be_shorter_than_its_recipe(tmp_path):
-    (tmp_path / "recipe.yaml").write_text(yaml.safe_dump(RECIPE))
-    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump({"recipe": "recipe.yaml", "worlds": ["exact"], "timesteps": 9}))
-    study, recipe = module.load_study(tmp_path / "tiny.yaml")
-    assert {config.timesteps for _, config in module.runs(study, recipe, tmp_path)} == {9}
-
-
-def test_an_interrupted_study_continues(command, tmp_path, monkeypatch, capsys):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "compare", interrupted)
-        with pytest.raises(SystemExit) as stopped:
-            command()
-    assert stopped.value.code == 130
-    assert "the same command continues" in capsys.readouterr().err
-    found = tmp_path / "runs" / "tiny" / "timestep_tiny.json"
-    assert not found.exists()
-    policies = {path: path.stat().st_mtime_ns for path in (tmp_path / "runs").rglob("policy.pt")}
-    assert len(policies) == 2
-    command()
-    assert found.exists()
-    assert all(path.stat().st_mtime_ns == before for path, before in policies.items())
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"world": ["exact"]}, r"key = 'world'.*did you mean 'worlds'"),
-        ({"recipe": None}, r"recipe is missing"),
-        ({"worlds": ["exact", 0.05]}, r"worlds\[1\] = 0.05: expected a valid string"),
-        ({"worlds": ["exact", "1/0"]}, r"worlds\[1\] = '1/0': expected 'exact' or a timestep .* such as '1/60'"),
-        ({"worlds": ["1/15"]}, r"worlds = \['1/15'\]: expected 'exact' among them"),
-        ({"seeds": []}, r"seeds = \[\]: expected at least one"),
-        ({"fix": "pushapart"}, r"fix = 'pushapart': expected one of .*did you mean 'push_apart'"),
-        ({"recipe": "nowhere.yaml"}, r"config = '.*nowhere.yaml': expected a YAML file"),
-    ],
-)
-def test_bad_settings_are_refused(command, tmp_path, changes, message):
-    with pytest.raises(SystemExit, match=f"(?s)error: .*{message}"):
-        command(**changes)
-    assert not list(tmp_path.rglob("timestep_*.json"))
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"env": {"max_shots": 2}}, "env.max_shots = 2 in the recipe .*: expected 1"),
-        ({"env": {"task": "place"}}, "env.task = 'place' in the recipe .*: expected 'pot'"),
-        ({"env": {"mode": "pit", "dt": 0.01}}, "env.mode = 'pit' in the recipe .*: expected 'pic'"),
-        ({"noise": {}}, "noise in the recipe .*: expected none"),
-    ],
-)
-def test_a_recipe_that_cannot_be_compared_is_refused(command, tmp_path, changes, message):
-    with pytest.raises(SystemExit, match=f"error: {message}"):
-        command(recipe_changes=changes)
-    assert not list(tmp_path.rglob("timestep_*.json"))
-
-
-@pytest.mark.usefixtures("printed")
-def test_runs_of_another_study_are_refused(command):
-    with pytest.raises(SystemExit, match=r"(?s)another configuration.*timesteps: 64 in the folder, 128 requested"):
-        command(recipe_changes={"timesteps": 128})
-
-
-BLOCKED = {"scene": "blocked_pool", "layout": "snookered", "max_speed": 8.0}
-COUNT = 1500
-WORLDS = {world: module.world_arguments(world, None) for world in ("exact", "1/30")}
+def shrink(patch: pytest.MonkeyPatch) -> None:
+    """Makes the study tiny, and trains in this thread."""
+    patch.setattr(timestep, "WORLDS", WORLDS)
+    patch.setattr(timestep, "PARTS", PARTS)
+    patch.setattr(timestep, "LAYOUTS", 200)
+    patch.setattr(timestep, "workers", lambda *_: contextlib.nullcontext(Here()))
+    patch.setattr(timestep_report, "SHOTS_OF_FINE_TUNING", (0, 1024, 2048))
 
 
 @pytest.fixture(scope="module")
-def blocked():
-    """The result of two "policies" of each world that shoot fast at the hidden ball, the layouts, and the shots."""
-    config = Config.from_dict({"timesteps": 1, "env": BLOCKED})
-    envs: Any = gym.make_vec("Billiards-v0", num_envs=COUNT, **BLOCKED)
-    envs.reset(seed=evaluation_seeds(module.LAYOUT_SEED, COUNT).tolist())
-    positions = envs.positions
-    frame = ActionTransform("cut", Scene.named("blocked_pool"), np.array([False, True, False]), 8.0)
-    rng, shots = np.random.default_rng(0), []
-    for _ in range(4):
-        actions = rng.uniform((-0.5, 0.2), (0.5, 1.0), (COUNT, 2))
-        shots.append(frame.velocities(actions, positions, np.zeros((COUNT, 3), bool)) / 8.0)
-    runs = [module.Run(world, seed, Path(f"{2 * (world != 'exact') + seed}")) for world in WORLDS for seed in (0, 1)]
+def study(tmp_path_factory):
+    """The folder and the results of a tiny study."""
+    folder = tmp_path_factory.mktemp("study")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_shots", lambda folder, *_: shots[int(folder.name)])
-        patch.setattr(module, "learning_curve", lambda folder: [Point(1, 60.0, 0.0, 0.0, 0.0)])
-        result = {"layouts": COUNT, **module.compare(config, WORLDS, runs, COUNT)}
-    return result, positions, shots
+        shrink(patch)
+        timestep.main(["--folder", str(folder)])
+    return folder, json.loads((folder / "timestep.json").read_text())
 
 
-def test_successes_agree_with_the_environment(blocked):
-    result, positions, shots = blocked
-    for world, arguments in WORLDS.items():
-        env = gym.make("Billiards-v0", **BLOCKED, **arguments)
-        for policy, actions in zip(result["policies"], shots, strict=True):
-            achieved = []
-            for places, action in zip(positions[:200], actions[:200], strict=True):
-                env.reset(options={"positions": places})
-                achieved.append(env.step(action)[-1]["is_success"])
-            assert policy["success"][world] / COUNT == pytest.approx(np.mean(achieved), abs=0.05)
+def test_the_results_have_all_runs(study):
+    folder, found = study
+    assert found["runs"].keys() == {run.name for runs in PARTS.values() for run in runs}
+    assert {path.stem for path in (folder / "policies").iterdir()} == {run.name for run in PARTS["main"]}
+    for run in found["runs"].values():
+        assert run["curve"][-1]["shots"] == 2048
+        assert run["success"].keys() == WORLDS.keys()
+        assert run["own"] - run["false_successes"] == run["success"]["exact"] - run["false_failures"]
+    assert found["runs"]["main_1-15_6"]["own"] == found["runs"]["main_1-15_6"]["success"]["1/15"]
+    assert found["runs"]["main_exact_5"]["false_successes"] == 0
 
 
-def test_false_successes_through_the_post_are_missed_collisions(blocked):
-    result, _, _ = blocked
-    for policy in result["policies"]:
-        false, successes = policy["false_successes"], policy["success"][policy["world"]]
-        if policy["world"] == "exact":
-            assert set(false.values()) == {0}
-        else:
-            assert successes > 30
-            assert sum(false.values()) > 0.9 * successes
-            assert false["missed_collision"] > 0.7 * sum(false.values())
+def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
+    folder, found = study
+    shrink(monkeypatch)
+    with monkeypatch.context() as patch:
+        patch.setattr(timestep, "train", None)
+        timestep.main(["--folder", str(folder)])
+    printed = capsys.readouterr().out
+    assert all(block in printed for block in timestep_report.blocks(found).values())
+    assert (folder / "timestep_fine_tuning.png").read_bytes().startswith(b"\x89PNG")
+
+    trained = []
+
+    def train(run, start, layouts):
+        trained.append(run.name)
+        raise KeyboardInterrupt
+
+    changed = {**found, "runs": {name: run for name, run in found["runs"].items() if name != "main_1-60_6"}}
+    changed["runs"]["random_random_5"] = {**changed["runs"]["random_random_5"], "options": "--shots 1"}
+    with monkeypatch.context() as patch:
+        patch.setattr(timestep, "train", train)
+        patch.setattr(timestep.json, "loads", lambda _: changed)
+        with pytest.raises(SystemExit) as stopped:
+            timestep.main(["--folder", str(folder)])
+    assert stopped.value.code == 130
+    assert trained == ["main_1-60_6"]
+    assert not timestep.is_result(changed, PARTS["random"][0])
 
 
-def test_the_summary_is_over_seeds(blocked):
-    result, _, _ = blocked
-    means = timestep_report.summary(result)
-    stepped = [p for p in result["policies"] if p["world"] == "1/30"]
-    own, exact = ([p["success"][world] / COUNT for p in stepped] for world in ("1/30", "exact"))
-    assert means["1/30"]["own"] == over_seeds(own)
-    assert means["1/30"]["exact"] == over_seeds(exact)
-    assert means["exact"]["behind"]["mean"] == 0.0
-    assert means["1/30"]["false"]["mean"] == pytest.approx(
-        sum(means["1/30"]["causes"][name]["mean"] for name in CAUSES)
-    )
-    assert means["1/30"]["training_seconds"] == {"mean": 60.0, "interval": [60.0, 60.0]}
-    (row,) = (row for row in timestep_report.tables(result)["transfer"][1] if row[0] == "1/30 s")
-    assert row[1:] == (f"{np.mean(exact):.1%}", f"{np.mean(own):.1%}")
+def test_the_committed_weights_play_as_measured(study):
+    folder, found = study
+    args = timestep.ppo.arguments(TINY.split())
+    policy = timestep.policy_of(timestep.load_weights(folder / "policies", "main_1-60_5"), args)
+    envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
+    seed = timestep.LAYOUT_SEED
+    assert timestep.ppo.success(policy, envs, seed) == found["runs"]["main_1-60_5"]["own"] / 200
 
 
-@pytest.mark.parametrize("name", ["pot", "mixture", "blocked"])
-def test_the_studies_of_the_project_are_valid(name):
-    study, recipe = module.load_study(Path("configs/study") / f"{name}.yaml")
-    assert {"exact", "1/15", "1/60"} <= set(study.worlds)
-    assert recipe.seed not in study.seeds
-    assert len(study.seeds) >= 3
-    assert study.layouts >= 1000
-    assert len(list(module.runs(study, recipe, Path()))) == len(study.worlds) * len(study.seeds)
+def _hit(shot: Any) -> float:
+    """Returns the time of the first contact of two balls, s."""
+    return float(shot.events["time"][list(shot.events["kind"]).index("ball_ball")])
+
+
+@pytest.mark.parametrize("degrees", [25.0, -40.0])
+def test_a_line_beside_the_ghost_ball_has_this_error(degrees):
+    scene, ball = Scene.named("pool"), np.array([0.3, 0.2])
+    pocket = scene.table.pockets[-1]
+    to_pocket = np.array([pocket.x, pocket.y]) - ball
+    to_pocket /= np.linalg.norm(to_pocket)
+    cut, touching = math.radians(degrees), 2 * scene.balls.radius[0]
+
+    def turned(vector: Any, angle: float) -> Any:
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c, s], [-s, c]]) @ vector
+
+    start = ball - touching * to_pocket - 0.6 * turned(to_pocket, cut)
+    to_ball = ball - start
+    for offset in (-0.004, 0.0, 0.004):
+        beside = math.copysign(touching * math.sin(abs(cut)) + offset, cut)  # distance of the ball from the line
+        line = turned(to_ball, math.asin(beside / np.linalg.norm(to_ball)))
+        aimed = timestep.aims(0.4 * line[None] / np.linalg.norm(line), np.array([[start, ball]]), scene, 4.0, 1 / 60)
+        assert aimed.error[0] == pytest.approx(offset, abs=1e-12)
+        assert aimed.cut[0] == pytest.approx(abs(degrees), abs=1e-9)
+
+
+def test_the_speed_at_the_hit_is_that_of_the_engine():
+    scene = Scene.named("pool")
+    positions = np.tile([[-0.5, 0.3], [0.9, 0.3]], (3, 1, 1))
+    speeds = np.array([1.0, 1.5, 3.0])
+    velocities = np.stack((speeds, 0.0 * speeds), 1)
+    aimed = timestep.aims(velocities / 4.0, positions, scene, 4.0, 0.0)
+    for k in range(3):
+        shot = simulate(scene, positions[k], velocities[k], record=True)
+        at = _hit(shot) - 1e-9
+        speed = 1e7 * np.linalg.norm(shot.at(at)[0] - shot.at(at - 1e-7)[0])
+        assert speed == pytest.approx(aimed.speed[k], rel=0.02)  # a ghost ball off the line is a little farther
+
+
+@pytest.mark.parametrize("degrees", [20.0, 40.0])
+def test_the_predicted_error_makes_up_for_the_timestep_on_average(degrees):
+    scene, dt, speed, count = Scene.named("pool"), 1 / 120, 1.5, 400
+    cut, touching = math.radians(degrees), 2 * scene.balls.radius[0]
+    distance = np.random.default_rng(0).uniform(0.3, 0.36, count)
+
+    def mean_angle(error: float, **engine: Any) -> float:
+        aside = touching * math.sin(cut) + error
+        positions = np.zeros((count, 2, 2))
+        positions[:, 0] = np.stack((-distance, np.full(count, -aside)), 1)
+        found = [simulate(scene, start, [speed, 0.0], record=True, **engine) for start in positions]
+        gone = [shot.at(_hit(shot) + 0.05)[1] for shot in found]
+        return math.degrees(np.mean([math.atan2(y, x) for x, y in gone]))
+
+    at_hit = math.sqrt(speed**2 - 2 * 0.2 * 9.81 * 0.28)
+    exact, late = mean_angle(0.0), mean_angle(0.0, mode="pit", dt=dt)
+    corrected = mean_angle(-0.5 * at_hit * dt * math.sin(cut) * math.cos(cut), mode="pit", dt=dt)
+    assert exact == pytest.approx(degrees, abs=0.1)
+    assert late > exact + 1.0
+    assert abs(corrected - exact) < 0.15 * (late - exact)
+
+
+def test_the_statistics_of_the_report():
+    a, b = np.array([0.5, 0.6, 0.7]), np.array([0.5, 0.4])
+    assert timestep_report.improvement(a, b) == (0.5 + 5) / 6
+    assert timestep_report.gap(np.array([[0.1, 0.2], [0.3, 0.4]]), np.array([0.1])).round(9).tolist() == [0.05, 0.25]
+    runs = [
+        {"aim": {"cut angle": [[1, 2.0, 4.0], [0, 0.0, 0.0]]}},
+        {"aim": {"cut angle": [[3, -2.0, 0.0], [0, 0.0, 0.0]]}},
+    ]
+    assert timestep_report.median_errors(runs, "cut angle").tolist() == [[-1.0, 1.0], [0.0, 0.0]]
+    run = {"curve": [{"shots": 10, "success": 0.1}, {"shots": 20, "success": 0.4}]}
+    assert timestep_report.success_after(run, 15) == 0.4
+
+
+def test_the_results_of_the_project_are_those_of_its_runs():
+    found = json.loads(results("timestep").read_text(encoding="utf-8"))
+    assert all(timestep.is_result(found, run) for runs in timestep.PARTS.values() for run in runs)
+    assert len(found["runs"]) == sum(map(len, timestep.PARTS.values()))
+    policies = timestep.places(None).policies
+    assert {path.stem for path in policies.iterdir()} == {r.name for p in timestep.SAVED for r in timestep.PARTS[p]}
+    assert "Not measured" not in fill("<!-- timestep: main -->\n<!-- end -->")
+
+
+def test_the_page_has_shots_that_only_their_own_world_pots(tmp_path, monkeypatch):
+    monkeypatch.setattr(timestep_page, "SHOWN", 2)
+    page = tmp_path / "page.html"
+    timestep_page.main(["--output", str(page)])
+    line = next(line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("const data = "))
+    data = json.loads(line.removeprefix("const data = ").removesuffix(";"))
+    assert len(data["layouts"]) == 2
+    for layout in data["layouts"]:
+        assert list(layout) == list(timestep.WORLDS)
+        assert [shot["potted"] for shot in layout["exact"]] == [True, True]
+        assert [shot["potted"] for shot in layout[timestep_page.COARSE]] == [True, False]
+        assert layout["exact"][0] == layout["exact"][1]
