@@ -103,6 +103,10 @@ def play_batch(
     states["scores"][:, following] += verdicts["penalty"]
     states["player"] = np.where(verdicts["continues"], game.state.player, following)
     states["object_balls"] = (states["object_balls"] & ~potted) | verdicts["spotted"]
+    cue, *others = game.state.cue_balls
+    if others:
+        states["object_balls"] |= 1 << cue
+        states["object_balls"] &= ~(1 << np.where(verdicts["continues"], cue, others[0]))
     states["break_shot"], states["fouls"] = verdicts["rack"] != 0, 0
     states["solids"], states["colour"], states["free_ball"] = verdicts["solids"], verdicts["colour"], False
     if verdicts["spotted"].any():

@@ -68,6 +68,7 @@ _SCRATCH = 0.5  # share of the ease of a pot whose cue ball seems to drop at eve
 _FLOOR = math.radians(0.03)  # error of a leave's pot in addition to the noise
 _EASY = 0.02  # rad; tolerance of the first pot with the ball in hand
 _POTS = 3  # pots of a leave that count
+_NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
 _LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
 _POINTS = {"snooker": 8.0, "straight": 4.0}  # expected points after a sure pot
@@ -549,6 +550,10 @@ class Values:
             potted = (states["object_balls"][which, None] >> balls & 1) == 0
             potted[:, CUE_BALL] = False
             targets = (mask >> balls & 1) > 0
+            if self._setup.game_rules.has_spots:  # the banks of many balls take too long
+                to_cue = played.positions[which] - played.positions[which, :1]
+                far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
+                targets &= far <= np.sort(far)[_NEAREST - 1]
             tables = Tables(self._setup.scene, targets, played.positions[which], potted, self._max_speed)
             pots = find_pots(tables, most=_POTS)
             clean = ((pots.shots[..., SPEED] > 0) & (pots.shots[..., GAPS:].min(axis=-1) >= 0.0)).any(axis=-1)

