@@ -85,6 +85,26 @@ def over_seeds(values: Sequence[float]) -> dict[str, Any]:
     return {"mean": mean, "interval": interval}
 
 
+def interquartile_mean(values: np.ndarray) -> float:
+    """Returns the mean of the middle half of the values, with fractional weights at both ends of it.
+
+    It is the aggregate that Agarwal et al. (2021), "Deep reinforcement learning at the edge of the statistical
+    precipice", recommend.
+
+    Args:
+        values: At least one value, of any shape.
+
+    Example:
+        >>> interquartile_mean(np.array([0.0, 1.0, 2.0, 9.0])), interquartile_mean(np.array([0.0, 3.0]))
+        (1.5, 1.5)
+    """
+    ordered = np.sort(values, axis=None)
+    n = len(ordered)
+    ends = np.arange(n + 1) / n
+    weights = np.clip(ends[1:], 0.25, 0.75) - np.clip(ends[:-1], 0.25, 0.75)
+    return float(2.0 * (weights @ ordered))
+
+
 def difference(a: Sequence[float], b: Sequence[float]) -> dict[str, Any]:
     """Returns the mean of a minus the mean of b, and its 95% interval (Student, two samples of equal variance).
 

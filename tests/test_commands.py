@@ -53,6 +53,7 @@ TESTED = {
     "studies.plain": "studies/test_plain.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
+    "studies.tasks": "studies/test_tasks.py",
     "studies.timestep": "studies/test_timestep.py",
 }
 """The commands that another test runs, by name, and the file of this test."""
