@@ -33,7 +33,7 @@ EPISODES = 1000
 """The number of layouts of each task."""
 
 SEED = 0
-"""The seed of the public layouts. The hash of the layouts of each task is in `scores.json`."""
+"""The seed of the public layouts. The hash of the layouts of each task is in `results/tasks.json`."""
 
 BENCH = "billiards_env/bench"
 
@@ -308,12 +308,12 @@ def _name(value: Any) -> str:
 
 @cache
 def reference() -> dict[str, dict[str, Any]]:
-    """Returns the content of `scores.json`: for each id the hash of the public `layouts`, and the `players`.
+    """Returns the content of `results/tasks.json`: for each id the hash of the public `layouts`, and the `players`.
 
     `players` maps names of players to `success` and `return`, the means over the public layouts. The command
     `python -m studies.tasks` measures them.
     """
-    path = Path(__file__).with_name("scores.json")
+    path = Path(__file__).parent / "results" / "tasks.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 

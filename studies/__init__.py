@@ -5,6 +5,7 @@ Modules:
     timestep: Trains one recipe with several timesteps and compares the policies: `make study`.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     players: Measures players without training.
+    leaderboard: Verifies the files of the leaderboard and makes its page.
     tasks: Measures players without training in the frozen tasks.
     run_outs: Measures run-outs of players without training, with and without execution noise.
 """

@@ -30,7 +30,7 @@ from benchmarks import (
     vector,
 )
 from billiards_env.files import write_whole
-from studies import gradient_timestep, learn_by_gradient, plain, recipes, run_outs, timestep_report
+from studies import gradient_timestep, leaderboard, learn_by_gradient, plain, recipes, run_outs, tasks, timestep_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -47,6 +47,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "gradient_timestep": ("studies.gradient_timestep", gradient_timestep.blocks),
     "gradients": ("benchmarks.gradients", gradients.blocks),
+    "leaderboard": ("studies.leaderboard", leaderboard.blocks),
     "learn_by_gradient": ("studies.learn_by_gradient", learn_by_gradient.blocks),
     "plain": ("studies.plain", plain.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
@@ -56,6 +57,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
+    "tasks": ("studies.tasks", tasks.blocks),
     "timestep_blocked": ("studies.timestep configs/study/blocked.yaml", timestep_report.blocks),
     "timestep_mixture": ("studies.timestep configs/study/mixture.yaml", timestep_report.blocks),
     "timestep_pot": ("studies.timestep configs/study/pot.yaml", timestep_report.blocks),
@@ -67,8 +69,9 @@ _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
-    """Returns the file of the results of a source, in the package of its command."""
-    return root / SOURCES[source][0].partition(".")[0] / "results" / f"{source}.json"
+    """Returns the file of the results of a source, in the package of its command; `bench` reads that of "tasks"."""
+    package = "billiards_env" if source == "tasks" else SOURCES[source][0].partition(".")[0]
+    return root / package / "results" / f"{source}.json"
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:

@@ -1,6 +1,6 @@
 """Measures players without training in the frozen tasks: `python -m studies.tasks`.
 
-Each player plays the public layouts of `billiards bench`. The results are in `billiards_env/scores.json`, where
+Each player plays the public layouts of `billiards bench`. The results are in `billiards_env/results/tasks.json`, where
 `billiards bench` finds the ends of its scale. The command skips players that have results there, so it continues after
 an interruption. It starts again if the layouts of a task change.
 """
@@ -9,24 +9,30 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import table
+from benchmarks import save, table, use_own_font
 from billiards_env import bench
+from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, Frozen
 from studies import errors_in_one_line
 
-OUTPUT = Path(bench.__file__).with_name("scores.json")
+OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
+
+FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.png"
 
 PLAYERS = ("random", "geometric", "search:200", "aim")
 
 AIMED = ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0")
-"""The tasks in which "aim" plays. In the others it takes longer than a search and is no better, or takes hours."""
+"""The tasks in which "aim" plays. In the others it takes many times as long as a search."""
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -61,9 +67,12 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         (f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *(_success(found, name, player) for player in PLAYERS))
         for name, task in FROZEN.items()
     ]
-    families = {name.partition("Noise")[0].partition("Strike")[0].removesuffix("-v0"): name for name in FROZEN}
-    pages = {family: "\n\n".join(_section(family, found)) for family in families}
-    return {"table": table(head, rows), **pages}
+    return {"table": table(head, rows), **{name: "\n\n".join(_section(name, found)) for name in families()}}
+
+
+def families() -> list[str]:
+    """Returns the names of the tasks, without strikes, noise and version."""
+    return [name.removesuffix("-v0") for name in FROZEN if not re.search("Strike|Noise", name)]
 
 
 def _success(found: Mapping[str, Any], name: str, player: str) -> str:
@@ -84,7 +93,6 @@ def _section(family: str, found: Mapping[str, Any]) -> list[str]:
     history = [f"- `{name}`: {line}" for name, task in ids.items() for line in task.history]
     return [
         first.summary,
-        f"![The first public layout of {family}](images/tasks/{family}.png)",
         "\n".join(_spaces(first)),
         f"Arguments of `Billiards-v0`: {given}."
         + (" The strikes have `scene='real_pool'` and `action='strike'`." if len(ids) > 2 else ""),
@@ -95,8 +103,6 @@ def _section(family: str, found: Mapping[str, Any]) -> list[str]:
 
 def _spaces(task: Frozen) -> list[str]:
     """Returns a list of the observation, the action, the reward and the length of an episode."""
-    import gymnasium as gym
-
     env: Any = gym.make("billiards_env:Billiards-v0", **task.arguments)
     observation, base = env.observation_space.shape[0], env.unwrapped
     parts = [f"x and y of {base.scene.n_balls} balls"]
@@ -112,14 +118,33 @@ def _spaces(task: Frozen) -> list[str]:
     ]
 
 
+def picture() -> Figure:
+    """Returns a picture of each task: a shot of "search:200" in the first public layout."""
+    use_own_font()
+    names = families()
+    figure = Figure(figsize=(8, 1.0 + 2.1 * ((len(names) + 1) // 2)), dpi=100, layout="constrained")
+    for k, name in enumerate(names):
+        env: Any = gym.make(f"{NAMESPACE}{name}-v0", render_mode="rgb_array")
+        observation, _ = env.reset(seed=int(evaluation_seeds(bench.SEED, 1)[0]))
+        env.step(find_player("search:200", env, seed=0)(observation))
+        ax = figure.add_subplot((len(names) + 1) // 2, 2, k + 1)
+        ax.imshow(env.render())
+        ax.set_title(name, fontsize=9)
+        ax.axis("off")
+        env.close()
+    return figure
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
     parser = argparse.ArgumentParser(
         prog="python -m studies.tasks", description="Measure players without training in the frozen tasks."
     )
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser.add_argument("--figure", type=Path, default=FIGURE, help="the picture, .png (default: %(default)s)")
     args = parser.parse_args(arguments)
     with errors_in_one_line():
+        save(picture(), args.figure)
         found = measure(args.output)
         print("\n\n".join(blocks(found).values()))
 

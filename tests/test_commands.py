@@ -49,6 +49,7 @@ TESTED = {
     "billiards_env": "test_main.py",
     "billiards_env.play": "play/test_main.py",
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
+    "studies.leaderboard": "studies/test_leaderboard.py",
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.recipes": "studies/test_recipes.py",

@@ -2,6 +2,11 @@
 
 import json
 
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("pygame")
+
 from billiards_env import bench
 from billiards_env.frozen import FROZEN
 from studies import tasks
@@ -14,7 +19,9 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(tasks, "PLAYERS", ("random", "geometric"))
     monkeypatch.setattr(bench, "EPISODES", 5)
     path = tmp_path / "scores.json"
-    main(["--output", str(path)])
+    figure = tmp_path / "tasks.png"
+    main(["--output", str(path), "--figure", str(figure)])
+    content = figure.read_bytes()
     found = json.loads(path.read_text())
     assert list(found) == list(few)
     assert all(block in capsys.readouterr().out for block in [blocks(found)["table"]])
@@ -22,7 +29,8 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
     found["NineBall-v0"]["layouts"] = "other"  # measured again
     found["NineBall-v0"]["players"]["random"]["return"] = 7.0
     path.write_text(json.dumps(found))
-    main(["--output", str(path)])
+    main(["--output", str(path), "--figure", str(figure)])
+    assert figure.read_bytes() == content
     again = json.loads(path.read_text())
     assert again["Pot1-v0"]["players"]["random"]["return"] == 7.0
     assert again["NineBall-v0"]["players"]["random"]["return"] < 7.0
