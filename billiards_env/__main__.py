@@ -20,6 +20,7 @@ from billiards_env import Scene, __version__
 from billiards_env.checks import Range, number, whole
 from billiards_env.export import WRITERS
 from billiards_env.files import check_path
+from billiards_env.frozen import BENCH_TASKS
 from billiards_env.scene import SCENES
 
 if TYPE_CHECKING:
@@ -80,6 +81,9 @@ def make_parser() -> argparse.ArgumentParser:
     commands.add_parser("play", add_help=False, help="play in a window, against people or programs")
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
     _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, next to other players"))
+    _add_bench(
+        commands.add_parser("bench", help="play frozen tasks and write a file that proves the scores, or verify it")
+    )
     _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
     _add_calibrate(commands.add_parser("calibrate", help="fit friction and other numbers to tracks of shots"))
     commands.add_parser("version", help="print the versions of billiards-env and of the packages that it uses")
@@ -150,6 +154,27 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     )
     add("--episodes", type=int, default=1000, help="number of episodes (default: %(default)s)")
     add("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")
+
+
+def _add_bench(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
+        "bench verify FILE' plays the actions again and fails if any bit differs. Players: those of evaluate."
+    )
+    add = parser.add_argument
+    add("player", help="a player, such as search:200 or mine:act, or the word verify")
+    add("file", type=Path, nargs="*", help="the files to verify")
+    add("--tasks", default=",".join(BENCH_TASKS), help="ids, separated by commas (default: %(default)s)")
+    add(
+        "--seed",
+        type=int,
+        nargs="+",
+        default=[0],
+        metavar="N",
+        help="seeds of the layouts (default: 0, the public ones)",
+    )
+    add("--name", help="the name of the player in the file (default: the player)")
+    add("--out", type=Path, metavar="FILE", help="write the file, .json")
 
 
 def _radians(text: str) -> Any:
@@ -260,6 +285,33 @@ def evaluate(args: argparse.Namespace) -> None:
             f"{found['ms_per_decision']:11.2f}",
             flush=True,
         )
+
+
+def bench(args: argparse.Namespace) -> None:
+    """Runs the command `bench`."""
+    from billiards_env import bench
+
+    if args.player == "verify":
+        if not args.file:
+            raise ValueError("bench verify without a file: expected the files to verify")
+        for path in args.file:
+            found = bench.verify(path)
+            print(f"{path}: accepted, {found.player}\n{bench.report(found)}", flush=True)
+        return
+    if args.file:
+        raise ValueError(f"file = {str(args.file[0])!r} after a player: expected the word verify before files")
+    if args.out is not None:
+        check_path(args.out, ".json")
+
+    def progress(task: str, episodes: int) -> None:
+        if sys.stderr.isatty() and episodes % 10 == 0:
+            print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
+
+    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress)
+    print(bench.report(found))
+    if args.out is not None:
+        bench.save(args.out, found)
+        print(f"wrote {args.out}")
 
 
 def calibrate(args: argparse.Namespace) -> None:
@@ -386,6 +438,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             simulate(args)
         elif args.command == "evaluate":
             evaluate(args)
+        elif args.command == "bench":
+            bench(args)
         elif args.command == "replay":
             replay(args)
         elif args.command == "calibrate":

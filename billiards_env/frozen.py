@@ -142,6 +142,9 @@ def _entries() -> dict[str, Frozen]:
 FROZEN = _entries()
 """The frozen tasks, by their id without `NAMESPACE`."""
 
+BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBall-v0")
+"""The tasks of the leaderboard, and the default of `billiards bench`."""
+
 
 def register(register_one: Callable[..., None]) -> None:
     """Registers all ids with `gymnasium.register`."""

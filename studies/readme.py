@@ -31,7 +31,17 @@ from benchmarks import (
 )
 from billiards_env.files import write_whole
 from release import dist
-from studies import gradient_timestep, learn_by_gradient, plain, planner, recipes, run_outs, timestep_report
+from studies import (
+    gradient_timestep,
+    leaderboard,
+    learn_by_gradient,
+    plain,
+    planner,
+    recipes,
+    run_outs,
+    tasks,
+    timestep_report,
+)
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -49,6 +59,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
     "gradient_timestep": ("studies.gradient_timestep", gradient_timestep.blocks),
     "gradients": ("benchmarks.gradients", gradients.blocks),
+    "leaderboard": ("studies.leaderboard", leaderboard.blocks),
     "learn_by_gradient": ("studies.learn_by_gradient", learn_by_gradient.blocks),
     "plain": ("studies.plain", plain.blocks),
     "planner": ("studies.planner", planner.blocks),
@@ -59,6 +70,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),
+    "tasks": ("studies.tasks", tasks.blocks),
     "timestep": ("studies.timestep", timestep_report.blocks),
     "validation": ("benchmarks.validation", validation.blocks),
     "vector": ("benchmarks.vector", vector.blocks),
@@ -68,8 +80,9 @@ _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
-    """Returns the file of the results of a source, in the package of its command."""
-    return root / SOURCES[source][0].partition(".")[0] / "results" / f"{source}.json"
+    """Returns the file of the results of a source, in the package of its command; `bench` reads that of "tasks"."""
+    package = "billiards_env" if source == "tasks" else SOURCES[source][0].partition(".")[0]
+    return root / package / "results" / f"{source}.json"
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:

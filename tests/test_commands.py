@@ -51,11 +51,13 @@ TESTED = {
     "release.dist": "release/test_dist.py",
     "release.shots": "release/test_dist.py",
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
+    "studies.leaderboard": "studies/test_leaderboard.py",
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.planner": "studies/test_planner.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
+    "studies.tasks": "studies/test_tasks.py",
     "studies.timestep": "studies/test_timestep.py",
     "studies.timestep_page": "studies/test_timestep.py",
 }

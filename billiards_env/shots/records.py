@@ -201,14 +201,14 @@ def write(path: str | os.PathLike[str], text: str) -> None:
         temporary.write_bytes(content)
 
 
-def read(path: str | os.PathLike[str], build: Callable[[str], T]) -> T:
-    """Returns what `build` makes of the text of a file; errors name the file."""
+def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game") -> T:
+    """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold."""
     try:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
     except (FileNotFoundError, IsADirectoryError) as error:
         is_not = "does not exist" if isinstance(error, FileNotFoundError) else "is a folder"
-        raise type(error)(f"path = {os.fspath(path)!r}: expected a file of a shot or a game, but it {is_not}") from None
+        raise type(error)(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {is_not}") from None
     try:
         if len(content) > MAX_BYTES:
             raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
@@ -226,16 +226,16 @@ def json_text(kind: str, data: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]]) -> T:
-    """Returns what the function of the file's kind builds from its data."""
+def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: str = "a shot or a game") -> T:
+    """Returns what the function of the file's kind builds from its data; errors name `what` it should hold."""
     if len(text) > MAX_BYTES:
         raise ValueError(f"a text of {len(text)} characters: expected at most {MAX_BYTES}")
     try:
         data = json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant)
     except json.JSONDecodeError as error:
-        raise ValueError(f"line {error.lineno}: expected the JSON of a shot or a game ({error.msg})") from error
+        raise ValueError(f"line {error.lineno}: expected the JSON of {what} ({error.msg})") from error
     except RecursionError:
-        raise ValueError("nested too deeply: expected the JSON of a shot or a game") from None
+        raise ValueError(f"nested too deeply: expected the JSON of {what}") from None
     kind: Any = _mapping("the file", data).get("format")
     if kind not in tuple(kinds):
         raise ValueError(f"format = {short(kind)}: expected {' or '.join(map(repr, kinds))}")

@@ -1,0 +1,360 @@
+"""The benchmark of the frozen tasks: `billiards bench PLAYER --tasks Pot1-v0,Carom-v0 --out FILE`.
+
+A player plays one episode for each of `EPISODES` layouts of a task. The seed of the benchmark fixes the layouts and the
+execution noise. A file holds all actions and their outcomes. `verify` plays the actions again and accepts the file only
+if all outcomes have the same bits, so nobody has to trust a score. The file holds data and no code.
+
+Actions are stored and played as float32, the type of the action space.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.checks import Range, finite, one_of, real, short, whole
+from billiards_env.evaluation import evaluation_seeds, find_player
+from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
+from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
+from billiards_env.shots import records
+
+EPISODES = 1000
+"""The number of layouts of each task."""
+
+SEED = 0
+"""The seed of the public layouts. The hash of the layouts of each task is in `results/tasks.json`."""
+
+BENCH = "billiards_env/bench"
+
+_FIELDS = ("format", "version", "written_by", "player", "results")
+_SEEDS = Range(0, 2**63 - 1)
+_NAME = r"[\w.:/+ -]{1,80}"  # no character with a meaning in HTML or in a table of Markdown
+
+
+class Result(NamedTuple):
+    """The episodes of a player in a task.
+
+    Attributes:
+        task: A key of `FROZEN`.
+        seed: The seed of the layouts.
+        layouts: A hash of the first observations.
+        shots: (m,) uint8, the number of shots of each episode.
+        actions: (k, 2) or (k, 5) float32, the actions of all shots, episode after episode.
+        success: (m,) bool.
+        returns: (m,) the sum of the rewards.
+        digest: A hash of all observations, rewards and durations of shots.
+    """
+
+    task: str
+    seed: int
+    layouts: str
+    shots: NDArray[np.uint8]
+    actions: NDArray[np.float32]
+    success: NDArray[np.bool_]
+    returns: NDArray[np.float64]
+    digest: str
+
+
+class Bench(NamedTuple):
+    """The content of a file: the name of the player, and a result for each task and seed."""
+
+    player: str
+    results: tuple[Result, ...]
+
+
+def play(
+    player: str,
+    tasks: Iterable[str],
+    seeds: Iterable[int] = (SEED,),
+    name: str | None = None,
+    progress: Callable[[str, int], object] = lambda task, episode: None,
+) -> Bench:
+    """Plays `EPISODES` episodes of each task for each seed.
+
+    Args:
+        player: See `evaluation.find_player`.
+        tasks: Keys of `FROZEN`; the prefix "Billiards/" may be there.
+        seeds: The seeds of the layouts, of the noise and of the player.
+        name: The name of the player in the file; None for `player`.
+        progress: A function that is called with the task and the number of finished episodes.
+
+    Raises:
+        ValueError: If a task or a player is unknown, a name has other characters than letters, digits and ".:/+ -_",
+            or an action has the wrong shape or is not finite.
+        OSError, TypeError: As `find_player` does.
+    """
+    names, seeds = [task.removeprefix(NAMESPACE) for task in tasks], list(seeds)
+    for task in names:
+        one_of("task", task, tuple(FROZEN))
+    for seed in seeds:
+        whole("seed", seed, _SEEDS)
+    title = _name(player if name is None else name)
+    pairs = list(dict.fromkeys((task, seed) for task in names for seed in seeds))
+    return Bench(title, tuple(_play(player, task, seed, progress) for task, seed in pairs))
+
+
+def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object]) -> Result:
+    env = gym.make(NAMESPACE + task)
+    noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)
+    act, actions, shots = find_player(player, env, noise, seed), [], []
+    for episode, start in enumerate(evaluation_seeds(seed, EPISODES).tolist()):
+        observation, _ = env.reset(seed=start)
+        done, before = False, len(actions)
+        while not done:
+            action = finite("action", act(observation), cast(Any, env.action_space.shape))
+            actions.append(action.astype(np.float32))
+            observation, _, terminated, truncated, _ = env.step(actions[-1])
+            done = terminated or truncated
+        shots.append(len(actions) - before)
+        progress(task, episode + 1)
+    env.close()
+    return replay(task, seed, np.array(shots, np.uint8), np.array(actions))
+
+
+def replay(task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.float32]) -> Result:
+    """Plays actions again, all episodes together.
+
+    Args:
+        task: A key of `FROZEN`.
+        seed: The seed of the layouts.
+        shots: (m,) number of shots of each episode, at least 1.
+        actions: (sum of shots, 2) or (sum of shots, 5), finite.
+
+    Raises:
+        ValueError: If an episode has too few or too many actions.
+    """
+    m = len(shots)
+    envs: Any = gym.make_vec(NAMESPACE + task, m)
+    first = np.concatenate(([0], np.cumsum(shots[:-1], dtype=np.int64)))
+    success, returns, digest = np.zeros(m, np.bool_), np.zeros(m), hashlib.sha256()
+    observations, _ = envs.reset(seed=evaluation_seeds(seed, m).tolist())
+    layouts = hashlib.sha256(observations.tobytes()).hexdigest()
+    for k in range(int(shots.max())):
+        playing = shots > k
+        given = np.zeros((m, actions.shape[1]), np.float32)  # a finished environment plays shots without speed
+        given[playing] = actions[first[playing] + k]
+        observations, rewards, over, _, infos = envs.step(given)
+        returns[playing] += rewards[playing]
+        wrong = np.flatnonzero(playing & (over != (shots == k + 1)))
+        if len(wrong):
+            state = "is over" if over[wrong[0]] else "is not over"
+            raise ValueError(f"episode {wrong[0]} of {task} {state} after {k + 1} of its {shots[wrong[0]]} shots")
+        times, ended = infos.get("shot_time", np.zeros(m)), playing & over
+        if ended.any():
+            final = infos["final_info"]
+            success[ended] = final["is_success"][ended]
+            times = np.where(over, final["shot_time"], times)
+            observations = observations.copy()
+            observations[ended] = np.stack(infos["final_obs"][ended])
+        digest.update(observations[playing].tobytes() + rewards[playing].tobytes() + times[playing].tobytes())
+    envs.close()
+    return Result(task, seed, layouts, shots, actions, success, returns, digest.hexdigest())
+
+
+def layouts_hash(task: str, seed: int = SEED) -> str:
+    """Returns the SHA-256 hash of the first observations of `EPISODES` environments, the layouts of a task."""
+    envs: Any = gym.make_vec(NAMESPACE + task, EPISODES)
+    return hashlib.sha256(envs.reset(seed=evaluation_seeds(seed, EPISODES).tolist())[0].tobytes()).hexdigest()
+
+
+def save(path: str | os.PathLike[str], bench: Bench) -> None:
+    """Writes a file, completely or not at all.
+
+    Raises:
+        OSError: If the file cannot be written.
+        ValueError: If the file would be larger than `verify` reads.
+    """
+    text = to_json(bench)
+    if len(text) > records.MAX_BYTES:
+        raise ValueError(f"a file of {len(text)} bytes: expected at most {records.MAX_BYTES}; play fewer tasks")
+    records.write(path, text)
+
+
+def to_json(bench: Bench) -> str:
+    """Returns the JSON text of a file."""
+    results = []
+    for result in bench.results:
+        data = result._asdict()
+        data["shots"] = base64.b64encode(result.shots.tobytes()).decode()
+        data["actions"] = base64.b64encode(result.actions.astype("<f4").tobytes()).decode()
+        data["success"] = "".join("01"[won] for won in result.success.astype(int))
+        data["returns"] = result.returns.tolist()
+        results.append(data)
+    return records.json_text(BENCH, {"player": bench.player, "results": results})
+
+
+def verify(path: str | os.PathLike[str]) -> Bench:
+    """Reads a file and plays its actions again.
+
+    The file has at most `records.MAX_BYTES` bytes and each task and seed once, and an episode has at most the shots of
+    its task. So the time and the memory are bounded.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If the file is not valid, or an outcome differs in any bit.
+    """
+
+    def checked(text: str) -> Bench:
+        bench = from_json(text)
+        for result in bench.results:
+            _compare(result, replay(result.task, result.seed, result.shots, result.actions))
+        return bench
+
+    return records.read(path, checked, _WHAT)
+
+
+def load(path: str | os.PathLike[str]) -> Bench:
+    """Reads a file and checks its form. It plays nothing: the outcomes may be wrong, see `verify` for the errors."""
+    return records.read(path, from_json, _WHAT)
+
+
+def from_json(text: str) -> Bench:
+    """Returns the content of a file, see `load`."""
+    return records.parse(text, {BENCH: _bench_of}, _WHAT)
+
+
+_WHAT = "a benchmark"
+
+
+def _bench_of(data: dict[str, Any]) -> Bench:
+    records.fields("the file", data, _FIELDS)
+    items = records.items("results", data["results"])
+    whole("number of results", len(items), Range(1, 2 * len(FROZEN)))
+    results = tuple(_result_of(f"results[{i}]", item) for i, item in enumerate(items))
+    pairs = [(result.task, result.seed) for result in results]
+    if len(set(pairs)) < len(pairs):
+        raise ValueError(f"results = {short(pairs)}: expected each task and seed once")
+    return Bench(_name(data["player"]), results)
+
+
+def _result_of(name: str, item: Any) -> Result:
+    data = records.fields(name, item, Result._fields)
+    one_of(f"{name}.task", data["task"], tuple(FROZEN))
+    arguments = FROZEN[data["task"]].arguments
+    shots = np.frombuffer(_bytes(f"{name}.shots", data["shots"], EPISODES), np.uint8)
+    for limit in (shots.min(), shots.max()):
+        whole(f"a number in {name}.shots", limit, Range(1, arguments["max_shots"]))
+    size, count = 5 if arguments["action"] == "strike" else 2, int(shots.sum(dtype=np.int64))
+    packed = _bytes(f"{name}.actions", data["actions"], 4 * size * count)
+    actions = np.frombuffer(packed, "<f4").astype(np.float32).reshape(count, size)
+    if not np.isfinite(actions).all():
+        raise ValueError(f"{name}.actions: expected finite numbers")
+    won = data["success"]
+    if not isinstance(won, str) or not re.fullmatch(f"[01]{{{EPISODES}}}", won):
+        raise ValueError(f"{name}.success = {short(won)}: expected {EPISODES} digits 0 or 1")
+    returns = records.items(f"{name}.returns", data["returns"], EPISODES)
+    return Result(
+        task=data["task"],
+        seed=whole(f"{name}.seed", data["seed"], _SEEDS),
+        layouts=_hash(f"{name}.layouts", data["layouts"]),
+        shots=shots,
+        actions=actions,
+        success=np.array([digit == "1" for digit in won]),
+        returns=np.array([real(f"{name}.returns[{i}]", value) for i, value in enumerate(returns)]),
+        digest=_hash(f"{name}.digest", data["digest"]),
+    )
+
+
+def _compare(recorded: Result, now: Result) -> None:
+    """Raises a ValueError that names the first difference."""
+    where = f"{recorded.task}, seed {recorded.seed}"
+    if recorded.layouts != now.layouts:
+        raise ValueError(f"{where}: layouts = {recorded.layouts}: expected {now.layouts}, those of the seed")
+    for name in ("success", "returns"):
+        old, new = getattr(recorded, name), getattr(now, name)
+        different = np.flatnonzero(old != new)
+        if len(different):
+            k = different[0]
+            raise ValueError(f"{where}: {name}[{k}] = {old[k]}: expected {new[k]}, the outcome of the actions")
+    if recorded.digest != now.digest:
+        raise ValueError(
+            f"{where}: digest = {recorded.digest}: expected {now.digest}; the actions were changed, or another "
+            "version of the engine wrote the file"
+        )
+
+
+def _bytes(name: str, value: Any, count: int) -> bytes:
+    """Returns the bytes of a base64 text; raises unless there are `count`."""
+    if not isinstance(value, str) or len(value) != 4 * ((count + 2) // 3):
+        raise ValueError(f"{name} = {short(value)}: expected {count} bytes as base64")
+    try:
+        return base64.b64decode(value, validate=True)
+    except ValueError:
+        raise ValueError(f"{name} = {short(value)}: expected {count} bytes as base64") from None
+
+
+def _hash(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not re.fullmatch("[0-9a-f]{64}", value):
+        raise ValueError(f"{name} = {short(value)}: expected 64 hexadecimal digits")
+    return value
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str) or not re.fullmatch(_NAME, value):
+        raise ValueError(f"player = {short(value)}: expected 1 to 80 letters, digits and characters of '.:/+ -_'")
+    return value
+
+
+@cache
+def reference() -> dict[str, dict[str, Any]]:
+    """Returns the content of `results/tasks.json`: for each id the hash of the public `layouts`, and the `players`.
+
+    `players` maps names of players to `success` and `return`, the means over the public layouts. The command
+    `python -m studies.tasks` measures them.
+    """
+    path = Path(__file__).parent / "results" / "tasks.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def score(results: Sequence[Result]) -> dict[str, Any]:
+    """Returns the scores of results of one task: their episodes count together.
+
+    Returns:
+        `success` and its `success_interval`, `mean_return` and its `return_interval` (95%), and `normalised`: the mean
+        return on a scale on which the player "random" has 0 and the best player of `reference` has 1. It is None for a
+        task without a reference.
+    """
+    success = np.concatenate([result.success for result in results])
+    returns = np.concatenate([result.returns for result in results])
+    known = {name: one["return"] for name, one in reference().get(results[0].task, {}).get("players", {}).items()}
+    mean, best = float(returns.mean()), max(known.values(), default=0.0)
+    low = known.get("random", best)
+    return {
+        "success": float(success.mean()),
+        "success_interval": wilson_interval(int(success.sum()), len(success)),
+        "mean_return": mean,
+        "return_interval": mean_interval(returns.tolist()),
+        "normalised": (mean - low) / (best - low) if best > low else None,
+    }
+
+
+def report(bench: Bench) -> str:
+    """Returns a table with the scores of each task and seed, and the interquartile mean of the normalised scores."""
+    width = max(len(result.task) for result in bench.results)
+    lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]
+    normalised = []
+    for result in bench.results:
+        found = score((result,))
+        low, high = found["success_interval"]
+        least, most = found["return_interval"]
+        scaled = found["normalised"]
+        normalised += [] if scaled is None else [scaled]
+        lines.append(
+            f"{result.task:{width}}  {result.seed:4}  {found['success']:7.1%}  "
+            f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {found['mean_return']:6.3f}  "
+            f"{f'{least:.3f} to {most:.3f}':>14}  {'-' if scaled is None else f'{scaled:.3f}':>10}"
+        )
+    if normalised:
+        lines.append(f"interquartile mean of the normalised scores: {interquartile_mean(np.array(normalised)):.3f}")
+    return "\n".join(lines)

@@ -1,0 +1,66 @@
+"""The leaderboard: its files are valid, and its page is made from them."""
+
+import json
+
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from billiards_env import bench
+from billiards_env.frozen import BENCH_TASKS
+from studies import leaderboard
+from studies.leaderboard import blocks, entries, main
+
+FILES = sorted(leaderboard.FOLDER.glob("*.json"))
+
+
+def test_the_page_is_that_of_the_files():
+    """The scores are computed from the outcomes in the files. Another test proves a sample of the outcomes."""
+    found = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
+    assert found == json.loads(leaderboard.OUTPUT.read_text(encoding="utf-8"))
+    assert {"random", "geometric"} <= set(found)
+    assert sum(path.stat().st_size for path in FILES) < 1.5e6
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_a_sample_of_each_file_replays(path):
+    one = bench.load(path).results[0]
+    again = bench.replay(one.task, one.seed, one.shots, one.actions)
+    assert (again.success == one.success).all()
+    assert (again.layouts, again.digest) == (one.layouts, one.digest)
+
+
+@pytest.mark.slow
+def test_all_files_are_accepted(capsys):
+    main(["--check"])
+    assert blocks(entries(leaderboard.FOLDER, bench.load))["table"] in capsys.readouterr().out
+
+
+def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(bench, "EPISODES", 6)
+    scale = {"players": {"random": {"return": -0.05}, "search:200": {"return": 1.0}}}
+    monkeypatch.setattr(bench, "reference", lambda: dict.fromkeys(BENCH_TASKS, scale))
+    folder, output, figure = tmp_path / "entries", tmp_path / "leaderboard.json", tmp_path / "leaderboard.png"
+    folder.mkdir()
+    for player, tasks in (("random", BENCH_TASKS), ("geometric", BENCH_TASKS), ("search:20", BENCH_TASKS[:1])):
+        bench.save(folder / f"{player[:6]}.json", bench.play(player, tasks, leaderboard.SEEDS))
+    arguments = ["--folder", str(folder), "--output", str(output), "--figure", str(figure)]
+    main([*arguments, "--check"])
+    assert not output.exists()
+    main(arguments)
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    found = json.loads(output.read_text())
+    rows = blocks(found)["table"].splitlines()[2:]
+    names = [row.split(" | ")[0].strip("| ") for row in rows]
+    assert names == ["geometric", "random", "search:20"]  # the last one has no aggregate
+    assert rows[-1].count(" - ") == len(BENCH_TASKS)
+    assert blocks(found)["details"] in capsys.readouterr().out
+
+    bench.save(folder / "other.json", bench.play("random", BENCH_TASKS[:1], (0,)))
+    with pytest.raises(SystemExit, match=r"other\.json: Pot1-v0 with seeds \[0\]: expected some of"):
+        main(arguments)
+    text = (folder / "random.json").read_text()
+    (folder / "other.json").write_text(text.replace('"success": "', '"success": "1', 1))
+    with pytest.raises(SystemExit, match=r"other\.json: results\[0\]\.success"):
+        main(arguments)
+    assert json.loads(output.read_text()) == found

@@ -1,0 +1,252 @@
+"""Files of the benchmark: a true file is accepted, any other one is refused with the reason."""
+
+import base64
+import json
+import re
+import time
+import tracemalloc
+from functools import cache
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from billiards_env import bench
+from billiards_env.__main__ import main
+from billiards_env.evaluation import evaluation_seeds
+from billiards_env.frozen import BENCH_TASKS, FROZEN, NAMESPACE
+from billiards_env.shots import records
+
+TASKS = ["Pot1Noise-v0", "Pot3-v0"]
+
+
+@pytest.fixture(autouse=True)
+def few(monkeypatch):
+    monkeypatch.setattr(bench, "EPISODES", 12)
+
+
+@cache
+def text():
+    return bench.to_json(bench.play("geometric", TASKS, (0, 5)))
+
+
+@pytest.fixture
+def played(tmp_path):
+    """Returns a file with two tasks and two seeds."""
+    path = tmp_path / "geometric.json"
+    path.write_text(text())
+    return path
+
+
+def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played):
+    found = bench.verify(played)
+    assert found.player == "geometric"
+    assert [(result.task, result.seed) for result in found.results] == [(t, s) for t in TASKS for s in (0, 5)]
+    for result in found.results:
+        env, k = gym.make(NAMESPACE + result.task), 0
+        for episode, seed in enumerate(evaluation_seeds(result.seed, 12).tolist()):
+            env.reset(seed=seed)
+            total, over, info = 0.0, False, {}
+            for _ in range(result.shots[episode]):
+                _, reward, over, _, info = env.step(result.actions[k])
+                total, k = total + float(reward), k + 1
+            assert (over, total) == (True, result.returns[episode])
+            assert info["is_success"] == result.success[episode]
+    bench.save(played, bench.play("geometric", TASKS, (0, 5)))
+    assert played.read_text() == text()
+
+
+def edit(change):
+    """Returns a function that changes the data of a file."""
+
+    def edited(text):
+        data = json.loads(text)
+        change(data)
+        return json.dumps(data)
+
+    return edited
+
+
+def set_result(name, value, index=0):
+    return edit(lambda data: data["results"][index].__setitem__(name, value))
+
+
+def better(data):
+    """Claims one more success."""
+    one = data["results"][0]
+    one["success"] = one["success"].replace("0", "1", 1)
+
+
+def nudge(data):
+    """Changes the last bit of one action of an episode with several shots: the outcome may stay the same."""
+    actions = bytearray(base64.b64decode(data["results"][2]["actions"]))
+    actions[0] ^= 1
+    data["results"][2]["actions"] = base64.b64encode(actions).decode()
+
+
+def shift(data):
+    """Moves a shot from one episode to the next one."""
+    shots = bytearray(base64.b64decode(data["results"][2]["shots"]))
+    many = shots.index(max(shots))
+    shots[many] -= 1
+    shots[shots.index(min(shots))] += 1
+    data["results"][2]["shots"] = base64.b64encode(shots).decode()
+
+
+NAN = base64.b64encode(np.full((12, 2), np.nan, "<f4").tobytes()).decode()
+ZEROS = base64.b64encode(bytes(12)).decode()
+
+HOSTILE = {
+    "edited success": (edit(better), r"success\[\d+\] = True: expected False, the outcome of the actions"),
+    "edited returns": (set_result("returns", [1.0] * 12), r"returns\[\d+\] = 1\.0: expected -?0\.\d*, the outcome"),
+    "edited action": (edit(nudge), "Pot3-v0, seed 0: digest = .*: expected .*; the actions were changed"),
+    "edited shots": (edit(shift), "episode .* of Pot3-v0 is (not )?over after . of its . shots"),
+    "other layouts": (set_result("layouts", "0" * 64), "layouts = 0*: expected .*, those of the seed"),
+    "other seed": (set_result("seed", 6), "layouts = .*: expected .*, those of the seed"),
+    "other task": (set_result("task", "Pot1-v0"), "Pot1-v0, seed 0: .* expected"),
+    "wrong digest": (set_result("digest", "0" * 64), "digest = 0*: expected"),
+    "wrong hash": (set_result("digest", "0" * 63 + "\n"), r"results\[0\]\.digest = .*: expected 64 hexadecimal digits"),
+    "truncated": (lambda text: text[:-200], "line .*: expected the JSON of a benchmark"),
+    "empty": (lambda text: "", "expected the JSON of a benchmark"),
+    "foreign": (
+        lambda text: '{"format": "billiards_env/shot"}',
+        "format = 'billiards_env/shot': expected 'billiards_e",
+    ),
+    "a list": (lambda text: "[1]", r"the file = \[1\]: expected a mapping"),
+    "newer": (edit(lambda data: data.update(version=99)), "version = 99: expected at most"),
+    "deep": (lambda text: "[" * 100_000, "nested too deeply|expected the JSON of a benchmark"),
+    "deep objects": (lambda text: '{"a":' * 100_000, "nested too deeply|expected the JSON of a benchmark"),
+    "oversized": (lambda text: text + " " * records.MAX_BYTES, "a file of more than 4194304 bytes"),
+    "a key twice": (lambda text: text.replace('"player"', '"player": "a", "player"', 1), "'player' appears twice"),
+    "NaN": (lambda text: text.replace('"returns": [', '"returns": [NaN, ', 1), "NaN: expected a finite number"),
+    "infinite": (set_result("returns", [1e999] * 12), "Infinity: expected a finite number"),
+    "infinite text": (lambda text: text.replace('"returns": [', '"returns": [1e999, ', 1), "expected a list of 12"),
+    "huge number": (lambda text: text.replace('"seed": 5', '"seed": 1' + "0" * 4000), "seed = .*: expected a whole"),
+    "huger number": (lambda text: text.replace('"seed": 5', '"seed": 1' + "0" * 9000), "geometric.json: "),
+    "huge return": (
+        set_result("returns", [10**400] * 12),
+        r"results\[0\]\.returns\[0\] = .*: expected a finite number",
+    ),
+    "text return": (set_result("returns", ["1.0"] * 12), r"results\[0\]\.returns\[0\] = '1\.0': expected a number"),
+    "bool return": (set_result("returns", [True] * 12), "expected a number, not bool"),
+    "few returns": (set_result("returns", [1.0]), "expected a list of 12"),
+    "NaN actions": (set_result("actions", NAN), r"results\[0\]\.actions: expected finite numbers"),
+    "text actions": (set_result("actions", "?" * 128), "expected 96 bytes as base64"),
+    "unicode actions": (set_result("actions", "é" * 128), "expected 96 bytes as base64"),
+    "many actions": (set_result("actions", "A" * 100_000), "expected 96 bytes as base64"),
+    "list of actions": (set_result("actions", [0.5] * 24), "expected 96 bytes as base64"),
+    "no shots": (
+        set_result("shots", ZEROS),
+        r"a number in results\[0\]\.shots = 0: expected a whole number from 1 to 1",
+    ),
+    "many shots": (set_result("shots", "/" * 16), "= 255: expected a whole number from 1 to 1"),
+    "float seed": (set_result("seed", 0.5), r"results\[0\]\.seed = 0\.5: expected a whole number"),
+    "negative seed": (set_result("seed", -1), r"results\[0\]\.seed = -1: expected a whole number"),
+    "unknown task": (set_result("task", "os.system"), r"results\[0\]\.task = 'os.system': expected one of"),
+    "no text": (set_result("task", ["Pot1-v0"]), r"results\[0\]\.task = \['Pot1-v0'\]: expected one of"),
+    "wrong success": (set_result("success", "2" * 12), "expected 12 digits 0 or 1"),
+    "numbers": (set_result("success", [1] * 12), "expected 12 digits 0 or 1"),
+    "unknown key": (set_result("code", "print(1)"), r"key 'code' of results\[0\] is unknown"),
+    "missing key": (edit(lambda data: data["results"][0].pop("seed")), r"key 'seed' of results\[0\] is missing"),
+    "no results": (edit(lambda data: data.update(results=[])), "number of results = 0: expected a whole number"),
+    "too many": (edit(lambda data: data.update(results=data["results"][:1] * 99)), "number of results = 99"),
+    "a task twice": (edit(lambda data: data["results"].append(data["results"][0])), "expected each task and seed once"),
+    "markup": (edit(lambda data: data.update(player="<script>")), "player = '<script>': expected 1 to 80 letters"),
+    "a table": (edit(lambda data: data.update(player="a | b")), "expected 1 to 80 letters"),
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_a_wrong_file_is_refused_with_the_reason(case, played, capsys):
+    change, message = HOSTILE[case]
+    changed = change(text())
+    assert changed != text()
+    played.write_text(changed, encoding="utf-8")
+    begin = time.process_time()
+    tracemalloc.start()
+    with pytest.raises(SystemExit) as refused:
+        main(["bench", "verify", str(played)])
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert time.process_time() - begin < 5.0
+    assert peak < 40e6
+    assert isinstance(refused.value.code, str)
+    assert re.search(message, refused.value.code), refused.value.code
+    assert "\n" not in refused.value.code
+    assert "accepted" not in capsys.readouterr().out
+
+
+def test_bytes_that_are_no_text_are_refused(played):
+    played.write_bytes(b"\x80\x04\x95cos\nsystem\n")  # the beginning of a pickle
+    with pytest.raises(SystemExit, match="can't decode"):
+        main(["bench", "verify", str(played)])
+
+
+def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
+    players = {"random": {"return": 0.0}, "search:200": {"return": 1.0}}
+    monkeypatch.setattr(bench, "reference", lambda: {"Pot1-v0": {"players": players}})
+    path = tmp_path / "entry.json"
+    main(["bench", "random", "--tasks", "Pot1-v0,Billiards/Pot1Strike-v0", "--out", str(path), "--name", "me: 2"])
+    head, *rows, aggregate, wrote = capsys.readouterr().out.splitlines()
+    assert head.split()[:3] == ["task", "seed", "success"]
+    assert [row.split()[:2] for row in rows] == [["Pot1-v0", "0"], ["Pot1Strike-v0", "0"]]
+    assert aggregate.startswith("interquartile mean of the normalised scores: ")
+    assert wrote == f"wrote {path}"
+    main(["bench", "verify", str(path), str(path)])
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[: len(rows) + 2] == [f"{path}: accepted, me: 2", head, *rows]
+    assert printed.count(f"{path}: accepted, me: 2") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["random", "--tasks", "Pot-v0"], "task = 'Pot-v0': expected one of .*did you mean"),
+        (["random", "--seed", "-1"], "seed = -1: expected a whole number"),
+        (["random", "--name", "<b>"], "player = '<b>': expected 1 to 80 letters"),
+        (["random", "--out", "x.txt"], "expected a name that ends in '.json'"),
+        (["random", "--out", "no/x.json"], "expected an existing folder"),
+        (["random", "x.json"], "file = 'x.json' after a player: expected the word verify"),
+        (["verify"], "bench verify without a file"),
+        (["verify", "no.json"], "path = 'no.json': expected a file of a benchmark, but it does not exist"),
+        (["nobody", "--tasks", "Pot1-v0"], "player = 'nobody': expected one of"),
+    ],
+)
+def test_errors_are_one_line(arguments, message):
+    with pytest.raises(SystemExit, match=message):
+        main(["bench", *arguments])
+
+
+def test_an_action_of_a_player_that_is_wrong_leaves_no_file(tmp_path, monkeypatch):
+    (tmp_path / "bad_players.py").write_text("def nan(observation):\n    return [float('nan'), 0.0]\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(SystemExit, match=r"action = \[nan, 0\.0\]: expected finite numbers"):
+        main(["bench", "bad_players:nan", "--tasks", "Pot1-v0", "--out", str(tmp_path / "bad.json")])
+    assert not list(tmp_path.glob("*.json"))
+
+
+def test_a_file_that_would_be_too_large_is_not_written(played, tmp_path, monkeypatch):
+    found = bench.load(played)
+    monkeypatch.setattr(records, "MAX_BYTES", 100)
+    with pytest.raises(ValueError, match="expected at most 100; play fewer tasks"):
+        bench.save(tmp_path / "large.json", found)
+    assert not (tmp_path / "large.json").exists()
+
+
+def test_the_scale_ends_at_the_random_player_and_at_the_best_one(monkeypatch):
+    players = {"random": {"return": -0.5}, "search:200": {"return": 1.5}, "aim": {"return": 1.0}}
+    monkeypatch.setattr(bench, "reference", lambda: {"Pot1-v0": {"players": players}})
+    none, ones = np.zeros(4, np.bool_), np.ones(4)
+    result = bench.Result("Pot1-v0", 0, "", ones.astype(np.uint8), np.zeros((4, 2), np.float32), none, 0.5 * ones, "")
+    assert bench.score((result,))["normalised"] == 0.5
+    assert bench.score((result, result._replace(returns=2.5 * ones)))["normalised"] == 1.0
+    assert bench.score((result._replace(task="Pot3-v0"),))["normalised"] is None
+
+
+def test_the_public_layouts_and_the_scale_are_published(monkeypatch):
+    """The hashes are those of the first observations of 1,000 environments."""
+    monkeypatch.undo()
+    found = bench.reference()
+    assert list(found) == list(FROZEN)
+    for task in BENCH_TASKS:
+        assert bench.layouts_hash(task) == found[task]["layouts"]
