@@ -1,6 +1,7 @@
 """Billiards for reinforcement learning: one action is one cue shot, run to rest by an exact event-driven engine.
 
-Importing the package registers `Billiards-v0` with Gymnasium. The engine and numba are imported on first use.
+Importing the package registers `Billiards-v0` and the ids of `frozen` with Gymnasium. The engine and numba are imported
+on first use.
 """
 
 import importlib
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+from billiards_env import frozen
 from billiards_env.scene import Scene
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ gymnasium.register(
     entry_point="billiards_env.envs:BilliardsEnv",
     vector_entry_point="billiards_env.envs:BilliardsVectorEnv",
 )
+frozen.register(gymnasium.register)
 
 
 _MODULES = {

@@ -20,6 +20,8 @@ from billiards_env.checks import finite, real
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, perturb
 from billiards_env.envs.billiards import BilliardsEnv
+from billiards_env.envs.vector import BilliardsVectorEnv
+from billiards_env.frozen import NOISE
 
 Floats = NDArray[np.float64]
 
@@ -201,6 +203,19 @@ class VectorExecutionNoise(VectorWrapper):
         if self._next_step:
             self._over = result[2] | result[3]
         return result
+
+
+def noisy_env(**arguments: Any) -> ExecutionNoise:
+    """Returns the environment of a frozen task with noise. The arguments are those of `BilliardsEnv`."""
+    return ExecutionNoise(BilliardsEnv(**arguments), **NOISE)
+
+
+def noisy_vector_env(**arguments: Any) -> VectorExecutionNoise:
+    """Returns the vector environment of a frozen task with noise. The arguments are those of `BilliardsVectorEnv`."""
+    return VectorExecutionNoise(BilliardsVectorEnv(**arguments), **NOISE)
+
+
+noisy_env.metadata = BilliardsEnv.metadata  # pyright: ignore[reportFunctionMemberAccess]  # `gym.make` reads it
 
 
 def _scales(game: BilliardsEnv, angle_std: float, speed_std: float, offset_std: float, elevation_std: float) -> Floats:

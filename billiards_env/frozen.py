@@ -1,0 +1,159 @@
+"""The frozen tasks: ids of Gymnasium with arguments that never change, such as `Billiards/Pot1-v0`.
+
+`FROZEN` has one entry for each id. A change of the results of an id is a new version of it. This module imports nothing
+heavy: `import billiards_env` registers the ids.
+
+Example:
+    >>> FROZEN["Pot1-v0"].arguments["n_object_balls"], len(FROZEN)
+    (1, 32)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+NAMESPACE = "Billiards/"
+"""The ids of Gymnasium begin with it."""
+
+NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005, "elevation_std": 0.1}
+"""The execution noise of the ids with `Noise`: arguments of `envs.wrappers.ExecutionNoise`, with their source there."""
+
+
+class Frozen(NamedTuple):
+    """A frozen task.
+
+    Attributes:
+        arguments: The arguments of `Billiards-v0`. Those that are not here have no effect on the results.
+        threshold: The mean return from which the task counts as solved, Gymnasium's `reward_threshold`.
+        summary: One sentence about the task.
+        noise: Whether the environment adds the execution noise `NOISE` to each shot.
+        history: A line for each version.
+    """
+
+    arguments: dict[str, Any]
+    threshold: float
+    summary: str
+    noise: bool = False
+    history: tuple[str, ...] = ("v0: the first version.",)
+
+
+_COMMON = {
+    "mode": "pic",
+    "action": "velocity",
+    "layout": "random",
+    "max_shots": 1,
+    "max_speed": 4.0,
+    "observe_shots_left": False,
+    "scratch_penalty": 0.1,
+}
+
+# By name: the arguments that differ from _COMMON, the sentence, and the thresholds of the id, with noise, and of the
+# strikes and the strikes with noise, if the task pots balls.
+_TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
+    "Pot1": (
+        {"task": "pot", "scene": "pool", "n_object_balls": 1},
+        "Pot the object ball with one shot.",
+        (0.95, 0.8, 0.95, 0.8),
+    ),
+    "Pot3": (
+        {"task": "pot", "scene": "pool", "n_object_balls": 3, "max_shots": 5, "observe_shots_left": True},
+        "Pot three object balls with at most five shots.",
+        (2.8, 2.5, 2.8, 2.5),
+    ),
+    "Clear5": (
+        {"task": "clear", "scene": "pool", "n_object_balls": 5, "max_shots": 10, "observe_shots_left": True},
+        "Clear the table of five object balls with at most ten shots. Only the last ball scores.",
+        (0.95, 0.8, 0.95, 0.8),
+    ),
+    "Carom": (
+        {"task": "carom", "scene": "carom", "n_object_balls": 2, "max_speed": 6.0},
+        "Touch both object balls with one shot.",
+        (0.95, 0.8),
+    ),
+    "ThreeCushion": (
+        {"task": "three_cushion", "scene": "carom", "n_object_balls": 2, "max_speed": 6.0},
+        "Touch both object balls with one shot, the second one after at least three cushion contacts.",
+        (0.8, 0.4),
+    ),
+    "SumToThree": (
+        {
+            "task": "sum_to_three",
+            "scene": "sum_to_three",
+            "n_object_balls": 1,
+            "max_shots": 5,
+            "max_speed": 4.2,
+            "observe_shots_left": True,
+        },
+        "Touch the object ball in shots in which the two balls have three cushion contacts. An episode has five shots.",
+        (4.5, 3.5),
+    ),
+    "Place": (
+        {"task": "place", "scene": "pool", "n_object_balls": 1},
+        "Touch the object ball and bring the cue ball to rest at most 0.15 m from the goal.",
+        (0.9, 0.6),
+    ),
+    "Position": (
+        {"task": "position", "scene": "pool", "n_object_balls": 1},
+        "Pot the object ball and bring the cue ball to rest at most 0.3 m from the goal.",
+        (0.6, 0.4, 0.6, 0.4),
+    ),
+    "NineBall": (
+        {
+            "task": "nine_ball",
+            "scene": "pool",
+            "n_object_balls": 9,
+            "layout": "nine_ball",
+            "max_shots": 30,
+            "max_speed": 8.0,
+        },
+        "Run out a rack of nine ball from the break, with at most 30 shots.",
+        (5.0, 3.0, 5.0, 3.0),
+    ),
+    "EightBall": (
+        {
+            "task": "eight_ball",
+            "scene": "pool",
+            "n_object_balls": 15,
+            "layout": "eight_ball",
+            "max_shots": 30,
+            "max_speed": 8.0,
+        },
+        "Run out a rack of eight ball from the break, with at most 30 shots.",
+        (5.0, 3.0, 5.0, 3.0),
+    ),
+}
+
+_STRIKES = {"scene": "real_pool", "action": "strike"}
+
+
+def _entries() -> dict[str, Frozen]:
+    found = {}
+    for name, (arguments, summary, thresholds) in _TASKS.items():
+        for k, threshold in enumerate(thresholds):
+            strike, noise = k >= 2, k % 2 == 1
+            text = summary + strike * " The table has real pockets, and an action is a strike of the cue."
+            text += noise * " The environment adds noise to each shot."
+            given = _COMMON | arguments | (_STRIKES if strike else {})
+            found[f"{name}{'Strike' * strike}{'Noise' * noise}-v0"] = Frozen(given, threshold, text, noise)
+    return found
+
+
+FROZEN = _entries()
+"""The frozen tasks, by their id without `NAMESPACE`."""
+
+
+def register(register_one: Callable[..., None]) -> None:
+    """Registers all ids with `gymnasium.register`."""
+    for name, task in FROZEN.items():
+        module, single, vector = "billiards_env.envs", "BilliardsEnv", "BilliardsVectorEnv"
+        if task.noise:
+            module, single, vector = "billiards_env.envs.wrappers", "noisy_env", "noisy_vector_env"
+        register_one(
+            id=NAMESPACE + name,
+            entry_point=f"{module}:{single}",
+            vector_entry_point=f"{module}:{vector}",
+            reward_threshold=task.threshold,
+            nondeterministic=False,
+            kwargs=dict(task.arguments),
+        )

@@ -1,0 +1,134 @@
+"""The frozen tasks: a change of a hash below is a change of results, which needs a new version of the id."""
+
+import hashlib
+import json
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+from billiards_env.envs import BilliardsEnv
+from billiards_env.envs.wrappers import VectorExecutionNoise
+from billiards_env.frozen import FROZEN, NAMESPACE
+
+HASHES = {
+    "Pot1-v0": "ae50ef21077ae8cf",
+    "Pot1Noise-v0": "d4cead7e01c9f64c",
+    "Pot1Strike-v0": "26e35a4f5da65ff7",
+    "Pot1StrikeNoise-v0": "9b950e9f08cc8c14",
+    "Pot3-v0": "b54b62b0873ca48f",
+    "Pot3Noise-v0": "c10d55508cd0a3a1",
+    "Pot3Strike-v0": "2454c0ca86a2b1ed",
+    "Pot3StrikeNoise-v0": "bcbe65749810e5b0",
+    "Clear5-v0": "6e565c1f53b8c00e",
+    "Clear5Noise-v0": "9a4d20633bb53290",
+    "Clear5Strike-v0": "7e1c3cdd4d4ae2d0",
+    "Clear5StrikeNoise-v0": "77f42a346463f3a0",
+    "Carom-v0": "20dc950735001630",
+    "CaromNoise-v0": "b0881a2a11de1a1f",
+    "ThreeCushion-v0": "20dc950735001630",
+    "ThreeCushionNoise-v0": "44f4e6fa65eccb7f",
+    "SumToThree-v0": "81cc22d8b455ba73",
+    "SumToThreeNoise-v0": "38fda5965897e3d3",
+    "Place-v0": "44c18d14c1cd1358",
+    "PlaceNoise-v0": "6599844204973bd8",
+    "Position-v0": "44c18d14c1cd1358",
+    "PositionNoise-v0": "0109b993e13750db",
+    "PositionStrike-v0": "08cecf1d332f91b0",
+    "PositionStrikeNoise-v0": "f1aa8438247ca8ec",
+    "NineBall-v0": "b0ac70d9ae125418",
+    "NineBallNoise-v0": "7765917bc4b38a0d",
+    "NineBallStrike-v0": "1a69956a9bbec8ec",
+    "NineBallStrikeNoise-v0": "f7581ae5a5d677a7",
+    "EightBall-v0": "ab4fa33b36acfb33",
+    "EightBallNoise-v0": "998b46d209b15729",
+    "EightBallStrike-v0": "fdeabba6ebf2d884",
+    "EightBallStrikeNoise-v0": "73cdaf8437a64bdf",
+}
+"""The hashes of `first_steps`, by id."""
+
+
+def first_steps(name: str) -> str:
+    """Returns a hash of 100 steps: of the first 5 steps with random actions in 20 environments."""
+    envs, rng, digest = gym.make_vec(NAMESPACE + name, 20), np.random.default_rng(0), hashlib.sha256()
+    observations, _ = envs.reset(seed=0)
+    for _ in range(5):
+        digest.update(observations.tobytes())
+        shape = envs.action_space.shape
+        assert shape is not None
+        observations, rewards, over, _, infos = envs.step(rng.uniform(-1.0, 1.0, shape).astype(np.float32))
+        digest.update(rewards.tobytes() + over.tobytes())
+        for found in (infos, infos.get("final_info", {})):
+            for key in ("shot_time", "first_hit", "potted", "score"):
+                digest.update(np.ascontiguousarray(found.get(key, ())).tobytes())
+        for row in infos.get("final_obs", ()):
+            digest.update(b"" if row is None else row.tobytes())
+    return digest.hexdigest()[:16]
+
+
+def test_the_results_do_not_change():
+    assert {name: first_steps(name) for name in FROZEN} == HASHES
+
+
+def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
+    potting = {"Pot1", "Pot3", "Clear5", "Position", "NineBall", "EightBall"}
+    names = potting | {"Carom", "ThreeCushion", "SumToThree", "Place"} | {f"{name}Strike" for name in potting}
+    assert set(FROZEN) == {f"{name}{noise}-v0" for name in names for noise in ("", "Noise")}
+
+
+@pytest.mark.parametrize("name", FROZEN)
+def test_an_id_passes_the_checkers_and_plays_as_the_vector_environment(name):
+    env = gym.make(NAMESPACE + name)
+    assert env.spec is not None
+    assert env.spec.reward_threshold == FROZEN[name].threshold
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # both checkers recommend symmetric ranges and the default render modes
+        check_env(env.unwrapped if "Noise" not in name else env, skip_render_check=True)
+        pytest.importorskip("stable_baselines3.common.env_checker").check_env(env)
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.spec == env.spec
+    envs = gym.make_vec(NAMESPACE + name, 2)
+    together, _ = envs.reset(seed=6)
+    alone = [env.reset(seed=6)[0], again.reset(seed=7)[0]]
+    assert (together == alone).all()
+    actions = np.random.default_rng(0).uniform(-0.5, 0.5, envs.action_space.shape)
+    _, rewards, over, _, infos = envs.step(actions)
+    for k, one in enumerate((env, again)):
+        observation, reward, terminated, _, info = one.step(actions[k])
+        assert (reward, terminated) == (rewards[k], over[k])
+        found = infos["final_info"] if terminated else infos
+        assert info["shot_time"] == found["shot_time"][k]
+        assert observation.shape == together[k].shape
+
+
+def test_the_ids_pass_the_checker_of_torchrl():
+    torchrl = pytest.importorskip("torchrl.envs", reason="TorchRL is not installed")
+    for name in FROZEN:
+        torchrl.utils.check_env_specs(torchrl.GymEnv(NAMESPACE + name))
+
+
+def test_every_argument_with_an_effect_is_frozen():
+    """A change of a default then changes no id."""
+    env = BilliardsEnv()
+    free = {"dt", "fix", "randomize", "observe_physics", "render_mode"}
+    given = {"scene", "task", "n_object_balls", "mode", "action", "max_shots", "max_speed", "layout"}
+    given |= {"observe_shots_left", "scratch_penalty"}
+    assert all(set(task.arguments) == given for task in FROZEN.values())
+    assert {name for name in BilliardsEnv.__init__.__annotations__ if name != "return"} == given | free
+    assert json.loads(json.dumps(FROZEN["Clear5-v0"].arguments)) == FROZEN["Clear5-v0"].arguments
+    assert env.engine.mode == "pic"
+
+
+def test_noise_changes_the_shots_and_follows_the_seed():
+    def play(name, seed):
+        env = gym.make(f"Billiards/{name}-v0")
+        env.reset(seed=seed)
+        return env.step([0.5, 0.2])[4]["shot_time"]
+
+    assert play("Pot1Noise", 3) == play("Pot1Noise", 3) != play("Pot1", 3)
+    assert isinstance(gym.make_vec("Billiards/Pot1Noise-v0", 2), VectorExecutionNoise)
+    with pytest.raises(ValueError, match="task = 'pott'"):
+        gym.make("Billiards/Pot1Noise-v0", task="pott")
