@@ -4,7 +4,7 @@ A trial trains a small PPO and returns its success on new layouts.
 """
 
 import gymnasium as gym
-import optuna
+import optuna  # pyright: ignore[reportMissingImports]
 from stable_baselines3 import PPO
 
 from billiards_env.evaluation import evaluation_seeds, play_together
