@@ -84,6 +84,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_bench(
         commands.add_parser("bench", help="play frozen tasks and write a file that proves the scores, or verify it")
     )
+    _add_dataset(commands.add_parser("dataset", help="write episodes of a frozen task as a dataset of Minari"))
     _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
     _add_calibrate(commands.add_parser("calibrate", help="fit friction and other numbers to tracks of shots"))
     commands.add_parser("version", help="print the versions of billiards-env and of the packages that it uses")
@@ -181,6 +182,16 @@ def _radians(text: str) -> Any:
     """Converts a text with a number of degrees to radians, and returns any other text unchanged."""
     value = number(text)
     return value if isinstance(value, str) else np.deg2rad(value)
+
+
+def _add_dataset(parser: argparse.ArgumentParser) -> None:
+    parser.description = "Play episodes of a frozen task and write them as a dataset of Minari (extra data)."
+    add = parser.add_argument
+    add("task", help="the task, such as Pot1-v0")
+    add("player", help="the player, as for 'evaluate', such as geometric")
+    add("episodes", type=int, help="number of episodes")
+    add("--seed", type=int, default=0, help="seed of the first layout and of the player (default: %(default)s)")
+    add("--id", help="id of the dataset (default: from the task and the player)")
 
 
 def _add_replay(parser: argparse.ArgumentParser) -> None:
@@ -314,6 +325,15 @@ def bench(args: argparse.Namespace) -> None:
         print(f"wrote {args.out}")
 
 
+def dataset(args: argparse.Namespace) -> None:
+    """Runs the command `dataset`."""
+    from billiards_env.dataset import write
+
+    written = write(args.task, args.player, args.episodes, seed=args.seed, dataset_id=args.id)
+    print(f"{written.spec.dataset_id}: {written.total_episodes:,} episodes, {written.total_steps:,} shots")
+    print(f"wrote {written.spec.data_path}")
+
+
 def calibrate(args: argparse.Namespace) -> None:
     """Runs the command `calibrate`."""
     from billiards_env.shots import calibration
@@ -440,6 +460,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             evaluate(args)
         elif args.command == "bench":
             bench(args)
+        elif args.command == "dataset":
+            dataset(args)
         elif args.command == "replay":
             replay(args)
         elif args.command == "calibrate":

@@ -82,6 +82,7 @@ def few_breaks(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None] | None]] = {
     "benchmarks.differentiable": ("--tasks 2 --taken 1 --output {0}/differentiable.json", few_breaks),
+    "benchmarks.examples": ("--scale 64 --output {0}/examples.json", None),
     "benchmarks.start_up": ("--repeats 1 --compilations 1 --output {0}/start_up.json", without_compiling),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
     "benchmarks.validation": ("--output {0}/validation.json --folder {0}", None),

@@ -1,0 +1,83 @@
+"""Datasets of episodes in the format of Minari: `billiards dataset Pot1-v0 geometric 1000` (extra `data`).
+
+`minari.load_dataset` loads a dataset, and its `recover_environment` makes the frozen task in which it was played.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from billiards_env.checks import Range, missing, one_of, whole
+from billiards_env.evaluation import find_player
+from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
+
+
+def write(
+    task: str,
+    player: str,
+    episodes: int,
+    *,
+    seed: int = 0,
+    dataset_id: str | None = None,
+    progress: Callable[..., object] = lambda: None,
+) -> Any:
+    """Plays episodes of a frozen task and writes them as a dataset into the folder of Minari.
+
+    The observations and actions (float32) are those of the player. The noise of a task is not in the action.
+
+    Args:
+        task: The name of a frozen task, such as "Pot1-v0".
+        player: See `evaluation.find_player`.
+        episodes: The number of episodes.
+        seed: The seed of the player and of the first episode; the next ones have the next seeds. No evaluation uses
+            seeds below 2**31.
+        dataset_id: The id of the dataset; None for one such as "billiards/pot1/geometric-v0".
+        progress: A function that is called after each episode.
+
+    Returns:
+        The `minari.MinariDataset`.
+
+    Raises:
+        ModuleNotFoundError: If Minari is not installed.
+        TypeError: If the player is not a function of an observation.
+        ValueError: If a name or a number is wrong, or if there is a dataset with this id.
+    """
+    one_of("task", task, tuple(FROZEN))
+    whole("episodes", episodes, Range(1, None))
+    whole("seed", seed, Range(0, 2**31 - episodes))
+    if importlib.util.find_spec("minari") is None:
+        raise ModuleNotFoundError(missing("minari", "data"))
+    minari = importlib.import_module("minari")
+
+    words = re.sub(r"\W+", "-", player.lower()).strip("-")
+    dataset_id = dataset_id or f"billiards/{task.lower().rpartition('-')[0]}/{words}-v0"
+    if dataset_id in minari.list_local_datasets():
+        raise ValueError(f"dataset_id = {dataset_id!r}: expected a new one; `minari delete {dataset_id}` deletes it")
+    env = gym.make(NAMESPACE + task)
+    noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)
+    act = find_player(player, env, noise, seed)
+    buffers = []
+    for k in range(episodes):
+        observations, steps, done = [env.reset(seed=seed + k)[0]], [], False
+        while not done:
+            action = np.asarray(act(observations[-1]), np.float32)
+            observation, reward, terminated, truncated, _ = env.step(action)
+            observations.append(observation)
+            steps.append((action, reward, terminated, truncated))
+            done = terminated or truncated
+        columns = (list(column) for column in zip(*steps, strict=True))
+        buffers.append(minari.data_collector.EpisodeBuffer(k, seed + k, None, observations, *columns, {}))
+        progress()
+    about = {"algorithm_name": player, "description": FROZEN[task].summary}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "`.*` is set to None", UserWarning)  # author and link are not known
+        dataset = minari.create_dataset_from_buffers(dataset_id, buffers, env, **about)
+    env.close()
+    return dataset

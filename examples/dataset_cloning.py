@@ -1,0 +1,47 @@
+"""Behaviour cloning from a dataset of Minari: `python examples/dataset_cloning.py` (extras `data` and `train`).
+
+The network has the head "pots": geometry finds the pots, and the network learns which of them the teacher plays, and
+how fast. `billiards dataset Pot1-v0 geometric 5000` writes the same dataset.
+"""
+
+import tempfile
+from unittest import mock
+
+import gymnasium as gym
+import torch
+from stable_baselines3 import PPO
+
+from billiards_env import dataset
+from billiards_env.evaluation import evaluation_seeds, find_player, play, play_together
+from billiards_env.sb3 import MixturePolicy, SameStepVecEnv
+
+
+def clone(data, epochs: int = 10) -> PPO:
+    """Returns a policy whose density at the actions of a dataset is as high as possible."""
+    env = data.recover_environment()  # Billiards/Pot1-v0
+    envs = SameStepVecEnv(gym.make_vec(env.spec.id, num_envs=1))
+    model = PPO(MixturePolicy, envs, learning_rate=1e-3, policy_kwargs={"head": "pots"}, device="cpu")
+    episodes = list(data.iterate_episodes())
+    observations = torch.cat([torch.as_tensor(episode.observations[:-1]) for episode in episodes])
+    actions = torch.cat([torch.as_tensor(episode.actions) for episode in episodes])
+    for _ in range(epochs):
+        for rows in torch.randperm(len(actions)).split(256):
+            _, log_density, _ = model.policy.evaluate_actions(observations[rows], actions[rows])
+            model.policy.optimizer.zero_grad()
+            (-log_density.mean()).backward()
+            model.policy.optimizer.step()
+    return model
+
+
+def run(shots: int, episodes: int = 1000) -> tuple[float, float]:
+    """Writes a dataset into a temporary folder. Returns the success of the clone and of its teacher on new layouts."""
+    with tempfile.TemporaryDirectory() as folder, mock.patch.dict("os.environ", MINARI_DATASETS_PATH=folder):
+        model = clone(dataset.write("Pot1-v0", "geometric", shots))
+    seeds, env = evaluation_seeds(0, episodes).tolist(), gym.make("Billiards/Pot1-v0")
+    envs = gym.make_vec("Billiards/Pot1-v0", num_envs=episodes)
+    cloned = play_together(envs, lambda seen: model.predict(seen, deterministic=True)[0], seeds)
+    return cloned["success_rate"], play(env, find_player("geometric", env), seeds)["success_rate"]
+
+
+if __name__ == "__main__":
+    print("success of the clone {:.1%} and of the teacher {:.1%}".format(*run(5000)))

@@ -1,0 +1,85 @@
+"""The programs in `examples` run with small sizes."""
+
+import importlib.util
+import json
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import examples
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples"
+PAGE = (FOLDER.parent / "docs" / "examples.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    torch = pytest.importorskip("torch")
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def load(name, *packages):
+    """Returns the functions of a program, or skips the test without its packages."""
+    for package in packages:
+        if importlib.util.find_spec(package) is None:
+            pytest.skip(f"needs {package}")
+    return runpy.run_path(str(FOLDER / f"{name}.py"))
+
+
+def test_every_program_is_on_the_page_and_measured():
+    programs = {path.name for path in FOLDER.glob("[a-z]*.*")}
+    assert set(re.findall(r"^\| `examples/([\w.]+)`", PAGE.partition("<!--")[0], re.MULTILINE)) == programs
+    assert {f"{name}.py" for name in examples.STEPS} == programs - {"ppo.py", "first_steps.ipynb"}
+
+
+def test_stable_baselines3_trains_and_writes_curves(tmp_path):
+    pytest.importorskip("tensorboard")
+    model = load("sb3_ppo", "stable_baselines3")["run"](2048, str(tmp_path))
+    assert model.num_timesteps == 2048
+    assert list(tmp_path.rglob("events*"))
+
+
+def test_optuna_returns_the_best_of_its_trials():
+    study = load("optuna_sweep", "stable_baselines3", "optuna")["run"](2048, episodes=50)
+    assert len(study.trials) == 2
+    assert study.best_value == max(trial.value for trial in study.trials) > 0.5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_torchrl_collects_random_shots():
+    assert -0.2 < load("torchrl_collector", "torchrl")["run"](2048) < 0.2
+
+
+def test_pixels_show_the_balls():
+    pytest.importorskip("pygame")
+    program = load("pixels", "PIL")
+    env = program["make"]()
+    first, second = (env.reset(seed=seed)[0] for seed in (0, 1))
+    assert first in env.observation_space
+    assert (first != second).any()
+    assert np.array_equal(first, env.reset(seed=0)[0])
+    assert program["run"](2).shape == (84, 84)
+
+
+def test_a_clone_pots_balls(tmp_path):
+    clone, teacher = load("dataset_cloning", "stable_baselines3", "minari", "h5py")["run"](64, episodes=100)
+    assert clone > 0.8 < teacher
+
+
+def test_the_notebook_runs_top_to_bottom(monkeypatch, capsys):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pytest.importorskip("stable_baselines3")
+    notebook = json.loads((FOLDER / "first_steps.ipynb").read_text(encoding="utf-8"))
+    assert all(cell.get("outputs", []) == [] for cell in notebook["cells"])
+    names = {"__name__": "notebook"}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), "notebook", "exec"), names)
+    pyplot.close("all")
+    assert re.search(r"the policy pots 9\d\.\d% of 1,000 new layouts", capsys.readouterr().out)

@@ -1,0 +1,59 @@
+"""Datasets of Minari. Errors in the arguments do not need Minari."""
+
+import importlib
+import importlib.util
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from billiards_env import dataset
+from billiards_env.__main__ import main
+
+needs_minari = pytest.mark.skipif(
+    not all(map(importlib.util.find_spec, ("minari", "h5py"))), reason="needs the extra data"
+)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("Pot1", "random", 1), "task = 'Pot1': expected one of"),
+        (("Pot1-v0", "random", 0), "episodes = 0: expected"),
+        (("Pot1-v0", "random", 2, -1), "seed = -1: expected"),
+        (("Pot1-v0", "random", 2, 2**31 - 1), "seed = 2147483647: expected"),
+    ],
+)
+def test_wrong_arguments_are_rejected(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        dataset.write(*arguments[:3], seed=arguments[3] if len(arguments) > 3 else 0)
+
+
+def test_without_minari_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr(dataset.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ModuleNotFoundError, match="data"):
+        dataset.write("Pot1-v0", "random", 1)
+
+
+@needs_minari
+def test_a_dataset_has_the_episodes_and_makes_their_environment(monkeypatch, tmp_path, capsys):
+    minari = importlib.import_module("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    main(["dataset", "Clear5-v0", "random", "3", "--seed", "7", "--id", "mine/clear-v0"])
+    assert capsys.readouterr().out.startswith("mine/clear-v0: 3 episodes, ")
+    with pytest.raises(SystemExit, match="dataset_id = 'mine/clear-v0': expected a new one"):
+        main(["dataset", "Clear5-v0", "random", "3", "--id", "mine/clear-v0"])
+    loaded = minari.load_dataset("mine/clear-v0")
+    env = loaded.recover_environment()
+    assert env.spec is not None
+    assert env.spec.id == "Billiards/Clear5-v0"
+    for k, episode in enumerate(loaded.iterate_episodes()):
+        replayed = gym.make(env.spec.id)
+        seen, ended = replayed.reset(seed=7 + k)[0], [False]
+        for t, action in enumerate(episode.actions):
+            assert np.array_equal(seen, episode.observations[t])
+            seen, reward, *ended, _ = replayed.step(action)
+            assert reward == episode.rewards[t]
+            assert ended == [episode.terminations[t], episode.truncations[t]]
+        assert np.array_equal(seen, episode.observations[-1])
+        assert any(ended)
