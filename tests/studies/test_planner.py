@@ -24,7 +24,8 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
     output = tmp_path / "planner.json"
     main(["--racks", "1", "--output", str(output)])
     first = json.loads(output.read_text())
-    assert all(text in capsys.readouterr().out for text in blocks(first).values())
+    printed = capsys.readouterr().out
+    assert all(text in printed for text in blocks(first).values())
     assert {experiment for experiment, _, _ in CELLS} == first["results"].keys()
     main(["--racks", "2", "--output", str(output)])
     found = json.loads(output.read_text())["results"]
