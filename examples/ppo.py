@@ -237,7 +237,7 @@ def train(args: argparse.Namespace, policy: Policy | None = None) -> tuple[Polic
         if done >= args.shots or done // args.evaluate_every > len(curve):
             rate = success(policy, tests, args.seed)
             print(f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}")
-            curve.append({"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 1)})
+            curve.append({"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 3)})
             if args.log:
                 with args.log.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(curve[-1]) + "\n")

@@ -238,7 +238,7 @@ def shipped(cache, tmp_path, monkeypatch):
     overloads = {(sig, (magic[0], *jit.GENERIC), code): name for (sig, magic, code), name in made._load_index().items()}
     made._save_index(overloads)
     (tmp_path / "shipped").mkdir()
-    (source,) = cache.iterdir()
+    (source,) = (path for path in cache.iterdir() if path.is_dir())  # the others are locks
     source.rename(tmp_path / "shipped" / Path(__file__).parent.name)
     return tmp_path / "shipped"
 

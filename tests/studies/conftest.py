@@ -21,6 +21,13 @@ def one_thread() -> None:
     torch.set_num_threads(1)
 
 
+@pytest.fixture(autouse=True)
+def denormal() -> Iterator[None]:
+    """Ends the rounding of tiny numbers to zero, which `examples/ppo.py` turns on for its process."""
+    yield
+    torch.set_flush_denormal(False)
+
+
 @pytest.fixture(autouse=True, scope="package")
 def in_this_process() -> Iterator[None]:
     """Runs are trained in this process, which is faster for tiny runs than `agents.runs.train_all`."""
