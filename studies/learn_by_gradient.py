@@ -1,11 +1,13 @@
 """Measures a network that learns to pot a ball by the gradient of its shots: `python -m studies.learn_by_gradient`.
 
-The observation is that of `Billiards-v0`: the positions. The network returns for a pocket an action and the chance that
-it pots the ball. The mirror symmetry of the table makes one corner of four, and one side of two. A shot gives the
-margin of the pot and its derivative by the action (see `billiards_env.torch.pot_margins`), and no reward. The shots of
+The observation is that of `Billiards-v0`: the positions. For each pocket the network returns a point next to the
+object ball, at which the cue ball aims, and for each of some speeds the chance of success. The gradient of the shot
+teaches the point: the margin of the pot has a derivative by the action (see `billiards_env.torch.pot_margins`).
+Outcomes jump with the pocket and the speed, so these are sampled by their chances, which are learned from the outcomes
+(Suh et al. 2022 mix both). The mirror symmetry of the table makes one corner of four, and one side of two. The shots of
 the last batches are used again, with margins that are linear in the action, while the action is near.
 
-The results are in `studies/results/learn_by_gradient.json`. The command skips seeds that have results there.
+The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there.
 """
 
 from __future__ import annotations
@@ -34,81 +36,121 @@ from billiards_env.torch import pot_margins
 from studies import RESULTS
 
 OUTPUT = RESULTS / "learn_by_gradient.json"
-SHOTS, SEEDS, EPISODES = 1_000_000, (20, 21, 22), 2000
-BATCH, REPLAYS, MEMORY = 128, 4, 100
-LEARNING_RATE, SPEED = 2e-3, 0.5
+RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
+"""The seeds of the trainings, by the number of shots."""
+EPISODES = 10_000
+BATCH, REPLAYS, MEMORY = 512, 4, 100
+LEARNING_RATE = 3e-3
+SPEEDS = (0.3, 0.45, 0.7)
+"""The speeds of a shot, over the largest speed."""
 EXPLORED = 0.1
-"""Share of the shots at a random pocket."""
-WIDTH, NEAR = 0.05, 0.03
+"""Share of the shots at a random pocket with a random speed."""
+WIDTH, NEAR = 0.03, 0.03
 """m, the scale of the loss of a margin, and the largest change of an action for which a margin counts as linear."""
 
 
 class Played(NamedTuple):
-    """Shots of a batch: what was seen and done, the margins of the pots, m, and their derivatives by the actions."""
+    """Shots of a batch.
+
+    Attributes:
+        observations: (m, 4).
+        pockets: (m,) the pockets aimed at.
+        speeds: (m,) indices of `SPEEDS`.
+        actions: (m, 2).
+        margins: (m,) m, of the pots.
+        slopes: (m, 2) m, the derivatives of the margins by the actions.
+        scratches: (m,) whether the cue ball dropped.
+    """
 
     observations: Tensor
     pockets: Tensor
+    speeds: Tensor
     actions: Tensor
     margins: Tensor
     slopes: Tensor
+    scratches: Tensor
 
 
 class Network(nn.Module):
-    """Three layers of 256 units: from the positions, mirrored for a pocket, to an action and the logit of a pot."""
+    """Two networks: from the object ball to the points at which the cue ball aims, from the layout to the chances."""
 
     signs: Tensor
     is_side: Tensor
     radius: Tensor
+    half_extents: Tensor
 
     def __init__(self, scene: Scene) -> None:
         super().__init__()
-        layers = (nn.Linear(4, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU())
-        self.layers = nn.Sequential(*layers, nn.Linear(256, 6))
+        self.points, self.chances = _layers(2, 64, 4), _layers(8, 128, 2 * len(SPEEDS))
         places = torch.tensor([(pocket.x, pocket.y) for pocket in scene.table.pockets])
         self.register_buffer("signs", places.sign())
         self.register_buffer("is_side", (places[:, 0] == 0).long())
         self.register_buffer("radius", torch.tensor([pocket.radius for pocket in scene.table.pockets]))
+        self.register_buffer("half_extents", torch.tensor(scene.half_extents))
 
     def forward(self, observations: Tensor, pockets: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns the actions (m, 2) and the logits (m,) for observations (m, 4) and pockets (m,)."""
+        """Returns the directions (m, 2) and the logits (m, speeds) for observations (m, 4) and pockets (m,)."""
         signs = self.signs[pockets]
         signs = torch.where(signs == 0, observations[:, 2:].sign(), signs)  # a side: mirrored by the ball
-        out = self.layers(observations * signs.repeat(1, 2)).reshape(-1, 2, 3)
-        out = out[torch.arange(len(out)), self.is_side[pockets]]
-        return SPEED * signs * nn.functional.normalize(out[:, :2], dim=-1), out[:, 2]
+        cue_ball, ball = (observations * signs.repeat(1, 2)).chunk(2, 1)
+        to_ball = (ball - cue_ball) * self.half_extents
+        distance = to_ball.norm(dim=1, keepdim=True)
+        row, side = torch.arange(len(pockets)), self.is_side[pockets]
+        point = 0.1 * self.points(ball).reshape(-1, 2, 2)[row, side]
+        features = torch.cat((cue_ball, ball, to_ball / distance, distance, 1 / (distance + 0.1)), 1)
+        logits = self.chances(features).reshape(len(pockets), 2, -1)[row, side]
+        return signs * nn.functional.normalize(to_ball + point, dim=1), logits
 
-    def best(self, observations: Tensor, explored: float = 0.0) -> Tensor:
-        """Returns the pockets (m,) with the best chance, or drawn by their chances with a share of random ones."""
+    def act(self, observations: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
+        """Returns pockets (m,), speeds (m,) and actions (m, 2).
+
+        The pocket and the speed have the best chance or, with a share of random ones, are drawn by their odds.
+        """
+        m, count = len(observations), len(self.signs)
         with torch.no_grad():
-            m, count = len(observations), len(self.signs)
-            logits = self(observations.repeat_interleave(count, 0), torch.arange(count).repeat(m))[1].reshape(m, count)
-        if not explored:
-            return logits.argmax(-1)
-        return ((1.0 - explored) * logits.softmax(-1) + explored / count).multinomial(1)[:, 0]
+            directions, logits = self(observations.repeat_interleave(count, 0), torch.arange(count).repeat(m))
+        logits = logits.reshape(m, -1)
+        if explored:
+            shares = (1.0 - explored) * logits.softmax(1) + explored / logits.shape[1]
+            chosen = shares.multinomial(1)[:, 0]
+        else:
+            chosen = logits.argmax(1)
+        pockets, speeds = chosen // len(SPEEDS), chosen % len(SPEEDS)
+        directions = directions.reshape(m, count, 2)[torch.arange(m), pockets]
+        return pockets, speeds, torch.tensor(SPEEDS)[speeds, None] * directions
+
+
+def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    layers = (nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU())
+    return nn.Sequential(*layers, nn.Linear(hidden, outputs))
 
 
 def loss_of(network: Network, played: Played) -> Tensor:
     """Returns the loss of shots. Its gradient by an action is at most 1; that of an action far from the shot is 0."""
-    actions, chances = network(played.observations, played.pockets)
+    directions, logits = network(played.observations, played.pockets)
+    actions = torch.tensor(SPEEDS)[played.speeds, None] * directions
     change = (actions - played.actions).detach()
-    missing = network.radius[played.pockets] - played.margins - (played.slopes * change).sum(-1)
+    margins = played.margins + (played.slopes * change).sum(1)
+    missing = network.radius[played.pockets] - margins
     push = played.slopes * (2.0 * missing / (WIDTH**2 + missing**2))[:, None]  # of log(1 + (missing / WIDTH)^2)
-    push = push / push.norm(dim=-1, keepdim=True).clamp(min=1.0)
-    potted = nn.functional.binary_cross_entropy_with_logits(chances, (played.margins > 0).float(), reduction="none")
-    return ((0.1 * potted - (actions * push).sum(-1)) * (change.norm(dim=-1) < NEAR)).mean()
+    push = push / push.norm(dim=1, keepdim=True).clamp(min=1.0)
+    success = ((margins > 0) & ~played.scratches).float()
+    chances = logits.gather(1, played.speeds[:, None])[:, 0]
+    error = nn.functional.binary_cross_entropy_with_logits(chances, success, reduction="none")
+    return ((0.1 * error - (actions * push).sum(1)) * (change.norm(dim=1) < NEAR)).mean()
 
 
 def play(network: Network, envs: BilliardsVectorEnv) -> Played:
     """Plays a shot in a new layout of each environment."""
     observations = torch.as_tensor(envs.reset()[0])
-    pockets = network.best(observations, EXPLORED)
-    with torch.no_grad():
-        actions, _ = network(observations, pockets)
-    actions.requires_grad_()
     positions = torch.as_tensor(envs.positions)
+    pockets, speeds, actions = network.act(observations, EXPLORED)
+    actions.requires_grad_()
     margins = pot_margins(envs, positions, actions, threads=1)[torch.arange(len(actions)), 0, pockets]
     (slopes,) = torch.autograd.grad(margins.sum(), actions)
-    return Played(observations, pockets, actions.detach(), margins.detach(), slopes)
+    actions, margins = actions.detach(), margins.detach()
+    succeeded = torch.as_tensor(envs.step(actions.numpy())[-1]["final_info"]["is_success"])
+    return Played(observations, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
 def train(seed: int, shots: int, episodes: int) -> float:
@@ -125,7 +167,7 @@ def train(seed: int, shots: int, episodes: int) -> float:
     envs.reset(seed=BATCH * seed)
     network, memory = Network(envs.single_env.scene), deque[Played](maxlen=MEMORY)
     optimiser, steps = torch.optim.Adam(network.parameters()), max(1, shots // BATCH)
-    for k in tqdm(range(steps), unit="batch", desc=f"seed {seed}", leave=False):
+    for k in tqdm(range(steps), unit="batch", desc=f"{shots:,} shots, seed {seed}", leave=False):
         for group in optimiser.param_groups:
             group["lr"] = LEARNING_RATE * min(1.0, (k + 1) / 100) * 0.5 * (1.0 + math.cos(math.pi * k / steps))
         memory.append(play(network, envs))
@@ -135,44 +177,47 @@ def train(seed: int, shots: int, episodes: int) -> float:
             optimiser.step()
 
     def act(observations: Any) -> Any:
-        seen = torch.as_tensor(observations)
-        with torch.no_grad():
-            return network(seen, network.best(seen))[0].numpy()
+        return network.act(torch.as_tensor(observations))[2].numpy()
 
     return play_together(BilliardsVectorEnv(episodes), act, evaluation_seeds(seed, episodes).tolist())["success_rate"]
 
 
 def measure(output: Path) -> dict[str, Any]:
-    """Trains what has no results, and writes the result of each seed as soon as it ends.
+    """Trains what has no results, and writes the result of each run as soon as it ends.
 
     Args:
         output: The JSON file of the results.
 
     Returns:
-        The content of the file: `machine`, `settings`, and `results[seed]`, the success.
+        The content of the file: `machine`, `settings`, and `results[shots][seed]`, the success.
 
     Raises:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = {"shots": SHOTS, "episodes": EPISODES}
+    settings = {"episodes": EPISODES, "speeds": list(SPEEDS)}
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     if found.get("settings") != settings:
         found = {"machine": machine(), "settings": settings, "results": {}}
-    for seed in SEEDS:
-        if str(seed) not in found["results"]:
-            found["results"][str(seed)] = train(seed, SHOTS, EPISODES)
-            write_json(output, found)
+    for shots, seeds in RUNS.items():
+        runs = found["results"].setdefault(str(shots), {})
+        for seed in seeds:
+            if str(seed) not in runs:
+                runs[str(seed)] = train(seed, shots, EPISODES)
+                write_json(output, found)
     return found
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
-    rates = list(found["results"].values())
-    row = (f"{found['settings']['shots']:,}", ", ".join(f"{rate:.1%}" for rate in rates), as_percent(over_seeds(rates)))
+    rows = []
+    for shots, runs in found["results"].items():
+        rates = list(runs.values())
+        by_seed = ", ".join(f"{rate:.1%}" for rate in rates)
+        rows.append((f"{int(shots):,}", by_seed, as_percent(over_seeds(rates))))
     return {
         "machine": machine_line(found["machine"]),
-        "table": table(("shots", "success by seed", "mean over seeds"), [row], left=0),
+        "table": table(("shots", "success by seed", "mean over seeds"), rows, left=0),
     }
 
 
