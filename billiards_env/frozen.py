@@ -108,7 +108,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "max_speed": 8.0,
         },
         "Run out a rack of nine ball from the break, with at most 30 shots.",
-        (5.0, 3.0, 5.0, 3.0),
+        (4.0, 1.5, 4.0, 1.5),
     ),
     "EightBall": (
         {
@@ -120,7 +120,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "max_speed": 8.0,
         },
         "Run out a rack of eight ball from the break, with at most 30 shots.",
-        (5.0, 3.0, 5.0, 3.0),
+        (7.0, 2.5, 6.0, 1.5),
     ),
 }
 

@@ -250,3 +250,4 @@ def test_the_public_layouts_and_the_scale_are_published(monkeypatch):
     assert list(found) == list(FROZEN)
     for task in BENCH_TASKS:
         assert bench.layouts_hash(task) == found[task]["layouts"]
+    assert all({"random", "geometric", "search:200"} <= set(entry["players"]) for entry in found.values())
