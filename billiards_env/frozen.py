@@ -54,7 +54,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
     "Pot1": (
         {"task": "pot", "scene": "pool", "n_object_balls": 1},
         "Pot the object ball with one shot.",
-        (0.95, 0.8, 0.95, 0.8),
+        (0.95, 0.75, 0.95, 0.75),
     ),
     "Pot3": (
         {"task": "pot", "scene": "pool", "n_object_balls": 3, "max_shots": 5, "observe_shots_left": True},
@@ -69,12 +69,12 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
     "Carom": (
         {"task": "carom", "scene": "carom", "n_object_balls": 2, "max_speed": 6.0},
         "Touch both object balls with one shot.",
-        (0.95, 0.8),
+        (0.95, 0.6),
     ),
     "ThreeCushion": (
         {"task": "three_cushion", "scene": "carom", "n_object_balls": 2, "max_speed": 6.0},
         "Touch both object balls with one shot, the second one after at least three cushion contacts.",
-        (0.8, 0.4),
+        (0.8, 0.35),
     ),
     "SumToThree": (
         {
