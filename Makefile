@@ -43,9 +43,9 @@ docs: $(INSTALLED)  ## build the documentation in site/; runs the tutorials, war
 dist: $(INSTALLED)  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m release.dist --results build/dist.json
 
-ci: test pythons docs smoke dist  ## what .github/workflows/ci.yml runs, on this machine
+ci: test pythons docs smoke dist  ## run the steps of .github/workflows/ci.yml locally
 
-smoke: $(INSTALLED)  ## measure a little, to see that the benchmarks run
+smoke: $(INSTALLED)  ## run short benchmarks, to check that they work
 	$(BIN)/python -m benchmarks.speed --repeats 1 --output build/speed.json
 	$(BIN)/python -m benchmarks.vector --repeats 1 --output build/vector.json
 

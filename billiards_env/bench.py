@@ -2,7 +2,7 @@
 
 A player plays one episode for each of `EPISODES` layouts of a task. The seed of the benchmark fixes the layouts and the
 execution noise. A file holds all actions and their outcomes. `verify` plays the actions again and accepts the file only
-if all outcomes have the same bits, so nobody has to trust a score. The file holds data and no code.
+if all outcomes have the same bits, so anyone can check a score. The file holds data and no code.
 
 Actions are stored and played as float32, the type of the action space.
 """
@@ -90,7 +90,7 @@ def play(
         progress: A function that is called with the task and the number of finished episodes.
 
     Raises:
-        ValueError: If a task or a player is unknown, a name has other characters than letters, digits and ".:/+ -_",
+        ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
             or an action has the wrong shape or is not finite.
         OSError, TypeError: As `find_player` does.
     """
@@ -142,7 +142,7 @@ def replay(task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.f
     layouts = hashlib.sha256(observations.tobytes()).hexdigest()
     for k in range(int(shots.max())):
         playing = shots > k
-        given = np.zeros((m, actions.shape[1]), np.float32)  # a finished environment plays shots without speed
+        given = np.zeros((m, actions.shape[1]), np.float32)  # in a finished environment the shots have no speed
         given[playing] = actions[first[playing] + k]
         observations, rewards, over, _, infos = envs.step(given)
         returns[playing] += rewards[playing]
@@ -229,6 +229,8 @@ _WHAT = "a benchmark"
 
 def _bench_of(data: dict[str, Any]) -> Bench:
     records.fields("the file", data, _FIELDS)
+    if not isinstance(data["written_by"], str):
+        raise ValueError(f"written_by = {short(data['written_by'])}: expected a text")
     items = records.items("results", data["results"])
     whole("number of results", len(items), Range(1, 2 * len(FROZEN)))
     results = tuple(_result_of(f"results[{i}]", item) for i, item in enumerate(items))
@@ -273,7 +275,8 @@ def _compare(recorded: Result, now: Result) -> None:
         raise ValueError(f"{where}: layouts = {recorded.layouts}: expected {now.layouts}, those of the seed")
     for name in ("success", "returns"):
         old, new = getattr(recorded, name), getattr(now, name)
-        different = np.flatnonzero(old != new)
+        bits = f"u{old.itemsize}"  # 0.0 and -0.0 differ
+        different = np.flatnonzero(old.view(bits) != new.view(bits))
         if len(different):
             k = different[0]
             raise ValueError(f"{where}: {name}[{k}] = {old[k]}: expected {new[k]}, the outcome of the actions")

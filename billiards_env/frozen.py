@@ -1,7 +1,7 @@
 """The frozen tasks: ids of Gymnasium with arguments that never change, such as `Billiards/Pot1-v0`.
 
-`FROZEN` has one entry for each id. A change of the results of an id is a new version of it. This module imports nothing
-heavy: `import billiards_env` registers the ids.
+`FROZEN` has one entry for each id. A change of the results needs a new version of the id. `import billiards_env`
+registers the ids, so this module imports only small modules.
 
 Example:
     >>> FROZEN["Pot1-v0"].arguments["n_object_balls"], len(FROZEN)
@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 NAMESPACE = "Billiards/"
-"""The ids of Gymnasium begin with it."""
+"""The beginning of the ids in Gymnasium."""
 
 NOISE = {"angle_std": 0.125, "speed_std": 0.075, "offset_std": 0.0005, "elevation_std": 0.1}
 """The execution noise of the ids with `Noise`: arguments of `envs.wrappers.ExecutionNoise`, with their source there."""
@@ -24,7 +24,7 @@ class Frozen(NamedTuple):
     """A frozen task.
 
     Attributes:
-        arguments: The arguments of `Billiards-v0`. Those that are not here have no effect on the results.
+        arguments: The arguments of `Billiards-v0`. The others have their default values.
         threshold: The mean return from which the task counts as solved, Gymnasium's `reward_threshold`.
         summary: One sentence about the task.
         noise: Whether the environment adds the execution noise `NOISE` to each shot.
@@ -48,8 +48,8 @@ _COMMON = {
     "scratch_penalty": 0.1,
 }
 
-# By name: the arguments that differ from _COMMON, the sentence, and the thresholds of the id, with noise, and of the
-# strikes and the strikes with noise, if the task pots balls.
+# By name: the arguments that differ from _COMMON, the summary, and the thresholds without and with noise. Tasks with
+# strikes have two more thresholds, for strikes without and with noise.
 _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
     "Pot1": (
         {"task": "pot", "scene": "pool", "n_object_balls": 1},

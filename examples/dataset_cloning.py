@@ -1,7 +1,7 @@
 """Behaviour cloning from a dataset of Minari: `python examples/dataset_cloning.py` (extras `data` and `train`).
 
-The network has the head "pots": geometry finds the pots, and the network learns which of them the teacher plays, and
-how fast. `billiards dataset Pot1-v0 geometric 5000` writes the same dataset.
+The policy has the head "pots": geometry finds the pots, and the network learns which of them the teacher plays and at
+which speed. `billiards dataset Pot1-v0 geometric 5000` writes the same dataset.
 """
 
 import tempfile
@@ -17,7 +17,7 @@ from billiards_env.sb3 import MixturePolicy, SameStepVecEnv
 
 
 def clone(data, epochs: int = 10) -> PPO:
-    """Returns a policy whose density at the actions of a dataset is as high as possible."""
+    """Returns a policy that is trained to maximise the likelihood of the actions of a dataset."""
     env = data.recover_environment()  # Billiards/Pot1-v0
     envs = SameStepVecEnv(gym.make_vec(env.spec.id, num_envs=1))
     model = PPO(MixturePolicy, envs, learning_rate=1e-3, policy_kwargs={"head": "pots"}, device="cpu")

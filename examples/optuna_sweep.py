@@ -33,7 +33,7 @@ def success(trial: optuna.Trial, steps: int, episodes: int) -> float:
 
 
 def run(steps: int, trials: int = 2, episodes: int = 1000) -> optuna.Study:
-    """Divides a number of steps between trials. Returns the study, whose `best_params` are the best ones."""
+    """Divides a number of steps between trials. Returns the study; `best_params` has the best hyper-parameters."""
     study = optuna.create_study(direction="maximize", sampler=optuna.samplers.TPESampler(seed=0))
     study.optimize(lambda trial: success(trial, steps // trials, episodes), n_trials=trials)
     return study

@@ -6,8 +6,8 @@
 
 The environment is `Billiards-v0` with its default arguments: the observation is the positions of the cue ball and of
 one object ball, and the action is the velocity of the cue ball. An episode is one shot, so the advantage of a shot is
-its success minus the value of the layout. A success is a pot without a scratch. (The reward of the environment is 0.9
-for a pot with a scratch, so a policy that maximises it scratches more.)
+its success minus the value of the layout. A success is a pot without a scratch. (The environment rewards a pot with a
+scratch with 0.9, so a policy that maximises the reward scratches more.)
 
 The policy is a mixture of Gaussians over the velocity (`Mixture`). Each component aims at a point next to the object
 ball. A network learns this point from the position of the object ball alone. Another network chooses the component and

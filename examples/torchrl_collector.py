@@ -1,7 +1,7 @@
 """A collector of TorchRL on many tables: `python examples/torchrl_collector.py` (needs the package torchrl).
 
-One step runs the shots of all environments in one compiled call. TorchRL's own work in each step, mostly the copies of
-observations and infos into its tensors, takes longer than the shots.
+One step runs the shots of all environments in one compiled call. TorchRL's own work in each step takes longer than the
+shots. Most of this work copies observations and infos into tensors.
 """
 
 import gymnasium as gym

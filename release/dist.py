@@ -36,10 +36,10 @@ FOLDER_OF_CODE = (
 
 
 def run(*command: str | Path, cwd: Path | None = None, **environment: str) -> str:
-    """Runs a command, without the paths of this environment, and returns what it prints.
+    """Runs a command without the variables of Python, numba and this package, and returns its output.
 
     Raises:
-        RuntimeError: If it fails. The message has its errors.
+        RuntimeError: If it fails. The message contains its output.
     """
     env = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "PYTHON", "BILLIARDS_"))} | environment
     done = subprocess.run([str(part) for part in command], cwd=cwd, env=env, capture_output=True, text=True)
@@ -122,11 +122,11 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
     """Installs the wheel alone, and measures the first step with its machine code and with code of this machine.
 
     Returns:
-        The times of `start`: of the first start, in which the bytecode of all packages may be compiled, the median of
-        the next ones, and of a start that compiles the kernels.
+        The times of `start`: for the first start, which may compile the bytecode of all packages, for the median of the
+        later ones, and for a start that compiles the kernels.
 
     Raises:
-        RuntimeError: If the wheel's code and newly compiled code give different results, or if the first is not used.
+        RuntimeError: If the wheel's code and newly compiled code give different results, or the first is not used.
     """
     python, cache, fresh = install(wheel, "", folder / "venv"), folder / "none", folder / "fresh"
     times = {"first start after the installation": start(python, folder, NUMBA_CACHE_DIR=str(cache))}

@@ -27,7 +27,7 @@ FOLDER = ROOT / "leaderboard"
 FIGURE = ROOT / "docs" / "images" / "leaderboard.png"
 
 SEEDS = (bench.SEED, 1)
-"""The seeds of an entry: that of the public layouts, and one that a player has no reason to be fitted to."""
+"""The seeds of an entry: that of the public layouts, and another one, because a player may be fitted to those."""
 
 
 def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) -> dict[str, Any]:

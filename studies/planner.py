@@ -1,13 +1,13 @@
 """Measures the player "planner" under execution noise: `python -m studies.planner`.
 
 * Run-outs: racks of nine ball on `real_pool` that are won from the break without losing the turn. "planner" plays for a
-  run-out (`run_out=True`) and chooses the place of the cue ball and the break for the rack that it sees.
-* Matches: eight ball on `real_pool` against other players. The players break in turn.
+  run-out (`run_out=True`). It chooses the place of the cue ball and the break by simulations of the actual rack.
+* Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 
-Each player knows the size of the errors. The results are in `studies/results/planner.json`, written after each rack.
-The command continues after an interruption; with `--racks` it adds racks. The players have a time for each decision, so
-on another machine the results differ.
+Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
+each rack. The command continues after an interruption; with `--racks` it adds racks. A decision has a time limit, so
+the results depend on the machine.
 """
 
 from __future__ import annotations

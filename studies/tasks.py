@@ -2,7 +2,7 @@
 
 Each player plays the public layouts of `billiards bench`. The results are in `billiards_env/results/tasks.json`, where
 `billiards bench` finds the ends of its scale. The command skips players that have results there, so it continues after
-an interruption. It starts again if the layouts of a task change.
+an interruption. If the layouts of a task change, it measures the task again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.png"
 PLAYERS = ("random", "geometric", "search:200", "aim")
 
 AIMED = ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0")
-"""The tasks in which "aim" plays. In the others it takes many times as long as a search."""
+"""The tasks in which "aim" plays. In the other tasks it takes many times as long as a search."""
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -93,7 +93,7 @@ def _section(family: str, found: Mapping[str, Any]) -> list[str]:
     history = [f"- `{name}`: {line}" for name, task in ids.items() for line in task.history]
     return [
         first.summary,
-        "\n".join(_spaces(first)),
+        "\n".join(_spaces(first, len(ids) > 2)),
         f"Arguments of `Billiards-v0`: {given}."
         + (" The strikes have `scene='real_pool'` and `action='strike'`." if len(ids) > 2 else ""),
         f"Mean returns:\n\n{table(('id', 'solved from', *PLAYERS), rows)}",
@@ -101,8 +101,8 @@ def _section(family: str, found: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _spaces(task: Frozen) -> list[str]:
-    """Returns a list of the observation, the action, the reward and the length of an episode."""
+def _spaces(task: Frozen, strikes: bool) -> list[str]:
+    """Returns lines about the observation, the action, the reward and the length of an episode."""
     env: Any = gym.make("billiards_env:Billiards-v0", **task.arguments)
     observation, base = env.observation_space.shape[0], env.unwrapped
     parts = [f"x and y of {base.scene.n_balls} balls"]
@@ -111,10 +111,13 @@ def _spaces(task: Frozen) -> list[str]:
     shots = base.max_shots
     return [
         f"- Observation: {observation} numbers: {', '.join(parts)}.",
-        f"- Action: the velocity of the cue ball over {base.max_speed:g} m/s, 2 numbers from -1 to 1. A strike has 5.",
+        f"- Action: the velocity of the cue ball divided by {base.max_speed:g} m/s, 2 numbers from -1 to 1."
+        + " A strike has 5." * strikes,
         f"- Reward: the points of the shot, minus {base.scratch_penalty:g} for a scratch. "
         f"[The environment](environment.md#tasks) describes the points of `{base.task!r}`.".replace("'", '"'),
-        f"- Episode: {f'at most {shots} shots' if shots > 1 else 'one shot'}. It ends early as the task says.",
+        "- Episode: one shot."
+        if shots == 1
+        else f"- Episode: {'' if base.task == 'sum_to_three' else 'at most '}{shots} shots.",
     ]
 
 

@@ -58,11 +58,12 @@ ABLATION = {
     "constant spread of the aim": "--std-aim 0.0015 0.0015",
     "little entropy": "--entropy 0.003 0.003",
 }
-"""Options of `examples/ppo.py` that take away one of its ideas, by the name of what is left."""
+"""Options of `examples/ppo.py` that remove one of its ideas, by the name of the remaining policy."""
 
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
 NEAR = 0.015
-"""m. A shot is aimed at a pocket if its line is at most this far from the ghost ball of the pocket."""
+"""m. A shot is aimed at a pocket if its line is at most this far from the ghost ball of the pocket, the position of the
+cue ball at a hit that sends the object ball to the pocket."""
 
 
 class Run(NamedTuple):
@@ -124,7 +125,7 @@ class Aims(NamedTuple):
 
     Attributes:
         error: (m,) m, the distance of the line from the ghost ball; positive if the hit is too thin.
-        predicted: (m,) m, the error that makes up for a timestep on average, see `aims`.
+        predicted: (m,) m, the error that compensates for a timestep on average, see `aims`.
         cut: (m,) degrees, the cut angle of the ghost ball.
         distance: (m,) m, between the cue ball and the object ball.
         speed: (m,) m/s, of the cue ball when the balls touch.
@@ -141,8 +142,8 @@ def aims(actions: Floats, positions: Floats, scene: Scene, max_speed: float, dt:
     """Returns how shots (m, 2) of the cue ball aim, on tables with positions (m, 2, 2).
 
     An engine with a timestep finds the contact late: the cue ball has gone on by s, which is between 0 and v dt. At the
-    cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is thicker by
-    s sin(a) cos(a) makes up for it. The mean of s is v dt / 2.
+    cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is shifted by
+    s sin(a) cos(a) to a thicker hit compensates for it. The mean of s is v dt / 2.
     """
     cue_ball, ball = positions[:, 0], positions[:, 1]
     speed = max_speed * np.linalg.norm(actions, axis=1)

@@ -40,9 +40,9 @@ from studies.timestep import (
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "timestep_policies.html"
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
-"""The number of layouts on the page, and of those from which they are chosen: the first ones on which the policy of
-the exact world pots the ball, and that of the coarse world pots it directly
-in its own world and misses in exact physics."""
+"""The number of layouts on the page, of those from which they are chosen, and the coarse world. The page has the first
+layouts on which the exact policy pots the ball, and the coarse policy pots it directly in its own world but misses in
+exact physics."""
 
 _BETWEEN = 4  # points between two events
 

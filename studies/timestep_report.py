@@ -1,4 +1,4 @@
-"""Summarizes the study of timesteps: statistics over the seeds, tables and pictures.
+"""Summarizes the timestep study: statistics over the seeds, tables and pictures.
 
 The statistics are those of Agarwal et al. (2021), Deep Reinforcement Learning at the Edge of the Statistical Precipice:
 interquartile means with 95% bootstrap intervals over the seeds, performance profiles, and probabilities of improvement.

@@ -77,6 +77,12 @@ def better(data):
     one["success"] = one["success"].replace("0", "1", 1)
 
 
+def set_zero(text):
+    """Changes the sign of a return of zero."""
+    head, returns, tail = text.partition('"returns": [')
+    return head + returns + re.sub(r"(?<![-\d.])0\.0\b", "-0.0", tail, count=1)
+
+
 def nudge(data):
     """Changes the last bit of one action of an episode with several shots: the outcome may stay the same."""
     actions = bytearray(base64.b64decode(data["results"][2]["actions"]))
@@ -99,6 +105,7 @@ ZEROS = base64.b64encode(bytes(12)).decode()
 HOSTILE = {
     "edited success": (edit(better), r"success\[\d+\] = True: expected False, the outcome of the actions"),
     "edited returns": (set_result("returns", [1.0] * 12), r"returns\[\d+\] = 1\.0: expected -?0\.\d*, the outcome"),
+    "minus zero": (set_zero, r"returns\[\d+\] = -0\.0: expected 0\.0, the outcome of the actions"),
     "edited action": (edit(nudge), "Pot3-v0, seed 0: digest = .*: expected .*; the actions were changed"),
     "edited shots": (edit(shift), "episode .* of Pot3-v0 is (not )?over after . of its . shots"),
     "other layouts": (set_result("layouts", "0" * 64), "layouts = 0*: expected .*, those of the seed"),
@@ -148,6 +155,7 @@ HOSTILE = {
     "numbers": (set_result("success", [1] * 12), "expected 12 digits 0 or 1"),
     "unknown key": (set_result("code", "print(1)"), r"key 'code' of results\[0\] is unknown"),
     "missing key": (edit(lambda data: data["results"][0].pop("seed")), r"key 'seed' of results\[0\] is missing"),
+    "list of writers": (edit(lambda data: data.update(written_by=[1])), r"written_by = \[1\]: expected a text"),
     "no results": (edit(lambda data: data.update(results=[])), "number of results = 0: expected a whole number"),
     "too many": (edit(lambda data: data.update(results=data["results"][:1] * 99)), "number of results = 99"),
     "a task twice": (edit(lambda data: data["results"].append(data["results"][0])), "expected each task and seed once"),

@@ -65,7 +65,7 @@ def cache_folder() -> Path | None:
 
 
 def code_folder() -> Path:
-    """Returns the folder of the code that is part of the package, if its versions are those of this process.
+    """Returns the folder of the code that is part of the package, for the versions of this process. It may not exist.
 
     Its name is a hash of the source of the kernels and of the versions of Python, numba and llvmlite.
     """
@@ -74,10 +74,11 @@ def code_folder() -> Path:
 
 
 def shipped_folder() -> Path | None:
-    """Returns the folder of the code that is part of the package, or None if this has other versions or no code.
+    """Returns the folder of the code that is part of the package, or None if there is no code for these versions.
 
-    `release.dist` compiles it for any CPU of the architecture. The environment variable `BILLIARDS_ENV_COMPILE=1`
-    ignores it: the functions are compiled for the CPU of this machine, and stay in the cache, which comes first.
+    `release.dist` compiles this code for any CPU of the architecture. With the environment variable
+    `BILLIARDS_ENV_COMPILE=1` the result is None. Numba then compiles for the CPU of this machine and keeps the code in
+    the cache, which later processes search first.
 
     Raises:
         ValueError: If the variable has another value.

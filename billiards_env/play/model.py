@@ -376,7 +376,7 @@ def aim_along(model: Model, velocity: NDArray[np.float64]) -> Model:
 def aim_like(model: Model, made: Stroke) -> Model:
     """Places the cue ball in hand and aims for a stroke with a level cue; the clock starts again.
 
-    While a program thinks, this shows what it intends.
+    While a program chooses its shot, this shows the shot that it will play.
     """
     if model.phase not in ("placing", "aiming", "thinking"):
         return model

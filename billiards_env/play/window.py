@@ -67,7 +67,7 @@ DOUBLE_CLICK = 0.35
 """s. The longest time between the two clicks of a double click."""
 
 HINT_TIME, INTENT = 0.5, 0.6
-"""s. Time in which the planner finds the best shot for a person, and for which it shows its own shot before it."""
+"""s. Time of the planner to find a shot for a person, and time for which it shows its own shot before the stroke."""
 
 GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""

@@ -1,17 +1,17 @@
 """A player that plans under execution noise: "planner:100ms", "planner:1s".
 
-A decision takes the given processor time, on one core, and a break four times as long. It has three parts:
+A decision takes the given processor time on one core, and a break takes four times as long. It has three parts:
 
 * Candidates: pots by geometry (direct and off one cushion) from each place of the cue ball, with several speeds and
   offsets of the tip, and random shots.
-* Each candidate is simulated without errors, and those with the lowest values leave. The others are simulated with
-  random errors of direction and speed, and again the worse half leaves, until a few are left (sequential halving:
-  Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). The better ones are also tried
-  with the mean error of their better outcomes.
-* The value of an outcome is the probability to win from there, or the expected lead in points. It depends on the
-  success of the easiest pot from the balls as they lie: that of the player who shoots next.
+* Selection: each candidate is simulated without errors, and those with the lowest values are dropped. The others are
+  simulated with random errors of direction and speed, and the worse half is dropped, until a few are left (sequential
+  halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
+  corrected by the mean error of their better outcomes, join them.
+* Values: the value of an outcome is the probability of a win from there, or the expected lead in points. It depends on
+  the success of the easiest pot of the player who shoots next.
 
-The size of the errors is known to the player, the errors of a shot are not.
+The size of the errors is an argument. The error of the shot that is played is drawn later.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ FINALISTS = 4
 _SHOTS_PER_CANDIDATE = 12
 _CANDIDATES = 120, 4000  # their least and largest number
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
-_CHUNK = 100  # shots without errors between two looks at the clock
+_CHUNK = 100  # shots without errors between two readings of the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _TURN = 0.2  # random turn of a pot over its tolerance
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
@@ -64,7 +64,7 @@ _KEPT, _KEPT_BREAKS = 0.25, 0.125  # share of the candidates after the first sim
 _LONGER = 4.0  # budget of a break over that of another shot
 _WITHOUT = 0.4  # probability to win for a player without a pot, who plays safe
 _BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
-_SCRATCH = 0.5  # share of the ease of a pot whose cue ball seems to drop at every speed
+_SCRATCH = 0.5  # factor for the ease of a pot that, by geometry, scratches at every speed
 _FLOOR = math.radians(0.03)  # error of a leave's pot in addition to the noise
 _EASY = 0.02  # rad; tolerance of the first pot with the ball in hand
 _POTS = 3  # pots of a leave that count
@@ -82,8 +82,8 @@ class Plan(NamedTuple):
 
     Attributes:
         stroke: The stroke.
-        value: The mean value of its noisy outcomes: from -1, a lost game, to 1, a won game; in a game that is won by
-            points, the expected lead.
+        value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
+            by points it is the expected lead.
         probability: The share of its noisy outcomes that win the game or continue the turn.
         ball: The ball of the pot that it plans; -1 if it was drawn at random.
         pocket: The pocket of this pot, or -1.

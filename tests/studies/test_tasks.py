@@ -38,3 +38,12 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
     assert " 7.000 |" in page["Pot1"]
     assert "`Billiards/Pot1Noise-v0`" in page["Pot1"]
     assert "29 numbers: x and y of 10 balls, the legal balls" in page["NineBall"]
+
+
+def test_the_text_about_a_task_fits_it():
+    found = tasks.blocks({})
+    assert "A strike has 5." in found["Pot1"]
+    assert "strike" not in found["Carom"].lower()
+    assert "- Episode: one shot." in found["Carom"]
+    assert "- Episode: at most 10 shots." in found["Clear5"]
+    assert "- Episode: 5 shots." in found["SumToThree"]
