@@ -46,6 +46,8 @@ _COMMON = {
     "max_speed": 4.0,
     "observe_shots_left": False,
     "scratch_penalty": 0.1,
+    "randomize": None,
+    "observe_physics": False,
 }
 
 # By name: the arguments that differ from _COMMON, the summary, and the thresholds without and with noise. Tasks with

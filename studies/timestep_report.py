@@ -133,10 +133,10 @@ def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Float
                 points(played, exact) if different else "",
                 f"{improvement(played, exact):.0%}" if different else "",
                 share(false_shares(runs)) if different else "",
-                f"{np.mean([run['curve'][-1]['seconds'] for run in runs]):.0f} s",
+                f"{np.median([run['curve'][-1]['seconds'] for run in runs]):.0f} s",
             )
         )
-    head = ("trained in", "success in its own world", "success in the exact world", "difference to exact training")
+    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
     return table((*head, "probability to beat exact training", "false successes", "training"), rows)
 
 
@@ -160,7 +160,7 @@ def _controls(result: Result, controls: Mapping[str, list[dict[str, Any]]], exac
         played = rates(result, runs, EXACT)
         own = "" if world == "random" else share(rates(result, runs, "own"))
         rows.append((name, own, share(played), points(played, exact)))
-    head = ("trained in", "success in its own world", "success in the exact world", "difference to exact training")
+    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
     return table(head, rows)
 
 
@@ -194,7 +194,7 @@ def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> 
     rows = []
     for runs in parts.values():
         values = rates(result, runs, EXACT)
-        shots, seconds = runs[0]["curve"][-1]["shots"], np.mean([run["curve"][-1]["seconds"] for run in runs])
+        shots, seconds = runs[0]["curve"][-1]["shots"], np.median([run["curve"][-1]["seconds"] for run in runs])
         shown = share(values) if len(values) > 1 else f"{values[0]:.1%}"
         rows.append((f"{shots:,}", str(len(values)), shown, f"{np.ptp(values):.1%}", f"{shots / seconds:,.0f}"))
     return table(("shots", "seeds", "success", "best less worst seed", "shots/s, one core"), rows, left=0)

@@ -89,9 +89,9 @@ def play_batch(
         >>> from billiards_env.games import custom_opening
         >>> setup = Setup("straight", Scene.named("pool", 2))
         >>> game = custom_opening(setup, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
-        >>> played = play_batch(setup, game, [[1.5, 1.07], [-1.0, 0.0]])
+        >>> played = play_batch(setup, game, [[1.5, 1.035], [-1.0, 0.0]])  # a pot, and a foul
         >>> played.verdicts["points"].tolist(), played.states["player"].tolist()
-        ([1, 0], [0, 1])
+        ([1, -1], [0, 1])
     """
     batch, verdicts, potted = _judged(setup, game, velocities, spins, places, calls, threads)
     balls = _balls_of(game.state)
