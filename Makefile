@@ -85,6 +85,8 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.learn_by_gradient
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.planner
+	$(WORK)/python -m studies.tasks
+	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
 study: $(WORKS)  ## train policies with several timesteps and compare them (an hour; runs with results are not trained again)
