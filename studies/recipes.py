@@ -91,10 +91,11 @@ def find_places(config: Path, folder: Path | None = None) -> Places:
     """Returns the places of a list: a folder or, for a list in `configs`, those of the published results."""
     name, runs = config.stem, folder or RUNS / config.stem
     published = folder is None and config.resolve().parent == CONFIG.parent
+    plays = published and name in ("recipes", "ratings")
     return Places(
         runs,
         (RESULTS if published else runs) / f"{name}.json",
-        (RESULTS if published and config.resolve() == CONFIG else runs) / "policies",
+        (RESULTS if plays else runs) / "policies",
         (IMAGES if published else runs) / f"{name}.png",
     )
 
