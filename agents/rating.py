@@ -74,7 +74,8 @@ class Rater:
         if len(game.goals):
             touched = infos["potted"][:, 1:].any(1) if TASKS[game.task].pots_any_ball else infos["first_hit"] > 0
             reached = touched & ~infos["potted"][:, 0]
-        self._fit(inputs, torch.as_tensor(reached), torch.as_tensor(last[:, :2] * np.float32(game.scene.half_extents)))
+        rest = last[:, :2] * np.array(game.scene.half_extents, np.float32)
+        self._fit(inputs, torch.as_tensor(reached), torch.as_tensor(rest))
         self.num_timesteps += len(reached)
         return infos["is_success"].tolist()
 

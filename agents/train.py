@@ -3,8 +3,9 @@
 PPO trains the policy, or `agents.rating` if its head is one of `agents.config.RATED_HEADS`.
 
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
-curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
-Stable-Baselines3 loads if PPO trained the policy, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
+curve, see `Point`), `tensorboard/` (PPO only) and `checkpoints/`. After the training it also holds `model.zip`, which
+Stable-Baselines3 loads if PPO trained the policy, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs
+no code from the file.
 
 The same command resumes an interrupted run from its newest checkpoint that is not damaged. At each checkpoint the seed
 and the number of steps determine the seeds of all random generators. A resumed run therefore ends with the same weights
@@ -37,6 +38,7 @@ import numpy as np
 import torch
 from filelock import FileLock, Timeout
 from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
@@ -444,7 +446,7 @@ class _Callback(BaseCallback):
         self.bar.set_postfix(self.curve.rates(self.successes), refresh=False)
 
 
-def _save(model: PPO | Rater, path: Path) -> None:
+def _save(model: BaseAlgorithm | Rater, path: Path) -> None:
     buffer = io.BytesIO()
     model.save(buffer)
     write_whole(path, buffer.getvalue())

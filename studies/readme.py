@@ -67,6 +67,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "planner": ("studies.planner", planner.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
+    "ratings": ("studies.recipes configs/ratings.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
     "run_outs": ("studies.run_outs", run_outs.blocks),
     "speed": ("benchmarks.speed", speed.blocks),

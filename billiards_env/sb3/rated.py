@@ -12,13 +12,13 @@ other balls and pockets.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor, nn
 from torch.nn import functional
@@ -66,7 +66,7 @@ class Candidates(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """Inputs of the network for c candidates, on tables that are reflected so that the cue ball rolls towards +x and +y.
+    """Inputs of the network for c candidates. The tables are reflected so that the cue ball rolls towards +x and +y.
 
     Attributes:
         columns: (c, size).
@@ -118,9 +118,7 @@ class RatedPolicy(BasePolicy):
         self.radius = TASKS[self.game.task].goal_radius if len(self.game.goals) else None
         size = len(_inputs(self.game, *self._random(torch.rand(1, *observation_space.shape or ())))[0].columns[0])
         widths = (size, *net_arch)
-        layers = [
-            layer for a, b in zip(widths, widths[1:], strict=False) for layer in (nn.Linear(a, b), activation_fn())
-        ]
+        layers = [layer for a, b in itertools.pairwise(widths) for layer in (nn.Linear(a, b), activation_fn())]
         self.rating = nn.Sequential(*layers, nn.Linear(widths[-1], 1 if self.radius is None else 4))
 
     def draw(self, observations: Tensor, drawn: int, kept: int) -> tuple[Tensor, Inputs]:
@@ -162,7 +160,7 @@ class RatedPolicy(BasePolicy):
         errors = (inputs.end + found[:, 1:3] - rest * inputs.signs).square().sum(1)
         return loss + (wanted * (0.5 * errors * torch.exp(-2.0 * log_std) + 2.0 * log_std)).mean()
 
-    def _predict(self, observation: Tensor, deterministic: bool = False) -> Tensor:
+    def _predict(self, observation: Any, deterministic: bool = False) -> Tensor:
         """Returns the best candidates as actions (m, 2); `deterministic` has no effect."""
         return torch.cat([self._best(part) for part in observation.split(_LAYOUTS)])
 
@@ -400,7 +398,8 @@ def _lines(
         place: (c, 2) m, where the ball begins to roll.
         velocity: (c, 2) m/s.
         room: (2,) m, the largest coordinates of the ball's centre.
-        roll: m/s^2, deceleration of the ball.
+        slide: m/s^2, deceleration of the ball while it slides.
+        roll: m/s^2, the same while it rolls.
         target: (c, 2) m, the ball to touch; None if there is none.
     """
     found, place = [], torch.minimum(torch.maximum(place, -room), room)

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from agents.config import RATED_HEADS as CONFIGURED
 from billiards_env import simulate_batch
@@ -13,8 +14,8 @@ from billiards_env.players.pots import Tables, find_pots
 from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy, _inputs, _points
 from billiards_env.sb3.weights import build_policy
 
-CAROM = {"scene": "carom", "task": "carom", "layout": "random"}
-PLACE = {"task": "place"}
+CAROM: dict[str, Any] = {"scene": "carom", "task": "carom", "layout": "random"}
+PLACE: dict[str, Any] = {"task": "place"}
 MIRRORS = [(1, -1), (-1, 1), (-1, -1)]
 
 
@@ -107,21 +108,23 @@ def test_the_loss_is_least_for_the_truth():
     _, inputs = policy.draw(observations, 2, 2)
     rest = inputs.end * inputs.signs
     with torch.no_grad():
-        for weights in policy.rating[-1].parameters():
+        last = cast(nn.Linear, policy.rating[-1])
+        for weights in last.parameters():
             weights.zero_()
         near, far = (policy.loss(inputs, torch.ones(128), rest + shift) for shift in (0.0, 0.5))
         assert near < far
-        policy.rating[-1].bias[0] = 3.0
+        last.bias[0] = 3.0
         assert policy.loss(inputs, torch.ones(128), rest) < near < policy.loss(inputs, torch.zeros(128), rest) + near
 
 
 def test_an_untrained_policy_rates_places_near_the_goal():
-    env, policy = PLACE, make("rated_hits", **PLACE)
+    policy = make("rated_hits", **PLACE)
     with torch.no_grad():
-        for weights in policy.rating[-1].parameters():
+        last = cast(nn.Linear, policy.rating[-1])
+        for weights in last.parameters():
             weights.zero_()  # the places are the ends of the lines
-        policy.rating[-1].bias[3] = -2.0
-    envs = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep", **env)
+        last.bias[3] = -2.0
+    envs = gym.make_vec("Billiards-v0", num_envs=300, autoreset_mode="SameStep", **PLACE)
     actions, _ = policy.predict(envs.reset(seed=0)[0], deterministic=True)
     assert envs.step(actions)[-1]["final_info"]["is_success"].mean() > 0.15
 
