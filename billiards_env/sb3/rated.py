@@ -182,10 +182,14 @@ class RatedPolicy(BasePolicy):
         best = ratings.view(m, -1).argmax(1) + len(ratings) // m * rows
         return self._actions(Candidates(*(part[best] for part in candidates)))
 
-    def _rate(self, observations: Tensor, positions: Tensor, found: Any, *places: Tensor) -> tuple[Tensor, Candidates]:
-        """Returns the ratings (c,) of candidates, and the candidates."""
+    def _rate(
+        self, observations: Tensor, positions: Tensor, found: pots.Pots | None, *places: Tensor
+    ) -> tuple[Tensor, Candidates]:
+        """Returns the ratings (c,) of candidates, minus infinity for pots that do not exist, and the candidates."""
         candidates = self._candidates(positions, found, *places)
         inputs, hits = _inputs(self.game, positions, candidates)
+        if found is not None:
+            hits &= places[1] < torch.as_tensor(found.count)[candidates.layout]
         goals = None if self.radius is None else _points(self.game, observations)[1][candidates.layout, 0]
         return torch.where(hits, self._ratings(inputs, goals), -torch.inf), candidates
 
