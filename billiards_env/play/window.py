@@ -74,7 +74,7 @@ GRIP = 14
 
 
 class _Thought(NamedTuple):
-    """The search of a program for its stroke in a state of the game, started at a time of `time.monotonic`."""
+    """The stroke that a program computes in a state of the game, begun at a time of `time.monotonic`."""
 
     game: GameState
     stroke: Future[Stroke]
@@ -82,7 +82,7 @@ class _Thought(NamedTuple):
 
 
 class _Hint(NamedTuple):
-    """The search for a shot in a state of the game: the velocity for a pot, or the plan of the best shot."""
+    """The shot for a state of the game that a thread computes: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
     shot: Future[NDArray[np.float64] | None] | Future[Plan]
