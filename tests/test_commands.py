@@ -56,7 +56,6 @@ TESTED = {
     "studies.plain": "studies/test_plain.py",
     "studies.planner": "studies/test_planner.py",
     "studies.recipes": "studies/test_recipes.py",
-    "studies.run_outs": "studies/test_run_outs.py",
     "studies.tasks": "studies/test_tasks.py",
     "studies.timestep": "studies/test_timestep.py",
     "studies.timestep_page": "studies/test_timestep.py",

@@ -37,23 +37,6 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.cushion import CushionMotion
 from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
 from billiards_env.physics.derivatives import (
-    BALL_WIDTH,
-    CUSHION_NUMBERS,
-    D_INV_MASS,
-    D_NUMBERS,
-    D_RADIUS,
-    D_TIME,
-    DUX,
-    DUY,
-    DVX,
-    DVY,
-    DWZ,
-    DX,
-    DY,
-    END_NUMBERS,
-    FLIGHT_NUMBERS,
-    LANE_WIDTH,
-    PAIR_NUMBERS,
     apply_push,
     end_lane,
     flight_lane,
@@ -72,6 +55,25 @@ from billiards_env.physics.derivatives import (
     start_lane,
     wall_at,
     wall_lane,
+)
+from billiards_env.physics.lanes import (
+    BALL_WIDTH,
+    CUSHION_NUMBERS,
+    D_INV_MASS,
+    D_NUMBERS,
+    D_RADIUS,
+    D_TIME,
+    DUX,
+    DUY,
+    DVX,
+    DVY,
+    DWZ,
+    DX,
+    DY,
+    END_NUMBERS,
+    FLIGHT_NUMBERS,
+    LANE_WIDTH,
+    PAIR_NUMBERS,
 )
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (

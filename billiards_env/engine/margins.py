@@ -42,7 +42,8 @@ from billiards_env.engine.log import (
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.derivatives import BALL_WIDTH, D_RADIUS, D_TIME, DVX, DVY, DX, DY, flight_lane, wall_at
+from billiards_env.physics.derivatives import flight_lane, wall_at
+from billiards_env.physics.lanes import BALL_WIDTH, D_RADIUS, D_TIME, DVX, DVY, DX, DY
 from billiards_env.physics.motion import Path, norm, place_after, relative_to
 from billiards_env.physics.roots import bracketed_root, quartic
 from billiards_env.physics.state import (

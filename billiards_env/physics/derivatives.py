@@ -17,6 +17,28 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion_derivatives import CushionChange, cushion_lane
 from billiards_env.physics.elementary import exponential
+from billiards_env.physics.lanes import (
+    BALL_WIDTH,
+    D_E_BALL,
+    D_INV_MASS,
+    D_MU_DROP,
+    D_MU_LIMIT,
+    D_MU_RATE,
+    D_PLACE_X,
+    D_PLACE_Y,
+    D_RADIUS,
+    D_ROLL,
+    D_SLIDE,
+    D_SPIN_DECAY,
+    D_TIME,
+    DUX,
+    DUY,
+    DVX,
+    DVY,
+    DWZ,
+    DX,
+    DY,
+)
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     AX,
@@ -41,28 +63,6 @@ from billiards_env.physics.state import (
     Y,
 )
 from billiards_env.physics.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
-
-# Columns of a lane. Those of the second ball follow those of the first.
-DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)
-BALL_WIDTH = 7
-D_RADIUS = 14  # of both balls
-D_INV_MASS = 16
-# The numbers of the scene: those of flights, then those of impacts of balls, then those of cushions
-D_SLIDE, D_ROLL, D_SPIN_DECAY = 18, 19, 20
-D_E_BALL, D_MU_LIMIT, D_MU_DROP, D_MU_RATE = 21, 22, 23, 24
-D_E_CUSHION, D_E_LOSS, D_E_ONSET, D_E_FLOOR, D_MU_CUSHION, D_FREQUENCY_RATIO, D_MU_CLOTH = range(25, 32)
-D_NUMBERS = D_SLIDE
-END_NUMBERS = 32
-# Results of an event: its time, s, and the place of its ball then, m
-D_TIME, D_PLACE_X, D_PLACE_Y = 32, 33, 34
-LANE_WIDTH = 35
-
-FLIGHT_NUMBERS = (D_SLIDE, D_E_BALL)
-"""The columns of the numbers of a flight: the first and one past the last."""
-PAIR_NUMBERS = (D_E_BALL, D_E_CUSHION)
-"""The same of an impact of two balls."""
-CUSHION_NUMBERS = (D_E_CUSHION, END_NUMBERS)
-"""The same of a cushion."""
 
 
 class Flight(NamedTuple):
@@ -357,13 +357,7 @@ def wall_lane(lane, wall, state, after, before_rates, after_rates, radius, law, 
         nx * lane[DUY] - ny * lane[DUX] - un * turn,
         radius * lane[DWZ] + state[DWZ] * more,
         more,
-        lane[D_E_CUSHION],
-        lane[D_E_LOSS],
-        lane[D_E_ONSET],
-        lane[D_E_FLOOR],
-        lane[D_MU_CUSHION],
-        lane[D_FREQUENCY_RATIO],
-        lane[D_MU_CLOTH],
+        lane,
     )
     dvn, dvt, dun, dut, drwz = cushion_lane(change, law, table, scene)
     dvn -= (nx * after[DVY] - ny * after[DVX]) * turn
@@ -525,7 +519,7 @@ def push_of(ball_friction, impact):
 
 
 class PairChange(NamedTuple):
-    """A change of what an `Impact` depends on, in the order of its attributes and then of the constants."""
+    """A change of what an `Impact` depends on, in the order of its attributes; `lane` has the numbers of the scene."""
 
     wn: Any
     wt: Any
@@ -535,17 +529,14 @@ class PairChange(NamedTuple):
     radius_i: Any
     radius_j: Any
     inverse: Any
-    e: Any
-    mu_limit: Any
-    mu_drop: Any
-    mu_rate: Any
+    lane: Any
 
 
 @inlined
 def _push_change(ball_friction, impact, change):
     """Returns the change of the `Push` of an `Impact` for a `PairChange`."""
     e, wn, inverse = impact.e, impact.wn, impact.inverse
-    d_p = -(change.e * wn + (1.0 + e) * change.wn) / inverse - impact.p * change.inverse / inverse
+    d_p = -(change.lane[D_E_BALL] * wn + (1.0 + e) * change.wn) / inverse - impact.p * change.inverse / inverse
     if ball_friction is None:
         return Push(-d_p, 0.0, 0.0, 0.0, 0.0)
     cosine, sine = impact.cosine, impact.sine
@@ -557,14 +548,14 @@ def _push_change(ball_friction, impact, change):
     d_across = (
         -change.wt + (d_cosine * impact.turn + cosine * change.turn) - (d_sine * impact.roll_t + sine * change.roll_t)
     )
-    d_up = change.roll_n - d_sine * e * wn - sine * (change.e * wn + e * change.wn)
+    d_up = change.roll_n - d_sine * e * wn - sine * (change.lane[D_E_BALL] * wn + e * change.wn)
     ratio = impact.ratio
     push_across, push_up = -ratio * impact.across, -ratio * impact.up
     if impact.slides:
         x, y = impact.across / impact.speed, impact.up / impact.speed
         d_speed = x * d_across + y * d_up
-        d_mu = impact.mu_slope * d_speed + change.mu_limit
-        d_mu += impact.fading * (change.mu_drop - impact.drop * impact.speed * change.mu_rate)
+        d_mu = impact.mu_slope * d_speed + change.lane[D_MU_LIMIT]
+        d_mu += impact.fading * (change.lane[D_MU_DROP] - impact.drop * impact.speed * change.lane[D_MU_RATE])
         d_limit = (d_mu * impact.p + impact.mu * d_p - impact.mu * impact.p * d_cosine / cosine) / cosine
         more = d_limit - ratio * d_speed
         d_push_across, d_push_up = -x * more - ratio * d_across, -y * more - ratio * d_up
@@ -634,10 +625,7 @@ def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after
         more_i,
         more_j,
         light_i + light_j,
-        lane[D_E_BALL],
-        lane[D_MU_LIMIT],
-        lane[D_MU_DROP],
-        lane[D_MU_RATE],
+        lane,
     )
     d_push = _push_change(scene.ball_friction, impact, change)
     turned = Push(

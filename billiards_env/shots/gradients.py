@@ -34,9 +34,9 @@ from billiards_env.engine.log import SEGMENT_ROW
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.modes import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.threads import parallel_for
-from billiards_env.physics import derivatives as columns
+from billiards_env.physics import lanes as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
-from billiards_env.scene import Physics, Scene, ball_friction
+from billiards_env.scene import PHYSICS_RANGES, Physics, Scene, ball_friction
 from billiards_env.shots.strikes import strike_derivatives
 
 Floats = NDArray[np.float64]
@@ -144,11 +144,9 @@ def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> d
     add("mu_ball_factor", mu_limit=limit, mu_drop=drop)
     if p.mu_ball is not None:
         add("mu_ball", mu_limit=p.mu_ball_factor)
-    for name in ("spin_decay", "e_ball", "e_cushion", "mu_cushion"):
-        add(name, **{name: 1.0})
-    for name in ("loss", "onset", "floor"):
-        add(f"e_cushion_{name}", **{f"e_{name}": 1.0})
-    add("cushion_frequency_ratio", frequency_ratio=1.0)
+    for name in PHYSICS_RANGES:
+        if hasattr(columns, f"D_{name.upper()}"):
+            add(name, **{name: 1.0})
     return found
 
 
