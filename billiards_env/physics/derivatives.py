@@ -39,7 +39,7 @@ from billiards_env.physics.lanes import (
     DX,
     DY,
 )
-from billiards_env.physics.motion import norm
+from billiards_env.physics.motion import SLIP_RATE, norm
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -92,7 +92,7 @@ def flight_of(row, phase, dt, numbers):
     """Returns the `Flight` of a ball with a row of `State.rows` for `dt` seconds."""
     ex, ey, turn = 0.0, 0.0, 0.0
     if phase == SLIDING:
-        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (3.5 * row[LASTS])
+        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (SLIP_RATE * row[LASTS])
     elif phase == ROLLING:
         ex, ey, turn = -row[AX] / numbers.roll, -row[AY] / numbers.roll, dt / row[LASTS]
     if numbers.motion == IDEAL and phase != POTTED:
@@ -114,8 +114,8 @@ def fly(row, flight, numbers, state):
         state[DVX] += dt * row[AX]
         state[DVY] += dt * row[AY]
     if phase == SLIDING:
-        state[DUX] += 3.5 * dt * row[AX]
-        state[DUY] += 3.5 * dt * row[AY]
+        state[DUX] += SLIP_RATE * dt * row[AX]
+        state[DUY] += SLIP_RATE * dt * row[AY]
     state[DWZ] = flight.spin * max(0.0, abs(row[WZ]) - numbers.spin_decay * dt)
 
 
@@ -128,8 +128,8 @@ def flight_lane(lane, at, flight):
         ux, uy = lane[at + DUX], lane[at + DUY]
         along, more = flight.turn * (ex * ux + ey * uy), dt * lane[D_SLIDE]
         bx, by = (along - more) * ex - flight.turn * ux, (along - more) * ey - flight.turn * uy
-        lane[at + DUX] = ux + 3.5 * bx
-        lane[at + DUY] = uy + 3.5 * by
+        lane[at + DUX] = ux + SLIP_RATE * bx
+        lane[at + DUY] = uy + SLIP_RATE * by
     elif flight.phase == ROLLING:
         vx, vy = lane[at + DVX], lane[at + DVY]
         along, more = flight.turn * (ex * vx + ey * vy), dt * lane[D_ROLL]
@@ -167,7 +167,7 @@ class Rates(NamedTuple):
 def rates_on(row, phase, state, numbers):
     """Returns the `Rates` of a state (7,) on a piece of a path, with its row of `State.rows` and its phase."""
     ax, ay = row[AX], row[AY]
-    turns = 3.5 if phase == SLIDING else 0.0
+    turns = SLIP_RATE if phase == SLIDING else 0.0
     spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
     return Rates(state[DVX], state[DVY], ax, ay, turns * ax, turns * ay, spin)
 
@@ -180,7 +180,7 @@ def rates_of(state, numbers):
     v, u = norm(vx, vy), norm(state[DUX], state[DUY])
     if numbers.motion == SLIDING_AND_ROLLING and u > 0.0:
         ax, ay = -numbers.slide * (state[DUX] / u), -numbers.slide * (state[DUY] / u)
-        bx, by = 3.5 * ax, 3.5 * ay
+        bx, by = SLIP_RATE * ax, SLIP_RATE * ay
     elif numbers.motion != IDEAL and v > 0.0:
         ax, ay = -numbers.roll * (vx / v), -numbers.roll * (vy / v)
     spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
@@ -212,8 +212,8 @@ def settle_lane(lane, at, phase, numbers):
     if numbers.motion == IDEAL:
         return
     if phase == ROLLING:
-        lane[at + DVX] -= lane[at + DUX] / 3.5
-        lane[at + DVY] -= lane[at + DUY] / 3.5
+        lane[at + DVX] -= lane[at + DUX] / SLIP_RATE
+        lane[at + DVY] -= lane[at + DUY] / SLIP_RATE
     if phase <= SPINNING:
         lane[at + DVX] = lane[at + DVY] = 0.0
     if phase <= ROLLING:
@@ -254,9 +254,9 @@ def end_lane(lane, state, radius, numbers):
 @inlined
 def slide_end_lane(lane, flight, after, numbers):
     """Changes a lane by the event of a ball that stops sliding, in the state `after` with the `Rates` after."""
-    dt = (flight.ex * lane[DUX] + flight.ey * lane[DUY]) / (3.5 * numbers.slide)
+    dt = (flight.ex * lane[DUX] + flight.ey * lane[DUY]) / (SLIP_RATE * numbers.slide)
     ax, ay = -numbers.slide * flight.ex, -numbers.slide * flight.ey
-    _end_phase(lane, dt, Rates(after.vx, after.vy, ax, ay, 3.5 * ax, 3.5 * ay, after.spin))
+    _end_phase(lane, dt, Rates(after.vx, after.vy, ax, ay, SLIP_RATE * ax, SLIP_RATE * ay, after.spin))
     lane[DUX] = lane[DUY] = 0.0
     _shift(lane, 0, after, -dt)
 
