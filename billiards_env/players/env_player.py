@@ -58,7 +58,7 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     return ()
 
 
-_RULES = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
+RULES_OF_TASKS = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
 """The tasks that the planner can play, with the games whose rules it follows."""
 
 
@@ -74,9 +74,9 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     Raises:
         ValueError: If the planner cannot play the task, or there is no such budget.
     """
-    one_of("task of the player 'planner'", env.task, tuple(_RULES))
+    one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
     seconds, shots = parse_budget(argument)
-    setup, legal = Setup(_RULES[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
+    setup, legal = Setup(RULES_OF_TASKS[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
     state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
     state = state._replace(break_shot=env.task == "eight_ball" and {1, 8, 9} <= legal)
     if env.task == "eight_ball" and not state.break_shot and not (min(legal) < 8 < max(legal)):
