@@ -23,6 +23,7 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
+from billiards_env.players.levels import expected, level_of, with_noise
 from billiards_env.players.planner import NOISE, parse_budget, plan
 from billiards_env.players.strategies import Situation
 from billiards_env.shots.strikes import level_strike, strike
@@ -67,7 +68,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
 
     Args:
         env: The environment.
-        argument: The budget of the player, such as "100ms".
+        argument: The budget of the player, such as "100ms", or one of `players.levels.LEVELS`.
         noise: The execution noise that it expects, see `planner.plan`.
         rng: The generator to draw from.
 
@@ -75,7 +76,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
         ValueError: If the planner cannot play the task, or there is no such budget.
     """
     one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
-    seconds, shots = parse_budget(argument)
+    level = level_of(argument)
+    seconds, shots = parse_budget(level.budget)
     setup, legal = Setup(RULES_OF_TASKS[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
     state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
     state = state._replace(break_shot=env.task == "eight_ball" and {1, 8, 9} <= legal)
@@ -84,9 +86,11 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
         on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
         state = state._replace(solids=int(on_stripes))
     game, run_out = GameState(env.positions, state), env.task in ("nine_ball", "eight_ball")
-    expected = noise if any(noise) else NOISE
+    both = expected(noise, level)
     english = env.action == "strike"
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, expected, run_out, english).stroke
+    errors = both if any(both) else NOISE
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, run_out, english).stroke
+    stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed
     scene = env.episode_scene
