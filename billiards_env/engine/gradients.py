@@ -138,14 +138,6 @@ class Shots(NamedTuple):
     bounds: Any
 
 
-@inlined
-def shot_of(shots, k):
-    """Returns the events, the segments and the `SceneArrays` of shot k of the `Shots`."""
-    at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
-    scene = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
-    return shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], scene
-
-
 class Marks(NamedTuple):
     """The adjoints of the results of an event.
 
@@ -462,11 +454,14 @@ def push_lanes(begin, end, shots, times, inputs, results):
             zeros; (m, 2) int64, the results of `trace`.
     """
     shots, (outputs, at_events, found) = Shots(*shots), results
+    is_sphere = shots.is_sphere
     n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, count)
     tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
     for k in range(begin, end):
-        (log, paths, arrays), is_sphere, given = shot_of(shots, k), shots.is_sphere, inputs[k]
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths, given = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
         if count == 0:
             continue
@@ -631,12 +626,15 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results)
         results: Two arrays, written: (m, k, 9 n + 14) float64, the products; (m, 2) int64, the results of `trace`.
     """
     shots, (inputs, found) = Shots(*shots), results
+    is_sphere = shots.is_sphere
     n, count, most = outputs.shape[2], outputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, MOST_LANES)
     marks, pending = np.zeros((count, 3)), 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
-        (log, paths, arrays), is_sphere = shot_of(shots, k), shots.is_sphere
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         motion, adjoint, sums = arrays.numbers.motion, outputs[k], inputs[k]
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
         sums[:] = 0.0

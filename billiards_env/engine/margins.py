@@ -25,7 +25,6 @@ from billiards_env.engine.gradients import (
     empty_tape,
     flight_until,
     load,
-    shot_of,
     store,
     trace,
 )
@@ -516,7 +515,9 @@ def push_margins(begin, end, shots, times, inputs, wanted, results):
     tape = empty_tape(begin, end, shots, max(count, 1))
     tangent, rates, pending = np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies)), 0
     for k in range(begin, end):
-        log, paths, arrays = shot_of(shots, k)
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
         found = Found(margins[k], nearest[k], rates, slopes[k])
         shot = Shot(paths, wanted, inputs[k], tangent, arrays, is_sphere, tape, found)
