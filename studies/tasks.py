@@ -23,16 +23,20 @@ from billiards_env import bench
 from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, Frozen
+from billiards_env.players.env_player import RULES_OF_TASKS
 from studies import errors_in_one_line
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.png"
 
-PLAYERS = ("random", "geometric", "search:200", "aim")
+PLAYERS = ("random", "geometric", "search:200", "aim", "planner:300")
 
-AIMED = ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0")
-"""The tasks in which "aim" plays. In the other tasks it takes many times as long as a search."""
+ONLY: dict[str, tuple[str, ...]] = {
+    "aim": ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0"),
+    "planner:300": tuple(name for name, task in FROZEN.items() if task.arguments["task"] in RULES_OF_TASKS),
+}
+"""The tasks of the players that do not play all of them. In others "aim" takes many times as long as a search."""
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -47,7 +51,7 @@ def measure(output: Path) -> dict[str, Any]:
         if found.get(task, {}).get("layouts") != layouts:
             found[task] = {"layouts": layouts, "players": {}}
     write_json(output, found)
-    cells = [(task, player) for task in FROZEN for player in PLAYERS if player != "aim" or task in AIMED]
+    cells = [(task, player) for task in FROZEN for player in PLAYERS if task in ONLY.get(player, FROZEN)]
     with tqdm(cells, unit="player") as bar:
         for task, player in bar:
             bar.set_description(f"{task}, {player}")

@@ -16,6 +16,7 @@ from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
+from billiards_env.players.levels import LEVELS
 from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.simulation import simulate
 
@@ -42,6 +43,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--players",
         metavar="A,B",
         help="the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], "
+        f"{', '.join(f'planner:{level}' for level in LEVELS)} (levels, the weakest first), "
         "policy:RUN_FOLDER or module:function[:ARGUMENT] (default: all human)",
     )
     add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
