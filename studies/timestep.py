@@ -49,7 +49,7 @@ MOVE_BACK = {f"1/{n}": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 6
 RANDOM = [WORLDS[f"1/{n}"] for n in TIMESTEPS]
 SEEDS = tuple(range(11, 21))
 FEW_SEEDS = SEEDS[:5]
-SHOTS = 1_000_000
+SHOTS, SHOTS_OF_GAMES = 1_000_000, 500_000
 LONG = "--shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006"
 FINE_TUNING = (
     "--shots 5e5 --rate 5e-4 --entropy 0.003 0.003 --std-speed 0.03 0.03 --std-aim 0.005 0.0015 --evaluate-every 5e4"
@@ -62,10 +62,13 @@ ABLATION = {
 """Options of `examples/ppo.py` that remove one of its ideas, by the name of the remaining policy."""
 
 GAMES: dict[str, tuple[dict[str, Any], str]] = {
-    "three_balls": ({"n_object_balls": 3, "max_shots": 5}, f"--shots {SHOTS} --rate 4e-3 --envs 2048 --minibatch 512"),
+    "three_balls": (
+        {"n_object_balls": 3, "max_shots": 5},
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512",
+    ),
     "carom": (
         {"task": "carom", "layout": "random", "max_speed": 6.0},
-        f"--shots {SHOTS} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
     ),
 }
 """Other games: their arguments of `gym.make`, and options of `examples/ppo.py`, by the name of the part."""
