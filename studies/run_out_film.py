@@ -79,7 +79,9 @@ def write(path: Path, models: Sequence[tuple[Model, str]]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.run_out_film --help`."""
-    parser = argparse.ArgumentParser(prog="python -m studies.run_out_film", description="Draw a run-out of the planner.")
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.run_out_film", description="Draw a run-out of the planner."
+    )
     parser.add_argument("--output", type=Path, default=FILE, help="the film, .gif (default: %(default)s)")
     parser.add_argument("--shots", type=int, default=SHOTS, help="simulated shots of a decision (default: %(default)s)")
     args = parser.parse_args(arguments)
