@@ -41,7 +41,6 @@ from studies import (
     planner,
     positions,
     recipes,
-    run_outs,
     tasks,
     timestep_report,
 )
@@ -72,7 +71,6 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
-    "run_outs": ("studies.run_outs", run_outs.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),

@@ -7,7 +7,6 @@ an interruption. If the layouts of a task change, it measures the task again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
-from studies import errors_in_one_line
+from studies import parser_of, report
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
 
@@ -144,16 +143,15 @@ def picture() -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.tasks", description="Measure players without training in the frozen tasks."
-    )
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of("tasks", "Measure players without training in the frozen tasks.", OUTPUT)
     parser.add_argument("--figure", type=Path, default=FIGURE, help="the picture, .png (default: %(default)s)")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+
+    def work() -> dict[str, Any]:
         save(picture(), args.figure)
-        found = measure(args.output)
-        print("\n\n".join(blocks(found).values()))
+        return measure(args.output)
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from agents.cluster import RayExecutor
 from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.envs import BilliardsVectorEnv
-from billiards_env.evaluation import evaluation_seeds
+from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import replacing, write_json
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
@@ -49,7 +49,7 @@ MOVE_BACK = {f"1/{n}": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 6
 RANDOM = [WORLDS[f"1/{n}"] for n in TIMESTEPS]
 SEEDS = tuple(range(11, 21))
 FEW_SEEDS = SEEDS[:5]
-SHOTS = 1_000_000
+SHOTS, SHOTS_OF_GAMES = 1_000_000, 500_000
 LONG = "--shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006"
 FINE_TUNING = (
     "--shots 5e5 --rate 5e-4 --entropy 0.003 0.003 --std-speed 0.03 0.03 --std-aim 0.005 0.0015 --evaluate-every 5e4"
@@ -60,6 +60,20 @@ ABLATION = {
     "little entropy": "--entropy 0.003 0.003",
 }
 """Options of `examples/ppo.py` that remove one of its ideas, by the name of the remaining policy."""
+
+GAMES: dict[str, tuple[dict[str, Any], str]] = {
+    "three_balls": (
+        {"n_object_balls": 3, "max_shots": 5},
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512",
+    ),
+    "carom": (
+        {"task": "carom", "layout": "random", "max_speed": 6.0},
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
+    ),
+}
+"""Other games: their arguments of `gym.make`, and options of `examples/ppo.py`, by the name of the part."""
+
+WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
 
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
 
@@ -102,6 +116,14 @@ PARTS: dict[str, list[Run]] = {
         Run("ablation", name, seed, [{}], options) for seed in SEEDS[:3] for name, options in ABLATION.items()
     ],
     "long": [Run("long", "exact", SEEDS[0], [{}], LONG)],
+    **{
+        part: [
+            Run(part, world, seed, [{**game, **WORLDS[world]}], options)
+            for seed in SEEDS[:3]
+            for world in WORLDS_OF_GAMES
+        ]
+        for part, (game, options) in GAMES.items()
+    },
 }
 """The runs of each part. A run starts from a policy of an earlier part, or from none."""
 
@@ -217,7 +239,8 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
 
     Returns:
         The result as plain data, and the weights. The result has the fields of the run; `curve`, the evaluations during
-        the training (see `ppo.train`); the output of `compare`; and in the main part `aim`, the output of `aim_of`.
+        the training (see `ppo.train`); the output of `compare`, or of `compare_in_game` in a part of `GAMES`; and in
+        the main part `aim`, the output of `aim_of`.
     """
     given = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
     args = ppo.arguments([*given, "--env", json.dumps(run.envs)])
@@ -225,7 +248,11 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
         policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
     weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
     policy = policy_of(weights, args)
-    result = {**run._asdict(), "curve": curve, **compare(policy, run.envs[0], layouts)}
+    result = {**run._asdict(), "curve": curve}
+    if run.part in GAMES:
+        result |= compare_in_game(policy, run, layouts)
+    else:
+        result |= compare(policy, run.envs[0], layouts)
     if run.part == "main":
         result["aim"] = aim_of(policy, run.envs[0], layouts)
     return result, weights
@@ -255,6 +282,20 @@ def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict
     }
 
 
+def compare_in_game(policy: ppo.Policy, run: Run, layouts: int) -> dict[str, Any]:
+    """Plays new episodes of a part of `GAMES` in the worlds of the games.
+
+    Returns:
+        `success`, the number of successes in each world, and `own`, the number in the world of the run.
+    """
+    seeds, game = evaluation_seeds(LAYOUT_SEED, layouts).tolist(), GAMES[run.part][0]
+    success = {}
+    for world in WORLDS_OF_GAMES:
+        envs = BilliardsVectorEnv(layouts, threads=1, **game, **WORLDS[world])
+        success[world] = play_together(envs, lambda observations: shots_of(policy, observations), seeds)["successes"]
+    return {"success": success, "own": success[run.world]}
+
+
 def aim_of(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
     """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `compare`."""
     envs = make_worlds(layouts, {"exact": {}})["exact"]
@@ -278,7 +319,8 @@ def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str,
 
 def policy_of(weights: Weights, args: Any) -> ppo.Policy:
     """Returns the policy with some weights, for the options of the training."""
-    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden)
+    balls = (weights["choice.0.weight"].shape[1] - 6) // 2
+    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, balls, args.aim)
     policy.load_state_dict({name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()})
     return policy
 

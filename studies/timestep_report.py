@@ -31,6 +31,9 @@ GROUPS = {
 }
 """The groups of shots in which the aim is measured: the unit and the edges. The speed is that at the hit."""
 
+GAMES = {"three_balls": "three balls, five shots", "carom": "carom"}
+"""The names of the other games in the table, by part."""
+
 Result = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
@@ -117,6 +120,8 @@ def blocks(result: Result) -> dict[str, str]:
         found["fine_tuning"] = _fine_tuning(result, main, tuned)
     if without := of_part(result, "ablation"):
         found["ablation"] = _ablation(result, without, main[EXACT])
+    if games := {name: runs for name in GAMES if (runs := of_part(result, name))}:
+        found["games"] = _games(result, games)
     found["seeds"] = _seeds(result, {"main": main[EXACT], **of_part(result, "long")})
     return found
 
@@ -210,6 +215,18 @@ def _ablation(result: Result, without: Mapping[str, list[dict[str, Any]]], runs:
         values = rates(result, changed, EXACT)
         rows.append((name, f"`{changed[0]['options']}`", share(values), points(values, rates(result, runs, EXACT))))
     return table(("policy", "options", "success", "difference"), rows, left=2)
+
+
+def _games(result: Result, games: Mapping[str, Mapping[str, list[dict[str, Any]]]]) -> str:
+    rows = []
+    for name, worlds in games.items():
+        exact = rates(result, worlds[EXACT], EXACT)
+        for world, runs in worlds.items():
+            own, played = rates(result, runs, "own"), rates(result, runs, EXACT)
+            difference = "" if world == EXACT else points(played, exact)
+            rows.append((GAMES[name], _name(world), share(own), share(played), difference))
+    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
+    return table(("game", *head), rows, left=2)
 
 
 def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:

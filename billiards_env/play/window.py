@@ -96,7 +96,7 @@ class _Work(Future[T]):
 
 
 class _Thought(NamedTuple):
-    """The search of a program for its stroke in a state of the game, started at a time of `time.monotonic`."""
+    """The stroke that a program computes in a state of the game, begun at a time of `time.monotonic`."""
 
     game: GameState
     stroke: _Work[Stroke]
@@ -104,7 +104,7 @@ class _Thought(NamedTuple):
 
 
 class _Hint(NamedTuple):
-    """The search for a shot in a state of the game: the velocity for a pot, or the plan of the best shot."""
+    """The shot for a state of the game that a thread computes: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
     shot: _Work[NDArray[np.float64] | None] | _Work[Plan]

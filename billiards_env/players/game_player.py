@@ -152,7 +152,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         rate,
         state.cue_balls[0],
     )
-    targets = np.flatnonzero(found.targets & ~found.potted).tolist()
+    targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
     goals = carom_goals(targets, cushions=3 if setup.rules == "three_cushion" else 0)
     if setup.game_rules.pockets:
         goals = tuple((FirstTouch(ball), Pot(ball)) for ball in targets)

@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-pygame = pytest.importorskip("pygame")
+pytest.importorskip("pygame")
 
-from billiards_env import simulate  # noqa: E402
-from billiards_env.drawing.canvas import Canvas, pixels  # noqa: E402
-from billiards_env.games import Stroke, records  # noqa: E402
-from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim  # noqa: E402
-from billiards_env.play.view import View  # noqa: E402
-from billiards_env.play.window import GameWindow  # noqa: E402
-from billiards_env.players.game_player import find_player  # noqa: E402
-from billiards_env.players.levels import LevelPlayer  # noqa: E402
+import pygame
+
+from billiards_env import simulate
+from billiards_env.drawing.canvas import Canvas, pixels
+from billiards_env.games import Stroke, records
+from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
+from billiards_env.play.view import View
+from billiards_env.play.window import GameWindow
+from billiards_env.players.game_player import find_player
+from billiards_env.players.levels import LevelPlayer
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 SHIFT = pygame.KMOD_LSHIFT
