@@ -75,7 +75,9 @@ def lead(env: Any, policy: Policy, opponent: Policy, games: int) -> float:
 
 def run(shots: int) -> tuple[Policy, float]:
     """Trains for a number of shots of both players. Returns the policy and its lead over its first copy."""
-    env: Any = billiards_v0.env(rules="straight", n_object_balls=N_BALLS - 1, layout="random", max_shots=10, max_speed=4.0)
+    env: Any = billiards_v0.env(
+        rules="straight", n_object_balls=N_BALLS - 1, layout="random", max_shots=10, max_speed=4.0
+    )
     env.reset(seed=0)
     torch.manual_seed(0)
     policy = Policy(env.observation_space("player_0").shape[0])
