@@ -6,6 +6,9 @@ Modules:
     timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     planner: Measures the planner under execution noise.
+    positions: Measures the strokes of players in a fixed set of positions.
+    run_out_film: Draws a film of a run-out of the planner.
+    distil: Distils a search into a small policy.
     leaderboard: Verifies the files of the leaderboard and makes its page.
     tasks: Measures players without training in the frozen tasks.
 """

@@ -120,7 +120,7 @@ def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np
 
 
 def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
-    """Returns the score of a player: `success`, one number for each position, and `seconds` of all its decisions.
+    """Returns the score of a player: `success` in each position, and `seconds`, the processor time of all decisions.
 
     Args:
         entries: The positions.
@@ -133,9 +133,9 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
         decide: Callable[..., Stroke] = functools.partial(lambda answer, *_: stroke_of(answer), entry["answer"])
         if player != "answers":
             decide = find_player(player, setup, noise=OLYMPIAD)
-        begin = time.perf_counter()
+        begin = time.process_time()
         stroke = decide(setup, game, MAX_SPEED, np.random.default_rng([SEED, number, 1]))
-        seconds += time.perf_counter() - begin
+        seconds += time.process_time() - begin
         found.append(success(setup, game, stroke, samples, np.random.default_rng([SEED, number])))
     return {"success": found, "seconds": seconds}
 
