@@ -32,7 +32,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -426,7 +426,7 @@ class _Callback(BaseCallback):
         set_random_seed(seed)
         model.env.seed(seed)
         # Unfinished episodes are dropped: the next rollout begins with a reset.
-        model._last_obs = model.env.reset()  # type: ignore[assignment]
+        model._last_obs = cast(Any, model.env.reset())
         model._last_episode_starts = np.ones(self.config.n_envs, dtype=bool)
 
     def _on_step(self) -> bool:

@@ -208,6 +208,7 @@ def plan(
     noise: Noise = NOISE,
     run_out: bool = False,
     english: bool = True,
+    values: Callable[[PlayedBatch], Floats] | None = None,
 ) -> Plan:
     """Returns the best shot that the planner finds.
 
@@ -222,12 +223,13 @@ def plan(
         run_out: Whether only a win without another turn of an opponent counts, in a game that is not won by points. The
             value is then the probability of a run-out.
         english: Whether to try offsets of the tip, in a scene with spin.
+        values: A function that returns the value (m,) of each of m shots; None for that of `Plan.value`.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    values = Values(setup, game, max_speed, errors[0], run_out)
+    evaluate = Values(setup, game, max_speed, errors[0], run_out).of if values is None else values
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if english and setup.scene.physics.motion == "sliding" else TIPS[:1]
     every = _candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0], tips)
@@ -239,7 +241,7 @@ def plan(
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
-        exact = np.concatenate((exact, values.of(played)))
+        exact = np.concatenate((exact, evaluate(played)))
     share = _KEPT_BREAKS if game.state.break_shot else _KEPT
     alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(share * len(exact)))])
 
@@ -247,7 +249,7 @@ def plan(
     while True:
         rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
         samples = max(1, int(budget.left / rounds / len(found.samples)))
-        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, values, rng, budget)
+        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, evaluate, rng, budget)
         found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
         order = found.order()
         if rounds == 1 or budget.left < len(order):
@@ -303,7 +305,7 @@ def _sample(
     samples: int,
     noise: Noise,
     max_speed: float,
-    values: Values,
+    values: Callable[[PlayedBatch], Floats],
     rng: np.random.Generator,
     budget: Budget,
 ) -> tuple[Sums, Floats]:
@@ -325,7 +327,7 @@ def _sample(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
         )
         budget.used += len(played.verdicts)
-        found[some] = values.of(played)
+        found[some] = values(played)
         kept[some] = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)
     sums = Sums(found.sum(axis=1), kept.reshape(k, samples).sum(axis=1), done.sum(axis=1).astype(float))
