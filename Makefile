@@ -78,6 +78,7 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
+	$(WORK)/python -m studies.recipes configs/ratings.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)

@@ -120,8 +120,7 @@ def blocks(result: Result) -> dict[str, str]:
         found["fine_tuning"] = _fine_tuning(result, main, tuned)
     if without := of_part(result, "ablation"):
         found["ablation"] = _ablation(result, without, main[EXACT])
-    if games := {name: runs for name in GAMES if (runs := of_part(result, name))}:
-        found["games"] = _games(result, games)
+    found["games"] = _games(result, {name: of_part(result, name) for name in GAMES})
     found["seeds"] = _seeds(result, {"main": main[EXACT], **of_part(result, "long")})
     return found
 
@@ -220,13 +219,13 @@ def _ablation(result: Result, without: Mapping[str, list[dict[str, Any]]], runs:
 def _games(result: Result, games: Mapping[str, Mapping[str, list[dict[str, Any]]]]) -> str:
     rows = []
     for name, worlds in games.items():
-        exact = rates(result, worlds[EXACT], EXACT)
         for world, runs in worlds.items():
             own, played = rates(result, runs, "own"), rates(result, runs, EXACT)
-            difference = "" if world == EXACT else points(played, exact)
-            rows.append((GAMES[name], _name(world), share(own), share(played), difference))
-    head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
-    return table(("game", *head), rows, left=2)
+            difference = "" if world == EXACT else points(played, rates(result, worlds[EXACT], EXACT))
+            shots = f"{runs[0]['curve'][-1]['shots']:,}"
+            rows.append((GAMES[name], _name(world), shots, share(own), share(played), difference))
+    head = ("trained in", "shots", "success in its own world", "success in the exact world")
+    return table(("game", *head, "difference from exact training"), rows, left=2)
 
 
 def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
