@@ -7,8 +7,10 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, Setup, custom_opening, opening, play
+from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
-from billiards_env.players.planner import TIPS, _errors, _with_spin, parse_budget, plan, success, with_errors
+from billiards_env.players.planner import _errors, parse_budget, plan, with_errors
+from billiards_env.players.values import success
 from billiards_env.shots.strikes import strike
 from tests.helpers.games import setup
 
