@@ -29,6 +29,8 @@ PLACES = 24
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
 _LEAST_SHARE = 0.02  # of a pot with tolerance 0, over that of a sure pot
+_PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each way over another body and ball
+_MANY = 8  # balls to pot with which no banks are looked for
 _SURE = 0.9  # share of a pot with which pots over another body are not looked for
 _TURN = 0.2  # random turn of a pot over its tolerance
 _BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
@@ -72,8 +74,10 @@ def candidates(
     setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, count: int, error: float, tips: Tips
 ) -> Shots:
     """Returns `count` candidates in random order."""
-    places = _places(setup, game, rng)
-    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips)
+    places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
+    tips = tips[: max(1, count // (_PER_TIP * legal))]
+    ways = count // (_PER_WAY * len(game.state.on_table))
+    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways)
     near = int(_GEOMETRY * count) if pots is not None else 0
     every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
     if pots is not None:
@@ -110,8 +114,10 @@ class _Pots(NamedTuple):
     share: Floats
 
 
-def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips) -> _Pots | None:
-    """Returns the pots of the legal balls; None if there are none."""
+def _pots(
+    setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips, most: int
+) -> _Pots | None:
+    """Returns the pots of the legal balls, at most `most` of them over another body; None if there are none."""
     state, n = game.state, len(game.positions)
     targets = np.isin(np.arange(n), sorted(setup.game_rules.legal(state, state.player)))
     potted = np.broadcast_to(~np.isin(np.arange(n), sorted(state.on_table)), (len(places), n))
@@ -120,18 +126,18 @@ def _pots(setup: Setup, game: GameState, places: Floats, max_speed: float, error
     if not setup.game_rules.pockets:
         return None
     tables = Tables(setup.scene, targets, positions, np.ascontiguousarray(potted), max_speed, state.cue_balls[0])
-    parts = []
+    parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
-        pots = find_pots(tables, most=12, offset=offset, banks=tip == 0)
+        pots = find_pots(tables, most=12, offset=offset, banks=None if many else tip == 0)
         place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
         tolerance = pots.rows[place, k, TOLERANCE]
         target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
         share = success(tolerance, error) + _LEAST_SHARE
         parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE:
+    if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE and most:
         potted = np.arange(n) if setup.rules == "nine_ball" else np.flatnonzero(targets)
-        ways = find_indirect(setup, game, potted, max_speed)
+        ways = find_indirect(setup, game, potted, max_speed, most)
         pots = ways.target[:, 0] >= 0
         share = len(tips) * (pots * success(ways.tolerance, error) + _LEAST_SHARE)
         nothing = np.zeros(len(share), np.int64)

@@ -83,7 +83,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
         first = min(state.object_balls & legal)
         on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
         state = state._replace(solids=int(on_stripes))
-    game, run_out = GameState(env.positions, state), env.task in ("nine_ball", "eight_ball")
+    game, run_out = GameState(env.positions, state), env.task != "clear"
     expected = noise if any(noise) else NOISE
     english = env.action == "strike"
     stroke = plan(setup, game, env.max_speed, rng, seconds, shots, expected, run_out, english).stroke

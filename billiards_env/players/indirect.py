@@ -72,14 +72,15 @@ class _Chains(NamedTuple):
     tolerance: Floats
 
 
-def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float) -> Ways:
-    """Returns the ways with the largest tolerance, at most `MOST`.
+def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float, most: int = MOST) -> Ways:
+    """Returns the ways with the largest tolerance.
 
     Args:
         setup: The game, on a table with pockets and with the engine "pic".
         game: Its state, with the cue ball in its place.
         targets: The balls that may be potted.
         max_speed: Speed of the fastest shot, m/s.
+        most: Their largest number, at most `MOST`.
     """
     state, positions = game.state, game.positions
     on_table = np.array(sorted(state.object_balls))
@@ -96,7 +97,9 @@ def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float
     chains = _best(chains, _CHECKED)
     far = _gaps(chains, positions[on_table], on_table) > reach
     within = (np.abs(chains.ends.reshape(-1, 6, 2)[:, :5]) <= room + 1e-6).all(axis=(1, 2))
-    return _corrected(setup, game, _best(_Chains(*(array[far & within] for array in chains)), MOST), max_speed)
+    return _corrected(
+        setup, game, _best(_Chains(*(array[far & within] for array in chains)), min(most, MOST)), max_speed
+    )
 
 
 def _best(chains: _Chains, most: int) -> _Chains:

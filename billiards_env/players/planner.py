@@ -44,9 +44,9 @@ FINALISTS = 4
 
 _SHOTS_PER_CANDIDATE = 12
 _CANDIDATES = 120, 4000  # their least and largest number
-_CHUNK = 100  # shots without errors between two readings of the clock
+_CHUNK = 20, 100  # least and largest number of shots without errors between two readings of the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
-_KEPT, _KEPT_BREAKS = 0.25, 0.125  # share of the candidates after the first simulation
+_KEPT = 0.25  # share of the candidates after the first simulation
 _LONGER = 4.0  # budget of a break over that of another shot
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 1024) for k in range(1024)])
 
@@ -168,8 +168,8 @@ def plan(
         seconds: Processor time of the decision, s; infinite for no limit.
         shots: Number of shots to simulate; infinite for no limit.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
-        run_out: Whether only a win without another turn of an opponent counts, in a game that is not won by points. The
-            value is then the probability of a run-out.
+        run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
+            is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
     """
     if game.state.break_shot:
@@ -184,13 +184,13 @@ def plan(
     # Without errors. The calls of random shots are those of the pots that happen.
     exact = np.empty(0)
     while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
-        part = every.of(slice(len(exact), len(exact) + _CHUNK))
+        chunk = int(np.clip(0.1 * budget.left, *_CHUNK))
+        part = every.of(slice(len(exact), len(exact) + chunk))
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
         exact = np.concatenate((exact, values.of(played, part.push_out)))
-    share = _KEPT_BREAKS if game.state.break_shot else _KEPT
-    alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(share * len(exact)))])
+    alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
 
     found = Sums(*np.zeros((3, len(alive.velocities))))
     while True:

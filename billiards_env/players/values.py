@@ -62,8 +62,8 @@ class Values:
         ease = self.ease(played, legal)
         won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
         if self._setup.target is not None:
-            points = verdicts["points"] - verdicts["penalty"]
-            following = _POINTS.get(self._setup.rules, 1.0) * ease * sign
+            following = _POINTS.get(self._setup.rules, 1.0) * ease * (mine if self._run_out else sign)
+            points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(verdicts["over"], 10.0 * won, following)
         left = self._left(states, legal)
         if self._run_out:
@@ -92,12 +92,14 @@ class Values:
             potted = (states["object_balls"][which, None] >> balls & 1) == 0
             potted[:, CUE_BALL] = False
             targets = (mask >> balls & 1) > 0
-            if self._setup.game_rules.has_spots:  # the banks of many balls take too long
+            banks: bool | None = False
+            if self._setup.game_rules.has_spots:  # the pots of many balls take too long
+                banks = None
                 to_cue = played.positions[which] - played.positions[which, :1]
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
                 targets &= far <= np.sort(far)[_NEAREST - 1]
             tables = Tables(self._setup.scene, targets, played.positions[which], potted, self._max_speed)
-            pots = find_pots(tables, most=_POTS)
+            pots = find_pots(tables, most=_POTS, banks=banks)
             clean = ((pots.shots[..., SPEED] > 0) & (pots.shots[..., GAPS:].min(axis=-1) >= 0.0)).any(axis=-1)
             good = np.sort(success(pots.rows[..., TOLERANCE], self._error) * np.where(clean, 1.0, _SCRATCH), axis=1)
             ease[which] = np.minimum(1.0, (1.0 - _SECOND) * good[:, -1] + _SECOND * good[:, -2])
