@@ -6,6 +6,7 @@ Modules:
     timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     planner: Measures the planner under execution noise.
+    pot_chances: Compares the probability of a pot to first order with samples.
     leaderboard: Verifies the files of the leaderboard and makes its page.
     tasks: Measures players without training in the frozen tasks.
     run_outs: Measures run-outs of players without training, with and without execution noise.
