@@ -55,6 +55,7 @@ TESTED = {
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.planner": "studies/test_planner.py",
+    "studies.pot_chances": "studies/test_pot_chances.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_outs": "studies/test_run_outs.py",
     "studies.tasks": "studies/test_tasks.py",

@@ -12,7 +12,7 @@ the direction for each speed.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,23 +89,28 @@ def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float
     reach = 2.0 * max(setup.scene.balls.radius)
     room = np.array([setup.scene.table.length, setup.scene.table.width]) / 2.0 - reach / 2.0
     cue, others = positions[CUE_BALL], np.intersect1d(on_table, targets)
-    found = [
-        _over_balls(cue, positions, legal, others, pockets, reach),
-        _kicks(cue, positions, legal, others, pockets, reach, room),
-    ]
-    chains = _Chains(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
-    chains = _best(chains, _CHECKED)
+    over_balls = _over_balls(cue, positions, legal, others, pockets, reach)
+    kicks = _kicks(cue, positions, legal, others, pockets, reach, room)
+    chains = _best(_joined([over_balls, kicks]), _CHECKED)
     far = _gaps(chains, positions[on_table], on_table) > reach
     within = (np.abs(chains.ends.reshape(-1, 6, 2)[:, :5]) <= room + 1e-6).all(axis=(1, 2))
-    return _corrected(
-        setup, game, _best(_Chains(*(array[far & within] for array in chains)), min(most, MOST)), max_speed
-    )
+    return _corrected(setup, game, _best(_some(chains, far & within), min(most, MOST)), max_speed)
 
 
 def _best(chains: _Chains, most: int) -> _Chains:
     order = np.argsort(-chains.tolerance, kind="stable")[:most]
     order = order[chains.tolerance[order] > 0.0]
-    return _Chains(*(array[order] for array in chains))
+    return _some(chains, order)
+
+
+def _some(chains: _Chains, which: Any) -> _Chains:
+    arrays: Any = (array[which] for array in chains)
+    return _Chains(*arrays)
+
+
+def _joined(parts: list[_Chains]) -> _Chains:
+    arrays: Any = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return _Chains(*arrays)
 
 
 def _unit(vectors: Floats) -> tuple[Floats, Floats]:
@@ -150,7 +155,7 @@ def _over_balls(cue: Floats, positions: Floats, legal: Ints, others: Ints, pocke
     ok &= np.isin(a, others)
     ends = _paths(cue, aim, first, at, at, goal)
     parts.append(_Chains(np.stack((a, p), -1), a, ends, spare, aim, np.where(ok, tolerance, 0.0)))
-    return _Chains(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return _joined(parts)
 
 
 def _kicks(
@@ -245,4 +250,5 @@ def _corrected(setup: Setup, game: GameState, chains: _Chains, max_speed: float)
     shots[:, : len(speeds), SPEED] = np.where(works, speeds, 0.0)
     tolerance = np.where(works, (deepest / np.maximum(np.abs(slopes), 1e-6)).reshape(k, -1), 0.0).max(axis=1)
     tolerance = np.minimum(tolerance, _WIDER * chains.tolerance)
-    return Ways(*(array[works.any(axis=1)] for array in (chains.target, shots, tolerance)))
+    some = works.any(axis=1)
+    return Ways(chains.target[some], shots[some], tolerance[some])

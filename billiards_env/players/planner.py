@@ -2,8 +2,8 @@
 
 A decision takes the given processor time on one core, and a break takes four times as long. It has three parts:
 
-* Candidates: pots by geometry (direct and off one cushion) from each place of the cue ball, with several speeds and
-  offsets of the tip, and random shots.
+* Candidates: pots by geometry (direct, off one cushion and over another body) from each place of the cue ball, with
+  several speeds and offsets of the tip, and random shots.
 * Selection: each candidate is simulated without errors, and those with the lowest values are dropped. The others are
   simulated with random errors of direction and speed, and the worse half is dropped, until a few are left (sequential
   halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
