@@ -2,7 +2,10 @@
 
 * Run-outs: racks of nine ball on `real_pool` that are won from the break without losing the turn. "planner" plays for a
   run-out (`run_out=True`). It chooses the place of the cue ball and the break by simulations of the actual rack.
+* Fixed break: the same with one stroke as the break. Without english: the same on `pool`. Eight ball: the same in this
+  game.
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
+* Straight pool, snooker, three-cushion: the points of one turn from random positions.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
@@ -269,6 +272,7 @@ _HEADS = {
     "one ball": ("shots", "pots"),
     "turns": ("turns", "mean points", "most points", "strokes"),
 }
+_AIM, _POTS = 0.08, 7  # share of racks that is aimed at under the largest errors, and shots after a break
 _RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 
@@ -284,7 +288,28 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         kind = experiment if experiment in _HEADS else "run-outs" if experiment in _RUN_OUTS else "turns"
         first = "noise", "opponent" if experiment == "matches" else "player"
         made[experiment] = table((*first, *_HEADS[kind]), rows, left=2)
+    made["limit"] = _limit(found["results"]["run-outs"])
     return made
+
+
+def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> str:
+    """Returns a sentence about the success that a shot needs under the largest errors."""
+    noise = max((name for name, players in noises.items() if PLANNER in players), default="", key=_degrees)
+    played = noises.get(noise, {}).get(PLANNER, ())
+    chances = [chance for rack in played for chance in rack.get("chances", ())]
+    kept = np.mean([rack["break"] != "lost" for rack in played]) if played else 0.0
+    if not chances or kept < _AIM:
+        return ""
+    need, expected = (_AIM / kept) ** (1 / _POTS), float(np.mean(chances))
+    return (
+        f"With errors of {noise} the break keeps the turn in {kept:.0%} of the racks. To win {_AIM:.0%} of the "
+        f"racks, each of the {_POTS} shots after it has to succeed with {need:.0%}. The planner expects "
+        f"{expected:.0%} for a shot."
+    )
+
+
+def _degrees(noise: str) -> float:
+    return float(noise.partition(" ")[0])
 
 
 def _order(player: str) -> tuple[bool, float]:
@@ -317,29 +342,39 @@ def _share(played: Sequence[Mapping[str, Any]], of: int = 1) -> tuple[str, str]:
 
 
 PUBLISHED = (
+    ("professional players: 15 to 43%", 0.15, 0.43),
     ("C++ planner, 0.03 degrees: 11 to 18%", 0.11, 0.18),
-    ("professionals: 15 to 43%", 0.15, 0.43),
+    ("C++ planner, 0.52 degrees: 1 to 3%", 0.01, 0.03),
 )
 """Shares of break and run in nine ball by a C++ program and by players of tournaments, see `docs/planner.md`."""
+
+
+_FEWEST = 5
+"""The picture shows a player with at least this number of racks."""
+
+_BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
 
 def draw(found: Mapping[str, Any]) -> Figure:
     """Returns the picture of the run-outs of nine ball against the time of a decision."""
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     axes = figure.subplots()
-    for (label, low, high), colour in zip(PUBLISHED, ("0.55", "0.8"), strict=True):
-        axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.5, label=label, linewidth=0)
+    for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
+        axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.6, label=label, linewidth=0)
     for noise, players in found["results"]["run-outs"].items():
         ends = []
         for player, played in players.items():
-            if player.startswith("planner"):
+            if player.startswith("planner") and len(played) >= _FEWEST:
                 won, count = sum(rack["success"] for rack in played), len(played)
                 ends.append((_order(player)[1], won / count, *wilson_interval(won, count)))
         if not ends:
             continue
         seconds, share, low, high = (100 * np.array(column) for column in zip(*sorted(ends), strict=True))
         axes.errorbar(10 * seconds, share, (share - low, high - share), fmt="o-", capsize=3, label=f"planner, {noise}")
-    axes.set(xscale="log", xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
+    axes.set_xscale("log")
+    axes.set_xticks(_BUDGETS, [str(budget) for budget in _BUDGETS], minor=False)
+    axes.minorticks_off()
+    axes.set(xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
     return figure
 
