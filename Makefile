@@ -78,13 +78,15 @@ bench: $(INSTALLED) $(POOLTOOL)  ## measure everything (JSON in benchmarks/resul
 
 results: $(WORKS)  ## train every recipe with several seeds (up to five hours; recipes with results are not trained again)
 	$(WORK)/python -m studies.recipes $(SPREAD)
+	$(WORK)/python -m studies.recipes configs/ratings.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/prior_knowledge_long.yaml $(SPREAD)
 	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
 	$(WORK)/python -m studies.learn_by_gradient
-	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.planner
+	$(WORK)/python -m studies.positions
+	$(WORK)/python -m studies.distil
 	$(WORK)/python -m studies.tasks
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
@@ -102,6 +104,7 @@ rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two no
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m studies.figures
+	$(BIN)/python -m studies.run_out_film
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

@@ -33,6 +33,10 @@ from billiards_env.envs.tasks import TASKS
 ENV_ID = "Billiards-v0"
 Head = Literal["gaussian", "mixture", "hits", "pots"]
 HEADS: tuple[str, ...] = get_args(Head)
+"""The heads that PPO trains."""
+Rated = Literal["rated_hits", "rated_pots"]
+RATED_HEADS: tuple[str, ...] = get_args(Rated)
+"""The heads that `agents.rating` trains."""
 
 CHECKS = ConfigDict(extra="forbid", allow_inf_nan=False)
 """The checks of all settings."""
@@ -173,17 +177,19 @@ class Policy(Checked):
 
     Attributes:
         head: The part of the policy that computes its distribution: "gaussian", which is the policy of
-            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`.
-        components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it.
-        speeds: The smallest and the largest mean speed of a component, over the largest speed of the environment;
-            "gaussian" and "pots" ignore it.
-        banks: Whether "pots" finds banks also on tables with a direct pot; the other heads ignore it.
+            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. Or one of `RATED_HEADS`: a policy that rates
+            candidate shots, see `billiards_env.sb3.rated`.
+        components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it. For
+            `RATED_HEADS` see `billiards_env.sb3.rated.RatedPolicy`.
+        speeds: The smallest and the largest mean speed of a component or a candidate, over the largest speed of the
+            environment; "gaussian" and "pots" ignore it.
+        banks: Whether "pots" and "rated_pots" find banks also on tables with a direct pot; the other heads ignore it.
         hidden: The number of units of each hidden layer.
         activation: "tanh", "relu", "elu" or "silu".
         std: The schedule of the standard deviations; None if they are learned.
     """
 
-    head: Head = "gaussian"
+    head: Head | Rated = "gaussian"
     components: Count = 1
     speeds: Annotated[
         tuple[Annotated[Positive, Field(le=1)], Annotated[Positive, Field(le=1)]], AfterValidator(increasing)
@@ -230,6 +236,27 @@ class Hyperparameters(Checked):
 
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
+class Rating(Checked):
+    """Settings of the learning of ratings, see `agents.rating`.
+
+    Attributes:
+        drawn: The number of random candidates that the policy rates in each layout.
+        kept: The number of them that are played, an even number: half of them are the best ones.
+        batch_size: Shots in a minibatch.
+        learning_rate: Adam's step size at the start; it falls to 0 as a cosine.
+    """
+
+    drawn: Count = 32
+    kept: Annotated[Whole, Field(ge=2, multiple_of=2)] = 8
+    batch_size: Count = 2048
+    learning_rate: Positive = 2e-3
+
+    def __post_init__(self) -> None:
+        if self.kept > self.drawn:
+            raise ValueError(f"rating.kept = {self.kept}: expected at most rating.drawn = {self.drawn}")
+
+
+@dataclass(frozen=True, kw_only=True, config=CHECKS)
 class Config(Checked):
     """A training run.
 
@@ -245,6 +272,7 @@ class Config(Checked):
             curve and in `agents.evaluate`.
         policy: The networks.
         ppo: The learning algorithm.
+        rating: The learning algorithm of `RATED_HEADS`, which do not use `ppo`.
     """
 
     timesteps: Annotated[Whole, Field(ge=0)]
@@ -257,8 +285,14 @@ class Config(Checked):
     evaluation_episodes: Together = 1000
     policy: Policy = Field(default_factory=Policy)
     ppo: Hyperparameters = Field(default_factory=Hyperparameters)
+    rating: Rating = Field(default_factory=Rating)
 
     def __post_init__(self) -> None:
+        shots = self.env["max_shots"]
+        if self.policy.head in RATED_HEADS and shots != 1:
+            raise ValueError(f"policy.head = {self.policy.head!r} with max_shots = {shots}: expected 1")
+        if self.policy.head in RATED_HEADS and self.n_envs % self.rating.kept:
+            raise ValueError(f"rating.kept = {self.rating.kept}: expected a divisor of n_envs = {self.n_envs}")
         rollout, batch = self.n_envs * self.ppo.n_steps, self.ppo.batch_size
         if rollout % batch:
             raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import BasePolicy
 
 from agents.config import Count, Seed, validate
 from agents.film import EPISODES, film, show
@@ -25,7 +25,7 @@ from billiards_env.games import RULES
 from billiards_env.sb3.policy_player import playable
 
 
-def deterministic(policy: ActorCriticPolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
+def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray[np.floating[Any]]]:
     """Returns the argument `act` of `play` for a policy without exploration noise."""
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 

@@ -13,7 +13,7 @@ import torch
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.type_aliases import Schedule
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -49,15 +49,18 @@ def make_env(config: Config, render_mode: str | None = None) -> gym.Env[NDArray[
     return env
 
 
-def make_vector(config: Config, num_envs: int, threads: int | None = None) -> VectorEnv[Any, Any, Any]:
-    """Returns a vector of `num_envs` environments as in `make_env`, with same-step autoreset.
+def make_vector(
+    config: Config, num_envs: int, threads: int | None = None, autoreset_mode: str = "SameStep"
+) -> VectorEnv[Any, Any, Any]:
+    """Returns a vector of `num_envs` environments as in `make_env`.
 
     Args:
         config: The configuration.
         num_envs: The number of environments.
         threads: The number of threads that play; None for one per core.
+        autoreset_mode: See `BilliardsVectorEnv`.
     """
-    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode="SameStep", threads=threads, **config.env)
+    envs = gym.make_vec(ENV_ID, num_envs=num_envs, autoreset_mode=autoreset_mode, threads=threads, **config.env)
     if config.noise is not None:
         envs = VectorExecutionNoise(envs, **dataclasses.asdict(config.noise))
     return envs
@@ -87,7 +90,7 @@ def make_model(config: Config, envs: VecEnv) -> PPO:
     return model
 
 
-def make_policy(config: Config) -> ActorCriticPolicy:
+def make_policy(config: Config) -> BasePolicy:
     """Returns an untrained policy.
 
     Raises:
@@ -107,7 +110,7 @@ def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
             policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
 
 
-def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, ActorCriticPolicy]:
+def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
     """Returns the configuration and the trained policy of a run.
 
     Args:

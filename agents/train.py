@@ -1,8 +1,11 @@
-"""Trains PPO on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
+"""Trains a policy on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
+
+PPO trains the policy, or `agents.rating` if its head is one of `agents.config.RATED_HEADS`.
 
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
-curve, see `Point`), `tensorboard/` and `checkpoints/`. After the training it also holds `model.zip`, which
-Stable-Baselines3 loads, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs no code from the file.
+curve, see `Point`), `tensorboard/` (PPO only) and `checkpoints/`. After the training it also holds `model.zip`, which
+Stable-Baselines3 loads if PPO trained the policy, and `policy.pt`, the weights of the policy. Reading `policy.pt` runs
+no code from the file.
 
 The same command resumes an interrupted run from its newest checkpoint that is not damaged. At each checkpoint the seed
 and the number of steps determine the seeds of all random generators. A resumed run therefore ends with the same weights
@@ -29,7 +32,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -38,17 +41,18 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.type_aliases import TensorDict
 from stable_baselines3.common.utils import set_random_seed
 from tqdm import tqdm
 
 import billiards_env
-from agents.config import Config, changed, load
+from agents.config import RATED_HEADS, Config, changed, load
 from agents.evaluate import deterministic
 from agents.output import print_commands, print_table
 from agents.ppo import make_model, make_policy, make_vec_env, make_vector, set_std, training_seed
+from agents.rating import Rater
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json, write_whole
 from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
@@ -160,13 +164,46 @@ def train(config: Config, run_dir: Path) -> None:
             "--fresh starts again"
         )
         return
-    with locked(run_dir):
-        _train(config, run_dir)
-
-
-def _train(config: Config, run_dir: Path) -> None:
     # Sums over several threads round differently on another machine, and such small networks gain little.
     torch.set_num_threads(1)
+    with locked(run_dir):
+        model = _train_ratings(config, run_dir) if config.policy.head in RATED_HEADS else _train_ppo(config, run_dir)
+        _save(model, run_dir / "model.zip")
+        save_policy(model.policy, run_dir / "policy.pt")
+
+
+def _train_ratings(config: Config, run_dir: Path) -> Rater:
+    total = -(-config.timesteps // config.n_envs) * config.n_envs
+    with closing(Rater(config)) as rater:
+        _begin(rater, config, run_dir)
+        with (
+            progress_bar(total, rater.num_timesteps) as bar,
+            closing(LearningCurve(config, run_dir, rater.num_timesteps)) as curve,
+        ):
+            successes, due = deque[bool](maxlen=1000), 0
+            while rater.num_timesteps < total:
+                if rater.num_timesteps >= due:
+                    curve.measure(rater.policy, rater.num_timesteps, successes)
+                    if due:
+                        _save(rater, run_dir / "checkpoints" / f"{rater.num_timesteps:09d}.zip")
+                    due = (rater.num_timesteps // config.checkpoint_every + 1) * config.checkpoint_every
+                    rater.seed(training_seed(config, rater.num_timesteps))
+                successes.extend(rater.update())
+                bar.set_postfix(curve.rates(successes), refresh=False)
+                bar.update(rater.num_timesteps - bar.n)
+            curve.measure(rater.policy, rater.num_timesteps, successes)
+    return rater
+
+
+def _begin(model: PPO | Rater, config: Config, run_dir: Path) -> None:
+    """Sets the weights to those of the newest checkpoint, or to those of `start_from`, if there are any."""
+    if checkpoints(run_dir):
+        _resume(model, config, run_dir)
+    elif config.start_from is not None:
+        start_from(model.policy, config.start_from)
+
+
+def _train_ppo(config: Config, run_dir: Path) -> PPO:
     outputs: list[KVWriter] = [TensorBoardOutputFormat(str(run_dir / "tensorboard"))]
     with closing(make_vec_env(config)) as envs, closing(Logger(str(run_dir), outputs)) as logger:
         model = make_model(config, envs)
@@ -178,10 +215,7 @@ def _train(config: Config, run_dir: Path) -> None:
                 f"{run_dir}: {total:,} steps (shots): timesteps = {config.timesteps:,}, rounded up to whole updates of "
                 f"{rollout:,} steps (n_envs * ppo.n_steps)"
             )
-        if checkpoints(run_dir):
-            _resume(model, config, run_dir)
-        elif config.start_from is not None:
-            start_from(model.policy, config.start_from)
+        _begin(model, config, run_dir)
         # A first shot compiles the engine, so that its notices appear before the progress bar.
         envs.reset()
         envs.step(np.zeros((config.n_envs, *(envs.action_space.shape or ()))))
@@ -193,8 +227,7 @@ def _train(config: Config, run_dir: Path) -> None:
             remaining = max(config.timesteps - model.num_timesteps, 0)
             model.learn(remaining, callback, reset_num_timesteps=False)
             callback.measure()
-    _save(model, run_dir / "model.zip")
-    save_policy(model.policy, run_dir / "policy.pt")
+    return model
 
 
 def progress_bar(total: int, done: int) -> tqdm:
@@ -204,7 +237,7 @@ def progress_bar(total: int, done: int) -> tqdm:
     return tqdm(total=most, disable=not total, initial=done, unit_scale=True, bar_format=_BAR, ncols=width)
 
 
-def _resume(model: PPO, config: Config, run_dir: Path) -> None:
+def _resume(model: PPO | Rater, config: Config, run_dir: Path) -> None:
     """Sets the weights and the number of steps to those of the newest checkpoint that is whole."""
     checkpoint = newest_checkpoint(run_dir)
     for path in checkpoints(run_dir):
@@ -224,7 +257,7 @@ def _resume(model: PPO, config: Config, run_dir: Path) -> None:
     print(f"{run_dir}: resuming after {model.num_timesteps:,} of {config.timesteps:,} steps")
 
 
-def start_from(policy: ActorCriticPolicy, run_dir: str) -> None:
+def start_from(policy: BasePolicy, run_dir: str) -> None:
     """Sets the weights of a policy to those of a finished run.
 
     Raises:
@@ -289,7 +322,7 @@ class LearningCurve:
         self._envs = make_vector(config, config.evaluation_episodes)
         self._clock = time.perf_counter()
 
-    def measure(self, policy: ActorCriticPolicy, steps: int, successes: Collection[bool]) -> None:
+    def measure(self, policy: BasePolicy, steps: int, successes: Collection[bool]) -> None:
         """Adds a point after `steps` steps, unless the last one has the same number.
 
         `successes` are those of the last episodes of the training.
@@ -393,7 +426,7 @@ class _Callback(BaseCallback):
         set_random_seed(seed)
         model.env.seed(seed)
         # Unfinished episodes are dropped: the next rollout begins with a reset.
-        model._last_obs = model.env.reset()  # type: ignore[assignment]
+        model._last_obs = cast(Any, model.env.reset())
         model._last_episode_starts = np.ones(self.config.n_envs, dtype=bool)
 
     def _on_step(self) -> bool:
@@ -413,7 +446,7 @@ class _Callback(BaseCallback):
         self.bar.set_postfix(self.curve.rates(self.successes), refresh=False)
 
 
-def _save(model: BaseAlgorithm, path: Path) -> None:
+def _save(model: BaseAlgorithm | Rater, path: Path) -> None:
     buffer = io.BytesIO()
     model.save(buffer)
     write_whole(path, buffer.getvalue())
@@ -433,7 +466,7 @@ def _differences(saved: dict, asked: dict, prefix: str = "") -> list[str]:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m agents.train --help`."""
-    parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train PPO on Billiards-v0.")
+    parser = argparse.ArgumentParser(prog="python -m agents.train", description="Train a policy on Billiards-v0.")
     parser.add_argument("config", type=Path, help="YAML file of settings, e.g. configs/ppo/pot.yaml")
     parser.add_argument("--run-dir", type=Path, help="folder of the run (default: runs/NAME OF THE CONFIG)")
     parser.add_argument("--seed", help="default: that of the config")

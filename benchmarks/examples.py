@@ -21,6 +21,7 @@ STEPS = {
     "optuna_sweep": ("Optuna: two trials of this PPO, with their evaluation", 8192, {}),
     "torchrl_collector": ("TorchRL: collector of random shots on 64 tables", 16384, {}),
     "pixels": ("one table, observation of 84 x 84 pixels", 256, {}),
+    "self_play": ("PettingZoo: straight pool against a frozen copy, with training", 4096, {}),
     "dataset_cloning": ("Minari: shots of the geometric player, written and cloned", 5000, {}),
 }
 """By the name of a program: what runs, the number of steps, and arguments of its function `run`."""

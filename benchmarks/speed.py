@@ -16,7 +16,6 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import Count, machine, machine_line, parser_of, report, table
 from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.envs.actions import cue_strike

@@ -15,7 +15,6 @@ from unittest.mock import patch
 import gymnasium as gym
 import numpy as np
 
-import billiards_env  # noqa: F401  (registers the environment)
 from benchmarks import Count, machine, machine_line, parser_of, report, table
 from benchmarks.speed import seconds, summary
 from billiards_env.engine import run_shots_of

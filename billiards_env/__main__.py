@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 COMMANDS = {
-    "agents.train": "train PPO with a configuration, for example configs/ppo/pot.yaml",
+    "agents.train": "train a policy with a configuration, for example configs/ppo/pot.yaml",
     "agents.evaluate": "measure a trained policy on new layouts, next to a random policy",
     "agents.rllib": "train PPO with RLlib, on one machine or on a cluster",
     "studies.recipes": "train all recipes with several seeds",
@@ -126,7 +126,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
         "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
-        "search:K, which simulates K shots, or aim, which computes them."
+        "search:K, which simulates K shots, aim, which computes them, or planner:TIME, which plans under noise. A "
+        "level such as planner:club makes errors of its own."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")

@@ -106,9 +106,9 @@ def find_player(
     """Returns the player of a name.
 
     Args:
-        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "planner:TIME" (see
-            `players.planner`), "policy:FOLDER" for the policy of a run, or "module:function" for your own function
-            `act(observation) -> action`.
+        text: "random", "geometric", "search:K" or "aim" (see `players.strategies`), "planner:TIME" or
+            "planner:LEVEL" (see `players.planner` and `players.levels`), "policy:FOLDER" for the policy of a run, or
+            "module:function" for your own function `act(observation) -> action`.
         env: The environment that it plays in.
         noise: The execution noise in the simulations of "search" and "planner", see `players.strategies.search`.
         seed: The seed of the random numbers of "random" and "search".

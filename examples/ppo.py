@@ -1,17 +1,17 @@
-"""PPO in one file: learns to pot a ball from the positions of the balls alone.
+"""PPO in one file: learns billiards from the positions of the balls alone.
 
-    python examples/ppo.py --policy policy.pt --log runs.jsonl
+    python examples/ppo.py --policy policy.pt
     python examples/ppo.py --shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006
+    python examples/ppo.py --env '[{"n_object_balls": 3, "max_shots": 5}]' --rate 4e-3 --envs 2048 --minibatch 512
     python examples/ppo.py --env '[{"mode": "pit", "dt": 0.0167}]'
 
-The environment is `Billiards-v0` with its default arguments: the observation is the positions of the cue ball and of
-one object ball, and the action is the velocity of the cue ball. An episode is one shot, so the advantage of a shot is
-its success minus the value of the layout. A success is a pot without a scratch. (The environment rewards a pot with a
-scratch with 0.9, so a policy that maximises the reward scratches more.)
+The environment is `Billiards-v0`, by default with one ball to pot in one shot: the observation is the positions of the
+balls, and the action is the velocity of the cue ball. The advantage of a shot is its points minus the value of the
+layout. A pot with a scratch has no points, though the environment rewards it with 0.9.
 
-The policy is a mixture of Gaussians over the velocity (`Mixture`). Each component aims at a point next to the object
-ball. A network learns this point from the position of the object ball alone. Another network chooses the component and
-its speed. The program contains no pockets, cut angles or ghost balls.
+The policy is a mixture of Gaussians over the velocity (`Mixture`). Each component aims at a point next to an object
+ball. A network learns this point, by default from the position of this ball alone. Another network chooses the
+component and its speed. The program contains no pockets, cut angles or ghost balls.
 
 Sources: Schulman et al., Proximal Policy Optimization Algorithms (2017); Huang et al., CleanRL (2022), for the form.
 """
@@ -31,10 +31,12 @@ import numpy as np
 import torch
 from gymnasium.vector import VectorEnv
 from torch import Tensor, nn
+from torch.optim import Adam
 
 from billiards_env.evaluation import evaluation_seeds, play_together
 
 ENV_ID = "billiards_env:Billiards-v0"
+Floats = Sequence[float]
 
 
 def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
@@ -49,6 +51,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--epochs", type=int, default=4, help="passes over the shots of an update")
     add("--points", type=int, default=16, help="points to aim at; each has a Gaussian for each range of speeds")
     add("--speeds", type=float, nargs="+", default=(0.2, 0.4, 0.8), help="borders of the ranges of mean speeds")
+    add("--aim", choices=("ball", "layout"), default="ball", help="the positions that decide the points next to a ball")
     add("--hidden", type=int, default=128, help="units of each of the two hidden layers of the choice")
     add("--rate", type=float, default=2e-3, help="learning rate at the start; falls linearly to a hundredth")
     add("--clip", type=float, default=0.2, help="largest change of a probability, as a share")
@@ -60,7 +63,6 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--env", type=json.loads, default=[{}], help="JSON list of arguments of gym.make; an update draws one of them")
     add("--episodes", type=int, default=10_000, help="new layouts of an evaluation")
     add("--policy", type=Path, help="file for the weights")
-    add("--log", type=Path, help="file to which a line of JSON is added after each evaluation")
     return parser.parse_args(given)
 
 
@@ -123,58 +125,62 @@ def network(inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> nn.Se
 class Policy(nn.Module):
     """The mixture for observations, and the value function.
 
-    A pool table has two axes of symmetry. The networks get the layout reflected so that the object ball has x >= 0 and
-    y >= 0, and the directions are reflected back.
+    The networks get the layout once for each object ball, with this ball in front of the others. They get it reflected
+    so that this ball has x >= 0 and y >= 0, and the directions are reflected back: a table has two axes of symmetry.
 
     Args:
         half_extents: Half the length and half the width of the table, m: the units of the observation.
-        points: The number of points to aim at.
+        points: The number of points to aim at next to each object ball.
         speeds: Borders of the ranges of mean speeds, over the largest speed. Each point has a component in each range.
         hidden: Units of each hidden layer of the choice; the other networks have half as many.
+        balls: The number of object balls.
+        aim: Whether the points depend on the position of their "ball" or on the whole "layout".
     """
 
     half_extents: Tensor
     CIRCLE = 0.05
     """m: radius of the circle around the object ball on which the points are before the training."""
 
-    def __init__(self, half_extents: Sequence[float], points: int, speeds: Sequence[float], hidden: int) -> None:
+    def __init__(self, half_extents: Floats, points: int, speeds: Floats, hidden: int, balls: int, aim: str) -> None:
         super().__init__()
-        ranges = len(speeds) - 1
+        self.aim, self.ranges, inputs = aim, len(speeds) - 1, 2 * balls + 6
+        self.orders = [[0, *range(ball, balls + 1), *range(1, ball)] for ball in range(1, balls + 1)]
         borders, angles = torch.tensor(speeds), 2 * math.pi / points * torch.arange(points)
         self.register_buffer("half_extents", torch.tensor(half_extents))
         self.register_buffer("slowest", borders[:-1].repeat_interleave(points))
         self.register_buffer("faster", borders.diff().repeat_interleave(points))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
-        self.points = network(2, hidden // 2, 2 * points, 0.02)
-        self.choice = network(8, hidden, 2 * points * ranges, 0.02)
-        self.critic = network(8, hidden // 2, 1)
-        self.ranges = ranges
-        self.std = 1.0, 1.0  # of the speed, over the largest, and of the point aimed at, m
+        self.points = network(2 if aim == "ball" else inputs, hidden // 2, 2 * points, 0.02)
+        self.choice = network(inputs, hidden, 2 * points * self.ranges, 0.02)
+        self.critic = network(inputs, hidden // 2, 1)
+        self.std: Floats = 1.0, 1.0  # of the speed, over the largest, and of the point aimed at, m
 
     def forward(self, observations: Tensor) -> tuple[Mixture, Tensor]:
-        """Returns the mixtures and the values (m,) for observations (m, 4)."""
-        signs = torch.where(observations[:, 2:] < 0, -1.0, 1.0)
-        layout = observations * signs.repeat(1, 2)
-        cue_ball, ball = layout.chunk(2, 1)
+        """Returns the mixtures and the values (m,) for observations (m, 2 + 2 balls)."""
+        layouts = observations.unflatten(1, (-1, 2))[:, self.orders].flatten(0, 1)  # (m * balls, 1 + balls, 2)
+        signs = torch.where(layouts[:, 1] < 0, -1.0, 1.0)
+        layouts = layouts * signs[:, None]
+        cue_ball, ball = layouts[:, 0], layouts[:, 1]
         to_ball = (ball - cue_ball) * self.half_extents
         distance = to_ball.norm(dim=1, keepdim=True)
-        features = torch.cat((layout, to_ball / distance, distance, 1 / (distance + 0.1)), 1)
-        offset = self.first_points + self.CIRCLE * self.points(ball).unflatten(1, (2, -1))
-        dx, dy = (to_ball[:, :, None] + offset).unbind(1)
+        features = torch.cat((layouts.flatten(1), to_ball / distance, distance, 1 / (distance + 0.1)), 1)
+        offset = self.points(ball if self.aim == "ball" else features).unflatten(1, (2, -1))
+        dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset)).unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse * signs[:, :1], dy * inverse * signs[:, 1:]
         dx, dy, inverse = (part.repeat(1, self.ranges) for part in (dx, dy, inverse))
         logit, faster = self.choice(features).chunk(2, 1)
+        logit = logit.masked_fill(ball[:, 1:] == 1, -1e4)  # a potted ball: it is not on the table
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is that of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
-        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0]), self.critic(features)[:, 0]
+        outputs = logit, dx, dy, speed, across, self.critic(features)
+        logit, dx, dy, speed, across, values = (part.reshape(len(observations), -1) for part in outputs)
+        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0]), values.mean(1)
 
 
-def update(
-    policy: Policy, optimizer: torch.optim.Optimizer, batch: Sequence[Tensor], entropy: float, args: argparse.Namespace
-) -> None:
-    """Improves the policy with the shots of `batch`: observations, velocities, log-densities, values and rewards."""
+def update(policy: Policy, optimizer: Adam, batch: Sequence[Tensor], entropy: float, args: argparse.Namespace) -> None:
+    """Improves the policy with the shots of `batch`: observations, velocities, log-densities, values and points."""
     for _ in range(args.epochs):
         for rows in torch.randperm(len(batch[0])).split(args.minibatch):
             observations, velocities, log_densities, values, rewards = (part[rows] for part in batch)
@@ -183,8 +189,7 @@ def update(
             advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
             ratio = (mixture.log_density(velocities) - log_densities).exp()
             gain = torch.min(advantages * ratio, advantages * ratio.clamp(1 - args.clip, 1 + args.clip)).mean()
-            value_loss = 0.5 * (value - rewards).square().mean()
-            loss = value_loss - gain - entropy * mixture.choice_entropy().mean()
+            loss = 0.5 * (value - rewards).square().mean() - gain - entropy * mixture.choice_entropy().mean()
             optimizer.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(policy.parameters(), 5.0)
@@ -192,7 +197,7 @@ def update(
 
 
 def success(policy: Policy, envs: VectorEnv, seed: int) -> float:
-    """Returns the share of new layouts on which the mode of the policy pots the ball without a scratch."""
+    """Returns the share of new layouts on which the mode of the policy achieves the task."""
 
     def act(observations: np.ndarray) -> np.ndarray:
         with torch.no_grad():
@@ -208,9 +213,9 @@ def train(args: argparse.Namespace, policy: Policy | None = None) -> tuple[Polic
     torch.set_flush_denormal(True)  # tiny densities are slow otherwise
     worlds = [gym.make_vec(ENV_ID, num_envs=args.envs, threads=args.threads, **world) for world in args.env]
     tests = gym.make_vec(ENV_ID, num_envs=args.episodes, threads=args.threads, **args.env[0])
-    half_extents = gym.make(ENV_ID).unwrapped.scene.half_extents  # pyright: ignore
-    policy = policy or Policy(half_extents, args.points, args.speeds, args.hidden)
-    optimizer = torch.optim.Adam(policy.parameters(), eps=1e-5, fused=True)
+    scene = tests.single_env.scene  # pyright: ignore
+    policy = policy or Policy(scene.half_extents, args.points, args.speeds, args.hidden, scene.n_balls - 1, args.aim)
+    optimizer = Adam(policy.parameters(), eps=1e-5, fused=True)
     layouts = [torch.from_numpy(envs.reset(seed=args.seed * args.envs)[0]) for envs in worlds]
     done, curve, seconds = 0, [], 0.0
     while done < args.shots:
@@ -218,18 +223,16 @@ def train(args: argparse.Namespace, policy: Policy | None = None) -> tuple[Polic
         share = done / args.shots
         part = min(share / args.until, 1.0)
         schedules = args.entropy, args.std_speed, args.std_aim
-        entropy, *std = (first * (last / first) ** part for first, last in schedules)
-        policy.std = std[0], std[1]
-        for group in optimizer.param_groups:
-            group["lr"] = args.rate * (1 - 0.99 * share)
+        entropy, *policy.std = (first * (last / first) ** part for first, last in schedules)
+        optimizer.param_groups[0]["lr"] = args.rate * (1 - 0.99 * share)
         world = int(torch.randint(len(worlds), ()))
         observations = layouts[world]
         with torch.no_grad():
             mixture, values = policy(observations)
             velocities = mixture.sample()
             log_densities = mixture.log_density(velocities)
-        following, _, _, _, infos = worlds[world].step(velocities.clamp(-1, 1).numpy())
-        rewards = torch.from_numpy(infos["final_info"]["is_success"]).float()
+        following, rewards, *_ = worlds[world].step(velocities.clamp(-1, 1).numpy())
+        rewards = torch.from_numpy(rewards).clamp(min=0).floor().float()
         update(policy, optimizer, (observations, velocities, log_densities, values, rewards), entropy, args)
         layouts[world] = torch.from_numpy(following)
         done += args.envs
@@ -238,9 +241,6 @@ def train(args: argparse.Namespace, policy: Policy | None = None) -> tuple[Polic
             rate = success(policy, tests, args.seed)
             print(f"{done:>11,} shots, {seconds:5.0f} s, success {rate:.1%}, exploring {rewards.mean():.1%}")
             curve.append({"seed": args.seed, "shots": done, "success": rate, "seconds": round(seconds, 3)})
-            if args.log:
-                with args.log.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(curve[-1]) + "\n")
     if args.policy:
         torch.save(policy.state_dict(), args.policy)
     return policy, curve

@@ -7,18 +7,23 @@ Modules:
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     planner: Measures the planner under execution noise.
     pot_chances: Compares the probability of a pot to first order with samples.
+    positions: Measures the strokes of players in a fixed set of positions.
+    run_out_film: Draws a film of a run-out of the planner.
+    distil: Distils a search into a small policy.
     leaderboard: Verifies the files of the leaderboard and makes its page.
     tasks: Measures players without training in the frozen tasks.
-    run_outs: Measures run-outs of players without training, with and without execution noise.
 """
 
 import argparse
 import contextlib
+import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from agents import require
+from benchmarks import machine
 
 require("plot", ("matplotlib",))
 
@@ -26,6 +31,13 @@ RESULTS = Path(__file__).resolve().parent / "results"
 
 RUNS = RESULTS.parents[1] / "runs"
 """The folder of training runs; git ignores it."""
+
+
+def parser_of(name: str, description: str, output: Path) -> argparse.ArgumentParser:
+    """Returns the parser of a command that writes a JSON file."""
+    parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
+    parser.add_argument("--output", type=Path, default=output, help="JSON file (default: %(default)s)")
+    return parser
 
 
 def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
@@ -47,3 +59,23 @@ def errors_in_one_line() -> Iterator[None]:
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
+
+
+def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:
+    """Returns the content of the JSON file `output`; new content with `empty` results if its settings differ.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If the file is not JSON.
+    """
+    settings = json.loads(json.dumps(settings))
+    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
+    return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
+
+
+def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], output: Path) -> None:
+    """Runs the work of a command and prints its blocks and the file of its results; an error is one line."""
+    with errors_in_one_line():
+        found = measure()
+    print("\n\n".join(blocks(found).values()))
+    print(f"\nin {output}")

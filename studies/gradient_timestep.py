@@ -11,8 +11,6 @@ have results there with the same settings, so it continues after an interruption
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks import IMAGES, machine, machine_line, save, table, use_own_font
+from benchmarks import IMAGES, machine_line, save, table, use_own_font
 from benchmarks.accuracy_report import PIT_STYLES
 from benchmarks.speed import seconds
 from billiards_env.engine.overlaps import FIXES
@@ -30,7 +28,7 @@ from billiards_env.files import write_json
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import BatchResult, simulate_batch
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "gradient_timestep.json"
 
@@ -183,10 +181,8 @@ def measure(output: Path) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = json.loads(json.dumps({"kinds": KINDS, "steps": STEPS, "fixes": FIXES, "passes": PASSES, "seed": SEED}))
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("settings") != settings:
-        found = {"machine": machine(), "settings": settings, "chosen": {}, "errors": {}, "cost": {}}
+    settings = {"kinds": KINDS, "steps": STEPS, "fixes": FIXES, "passes": PASSES, "seed": SEED}
+    found = resumed(output, settings, chosen={}, errors={}, cost={})
     cells: dict[str, dict[str, Any]] = {"exact": {}, **CELLS}
     with tqdm(total=len(KINDS) * (1 + len(cells)) + len(STEPS), unit="cell") as bar:
         for kind in KINDS:
@@ -307,18 +303,17 @@ def draw_reason(path: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.gradient_timestep --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.gradient_timestep", description="Measure derivatives through a timestep."
-    )
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of("gradient_timestep", "Measure derivatives through a timestep.", OUTPUT)
     parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the pictures (default: %(default)s)")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+
+    def work() -> dict[str, Any]:
         found = measure(args.output)
         draw(found, args.images / "gradient_timestep.png")
         draw_reason(args.images / "gradient_timestep_reason.png")
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+        return found
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

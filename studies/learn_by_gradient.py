@@ -7,12 +7,14 @@ Outcomes jump with the pocket and the speed, so these are sampled by their chanc
 (Suh et al. 2022 mix both). The mirror symmetry of the table makes one corner of four, and one side of two. The shots of
 the last batches are used again, with margins that are linear in the action, while the action is near.
 
-The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there.
+The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there. It writes
+the weights of the first run, `POLICY`, which `billiards bench studies.learn_by_gradient:act` plays.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 import math
 import sys
@@ -23,13 +25,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import write_json
+from billiards_env.files import replacing, write_json
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Scene
 from billiards_env.torch import pot_margins
@@ -38,6 +41,7 @@ from studies import RESULTS
 OUTPUT = RESULTS / "learn_by_gradient.json"
 RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
 """The seeds of the trainings, by the number of shots."""
+POLICY = RESULTS / "policies" / "gradient.npz"
 EPISODES = 10_000
 BATCH, REPLAYS, MEMORY = 512, 4, 100
 LEARNING_RATE = 3e-3
@@ -153,8 +157,37 @@ def play(network: Network, envs: BilliardsVectorEnv) -> Played:
     return Played(observations, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
-def train(seed: int, shots: int, episodes: int) -> float:
-    """Trains a network and returns its success on new layouts.
+def save(network: Network, path: Path) -> None:
+    """Writes the weights of a network, completely or not at all."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **{name: tensor.numpy() for name, tensor in network.state_dict().items()})
+
+
+def load(path: Path) -> Network:
+    """Returns the network with the weights in a file, which runs no code.
+
+    Raises:
+        OSError: If the file cannot be read.
+        RuntimeError, ValueError: If it does not hold the weights of the network.
+    """
+    network = Network(Scene.named("pool"))
+    with np.load(path, allow_pickle=False) as file:
+        network.load_state_dict({name: torch.from_numpy(file[name]) for name in file})
+    return network
+
+
+@functools.cache
+def _trained() -> Network:
+    return load(POLICY)
+
+
+def act(observation: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Returns the action (2,) of the network in `POLICY` for an observation (4,) of the task "pot"."""
+    return _trained().act(torch.as_tensor(observation)[None])[2][0].numpy()
+
+
+def train(seed: int, shots: int, episodes: int) -> tuple[float, Network]:
+    """Trains a network and returns its success on new layouts, and the network.
 
     Args:
         seed: The seed of the training and of the layouts of the evaluation.
@@ -176,17 +209,19 @@ def train(seed: int, shots: int, episodes: int) -> float:
             loss_of(network, memory[chosen]).backward()
             optimiser.step()
 
-    def act(observations: Any) -> Any:
+    def actions(observations: Any) -> Any:
         return network.act(torch.as_tensor(observations))[2].numpy()
 
-    return play_together(BilliardsVectorEnv(episodes), act, evaluation_seeds(seed, episodes).tolist())["success_rate"]
+    seeds = evaluation_seeds(seed, episodes).tolist()
+    return play_together(BilliardsVectorEnv(episodes), actions, seeds)["success_rate"], network
 
 
-def measure(output: Path) -> dict[str, Any]:
+def measure(output: Path, policy: Path) -> dict[str, Any]:
     """Trains what has no results, and writes the result of each run as soon as it ends.
 
     Args:
         output: The JSON file of the results.
+        policy: The file for the weights of the first run. If it does not exist, this run is trained again.
 
     Returns:
         The content of the file: `machine`, `settings`, and `results[shots][seed]`, the success.
@@ -202,9 +237,12 @@ def measure(output: Path) -> dict[str, Any]:
     for shots, seeds in RUNS.items():
         runs = found["results"].setdefault(str(shots), {})
         for seed in seeds:
-            if str(seed) not in runs:
-                runs[str(seed)] = train(seed, shots, EPISODES)
+            first = shots == min(RUNS) and seed == seeds[0]
+            if str(seed) not in runs or (first and not policy.exists()):
+                runs[str(seed)], network = train(seed, shots, EPISODES)
                 write_json(output, found)
+                if first:
+                    save(network, policy)
     return found
 
 
@@ -228,17 +266,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         description="Measure a network that learns by the gradient of its shots.",
     )
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser.add_argument("--policy", type=Path, default=POLICY, help="weights, .npz (default: %(default)s)")
     args = parser.parse_args(arguments)
     torch.set_num_threads(1)
     try:
-        found = measure(args.output)
+        found = measure(args.output, args.policy)
     except (OSError, ValueError) as error:
         sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         print("\ninterrupted; the same command continues", file=sys.stderr)
         sys.exit(130)
     print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+    print(f"\nin {args.output} and {args.policy}")
 
 
 if __name__ == "__main__":

@@ -7,9 +7,6 @@ interruption.
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +17,11 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
+from benchmarks import machine_line, table
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
-from studies import RESULTS
+from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "plain.json"
 
@@ -83,10 +80,7 @@ def measure(output: Path) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = json.loads(json.dumps({"shots": SHOTS, "episodes": EPISODES}))
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("settings") != settings:
-        found = {"machine": machine(), "settings": settings, "results": {}}
+    found = resumed(output, {"shots": SHOTS, "episodes": EPISODES}, results={})
     for algorithm, shots in SHOTS.items():
         runs = found["results"].setdefault(algorithm, {})
         for seed in SEEDS:
@@ -112,21 +106,9 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.plain --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.plain", description="Measure PPO and SAC of Stable-Baselines3 with their defaults."
-    )
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    args = parser_of("plain", "Measure Stable-Baselines3 with its defaults.", OUTPUT).parse_args(arguments)
     torch.set_num_threads(1)
-    try:
-        found = measure(args.output)
-    except (OSError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues", file=sys.stderr)
-        sys.exit(130)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+    report(lambda: measure(args.output), blocks, args.output)
 
 
 if __name__ == "__main__":

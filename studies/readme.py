@@ -33,14 +33,15 @@ from benchmarks import (
 from billiards_env.files import write_whole
 from release import dist
 from studies import (
+    distil,
     gradient_timestep,
     leaderboard,
     learn_by_gradient,
     plain,
     planner,
     pot_chances,
+    positions,
     recipes,
-    run_outs,
     tasks,
     timestep_report,
 )
@@ -57,6 +58,7 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "comparison": ("benchmarks.comparison", comparison.blocks),
     "differentiable": ("benchmarks.differentiable", differentiable.blocks),
     "dist": ("release.dist", dist.blocks),
+    "distil": ("studies.distil", distil.blocks),
     "examples": ("benchmarks.examples", examples.blocks),
     "english": ("studies.recipes configs/english.yaml", recipes.blocks),
     "error_limit": ("benchmarks.error_limit", error_limit.blocks),
@@ -67,10 +69,11 @@ SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
     "plain": ("studies.plain", plain.blocks),
     "planner": ("studies.planner", planner.blocks),
     "pot_chances": ("studies.pot_chances", pot_chances.blocks),
+    "positions": ("studies.positions", positions.blocks),
     "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
     "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
+    "ratings": ("studies.recipes configs/ratings.yaml", recipes.blocks),
     "recipes": ("studies.recipes", recipes.blocks),
-    "run_outs": ("studies.run_outs", run_outs.blocks),
     "speed": ("benchmarks.speed", speed.blocks),
     "start_up": ("benchmarks.start_up", start_up.blocks),
     "stress": ("benchmarks.stress", stress.blocks),

@@ -3,12 +3,13 @@
 A recipe is a configuration of `agents.train`. `configs/recipes.yaml` lists recipes for many games.
 `configs/prior_knowledge.yaml` lists recipes for one game with different prior knowledge, and
 `configs/prior_knowledge_long.yaml` lists the same recipes with ten times as many shots. `configs/english.yaml` lists
-recipes with and without english. The results of these lists are
+recipes with and without english, and `configs/ratings.yaml` lists policies that rate shots. The results are
 
 * `studies/results/LIST.json`: the configuration of each recipe, the learning curve and evaluation of each run, and the
   success of players without training,
 * `docs/images/LIST.png`: the learning curves of the recipes in `figure`,
-* for `configs/recipes.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its configuration.
+* for `recipes.yaml` and `ratings.yaml`, `studies/results/policies/RECIPE`: the policy of the first seed, with its
+  configuration.
 
 The results of any other list are in `runs/LIST`.
 
@@ -91,10 +92,11 @@ def find_places(config: Path, folder: Path | None = None) -> Places:
     """Returns the places of a list: a folder or, for a list in `configs`, those of the published results."""
     name, runs = config.stem, folder or RUNS / config.stem
     published = folder is None and config.resolve().parent == CONFIG.parent
+    plays = published and name in ("recipes", "ratings")
     return Places(
         runs,
         (RESULTS if published else runs) / f"{name}.json",
-        (RESULTS if published and config.resolve() == CONFIG else runs) / "policies",
+        (RESULTS if plays else runs) / "policies",
         (IMAGES if published else runs) / f"{name}.png",
     )
 

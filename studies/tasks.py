@@ -7,7 +7,6 @@ an interruption. If the layouts of a task change, it measures the task again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -23,16 +22,20 @@ from billiards_env import bench
 from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE, Frozen
-from studies import errors_in_one_line
+from billiards_env.players.env_player import RULES_OF_TASKS
+from studies import parser_of, report
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
 
 FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.png"
 
-PLAYERS = ("random", "geometric", "search:200", "aim")
+PLAYERS = ("random", "geometric", "search:200", "aim", "planner:300")
 
-AIMED = ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0")
-"""The tasks in which "aim" plays. In the other tasks it takes many times as long as a search."""
+ONLY: dict[str, tuple[str, ...]] = {
+    "aim": ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0"),
+    "planner:300": tuple(name for name, task in FROZEN.items() if task.arguments["task"] in RULES_OF_TASKS),
+}
+"""The tasks of the players that do not play all of them. In others "aim" takes many times as long as a search."""
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -47,7 +50,7 @@ def measure(output: Path) -> dict[str, Any]:
         if found.get(task, {}).get("layouts") != layouts:
             found[task] = {"layouts": layouts, "players": {}}
     write_json(output, found)
-    cells = [(task, player) for task in FROZEN for player in PLAYERS if player != "aim" or task in AIMED]
+    cells = [(task, player) for task in FROZEN for player in PLAYERS if task in ONLY.get(player, FROZEN)]
     with tqdm(cells, unit="player") as bar:
         for task, player in bar:
             bar.set_description(f"{task}, {player}")
@@ -140,16 +143,15 @@ def picture() -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.tasks", description="Measure players without training in the frozen tasks."
-    )
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of("tasks", "Measure players without training in the frozen tasks.", OUTPUT)
     parser.add_argument("--figure", type=Path, default=FIGURE, help="the picture, .png (default: %(default)s)")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+
+    def work() -> dict[str, Any]:
         save(picture(), args.figure)
-        found = measure(args.output)
-        print("\n\n".join(blocks(found).values()))
+        return measure(args.output)
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -30,9 +30,10 @@ from agents.cluster import RayExecutor
 from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.envs import BilliardsVectorEnv
-from billiards_env.evaluation import evaluation_seeds
+from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import replacing, write_json
 from billiards_env.scene import Scene
+from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
 from studies import RESULTS, errors_in_one_line, parser_of_runs, timestep_report
 from studies.timestep_report import GROUPS
@@ -46,9 +47,9 @@ WORLDS: dict[str, dict[str, Any]] = {"exact": {}, **{f"1/{n}": {"mode": "pit", "
 
 MOVE_BACK = {f"1/{n}": {**WORLDS[f"1/{n}"], "fix": "move_back"} for n in (240, 60, 15)}
 RANDOM = [WORLDS[f"1/{n}"] for n in TIMESTEPS]
-SEEDS = (11, 12, 13, 14, 15)
-FEW_SEEDS = SEEDS[:3]
-SHOTS = 1_000_000
+SEEDS = tuple(range(11, 21))
+FEW_SEEDS = SEEDS[:5]
+SHOTS, SHOTS_OF_GAMES = 1_000_000, 500_000
 LONG = "--shots 5e6 --hidden 192 --epochs 3 --until 0.12 --entropy 0.03 0.006"
 FINE_TUNING = (
     "--shots 5e5 --rate 5e-4 --entropy 0.003 0.003 --std-speed 0.03 0.03 --std-aim 0.005 0.0015 --evaluate-every 5e4"
@@ -60,10 +61,21 @@ ABLATION = {
 }
 """Options of `examples/ppo.py` that remove one of its ideas, by the name of the remaining policy."""
 
+GAMES: dict[str, tuple[dict[str, Any], str]] = {
+    "three_balls": (
+        {"n_object_balls": 3, "max_shots": 5},
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512",
+    ),
+    "carom": (
+        {"task": "carom", "layout": "random", "max_speed": 6.0},
+        f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
+    ),
+}
+"""Other games: their arguments of `gym.make`, and options of `examples/ppo.py`, by the name of the part."""
+
+WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
+
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
-NEAR = 0.015
-"""m. A shot is aimed at a pocket if its line is at most this far from the ghost ball of the pocket, the position of the
-cue ball at a hit that sends the object ball to the pocket."""
 
 
 class Run(NamedTuple):
@@ -101,9 +113,17 @@ PARTS: dict[str, list[Run]] = {
         for world in MOVE_BACK
     ],
     "ablation": [
-        Run("ablation", name, seed, [{}], options) for seed in FEW_SEEDS for name, options in ABLATION.items()
+        Run("ablation", name, seed, [{}], options) for seed in SEEDS[:3] for name, options in ABLATION.items()
     ],
     "long": [Run("long", "exact", SEEDS[0], [{}], LONG)],
+    **{
+        part: [
+            Run(part, world, seed, [{**game, **WORLDS[world]}], options)
+            for seed in SEEDS[:3]
+            for world in WORLDS_OF_GAMES
+        ]
+        for part, (game, options) in GAMES.items()
+    },
 }
 """The runs of each part. A run starts from a policy of an earlier part, or from none."""
 
@@ -120,11 +140,32 @@ def play(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[st
     return found
 
 
+def direct_pots(
+    actions: Floats, positions: Floats, scene: Scene, max_speed: float, world: Mapping[str, Any]
+) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
+    """Returns which shots pot the ball without a cushion or a scratch, (m,), and the pockets nearest to its end, (m,).
+
+    Args:
+        actions: (m, 2) shots of the cue ball.
+        positions: (m, 2, 2) m, the tables.
+        scene: The scene.
+        max_speed: The speed of an action of length 1, m/s.
+        world: The engine, an entry of `WORLDS`.
+    """
+    shots = simulate_batch(scene, positions, max_speed * actions, threads=1, **world)
+    places = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
+    pockets = np.linalg.norm(shots.positions[:, 1, None] - places, axis=2).argmin(1)
+    direct = (shots.cushions_before_hit[:, 1] == 0) & (shots.cushions[:, 1] == 0)
+    return direct & shots.potted[:, 1] & ~shots.potted[:, 0], pockets
+
+
 class Aims(NamedTuple):
-    """m shots, seen as direct pots into the pocket whose ghost ball is nearest to the line of the shot.
+    """m shots, seen as direct pots into one pocket each.
+
+    The *ghost ball* of a pocket is the position of the cue ball at a hit that sends the object ball to the pocket.
 
     Attributes:
-        error: (m,) m, the distance of the line from the ghost ball; positive if the hit is too thin.
+        error: (m,) m, the distance of the line of the shot from the ghost ball; positive if the hit is too thin.
         predicted: (m,) m, the error that compensates for a timestep on average, see `aims`.
         cut: (m,) degrees, the cut angle of the ghost ball.
         distance: (m,) m, between the cue ball and the object ball.
@@ -138,8 +179,10 @@ class Aims(NamedTuple):
     speed: Floats
 
 
-def aims(actions: Floats, positions: Floats, scene: Scene, max_speed: float, dt: float) -> Aims:
-    """Returns how shots (m, 2) of the cue ball aim, on tables with positions (m, 2, 2).
+def aims(
+    actions: Floats, positions: Floats, pockets: NDArray[np.intp], scene: Scene, max_speed: float, dt: float
+) -> Aims:
+    """Returns how shots (m, 2) of the cue ball aim at pockets (m,), on tables with positions (m, 2, 2).
 
     An engine with a timestep finds the contact late: the cue ball has gone on by s, which is between 0 and v dt. At the
     cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is shifted by
@@ -149,16 +192,12 @@ def aims(actions: Floats, positions: Floats, scene: Scene, max_speed: float, dt:
     speed = max_speed * np.linalg.norm(actions, axis=1)
     line = max_speed * actions / np.maximum(speed, 1e-9)[:, None]
     touching = 2.0 * scene.balls.radius[0]
-    pockets = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])
-    to_pocket = pockets - ball[:, None]
-    to_pocket /= np.linalg.norm(to_pocket, axis=2, keepdims=True)
-    to_ghost = ball[:, None] - touching * to_pocket - cue_ball[:, None]
-    to_ghost /= np.linalg.norm(to_ghost, axis=2, keepdims=True)
-    cosine, side = (to_ghost * to_pocket).sum(2), _cross(to_ghost, to_pocket)
-    aside = _cross(line, ball - cue_ball)[:, None]
-    error = np.where(side < 0, -1.0, 1.0) * (aside - touching * side)
-    nearest = np.where(cosine > 0, np.abs(error), np.inf).argmin(1)
-    error, cosine, side = (part[np.arange(len(part)), nearest] for part in (error, cosine, side))
+    to_pocket = np.array([(pocket.x, pocket.y) for pocket in scene.table.pockets])[pockets] - ball
+    to_pocket /= np.linalg.norm(to_pocket, axis=1, keepdims=True)
+    to_ghost = ball - touching * to_pocket - cue_ball
+    to_ghost /= np.linalg.norm(to_ghost, axis=1, keepdims=True)
+    cosine, side = (to_ghost * to_pocket).sum(1), _cross(to_ghost, to_pocket)
+    error = np.where(side < 0, -1.0, 1.0) * (_cross(line, ball - cue_ball) - touching * side)
     distance = np.linalg.norm(ball - cue_ball, axis=1)
     speed = _speed_after(speed, np.maximum(distance - touching * cosine, 0.0), scene)
     cut = np.degrees(np.arctan2(np.abs(side), cosine))
@@ -178,16 +217,15 @@ def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
     return np.sqrt(np.maximum(np.where(path < sliding, slides, rolls), 0.0))
 
 
-def aims_by_group(aimed: Aims, potted: NDArray[np.bool_]) -> dict[str, list[list[float]]]:
-    """Returns the number of direct pots, the median of their error and of its prediction, mm, for each of `GROUPS`."""
-    direct = potted & (np.abs(aimed.error) < NEAR)
+def aims_by_group(aimed: Aims) -> dict[str, list[list[float]]]:
+    """Returns the number of shots, the mean of their error and of its prediction, mm, for each of `GROUPS`."""
     found: dict[str, list[list[float]]] = {}
     for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
         found[name] = []
         for low, high in pairwise(edges):
-            group = direct & (values >= low) & (values < high)
-            middle = [1e3 * float(np.median(part[group])) if group.any() else 0.0 for part in aimed[:2]]
-            found[name].append([int(group.sum()), *middle])
+            group = (values >= low) & (values < high)
+            means = [1e3 * float(part[group].mean()) if group.any() else 0.0 for part in aimed[:2]]
+            found[name].append([int(group.sum()), *means])
     return found
 
 
@@ -201,14 +239,23 @@ def train(run: Run, start: Weights | None, layouts: int) -> tuple[dict[str, Any]
 
     Returns:
         The result as plain data, and the weights. The result has the fields of the run; `curve`, the evaluations during
-        the training (see `ppo.train`); and the output of `compare`.
+        the training (see `ppo.train`); the output of `compare`, or of `compare_in_game` in a part of `GAMES`; and in
+        the main part `aim`, the output of `aim_of`.
     """
     given = f"{run.options} --seed {run.seed} --episodes {min(layouts, 2000)}".split()
     args = ppo.arguments([*given, "--env", json.dumps(run.envs)])
     with contextlib.redirect_stdout(io.StringIO()):
         policy, curve = ppo.train(args, None if start is None else policy_of(start, args))
     weights = {name: value.numpy().astype(np.float16) for name, value in policy.state_dict().items()}
-    return {**run._asdict(), "curve": curve, **compare(policy_of(weights, args), run.envs[0], layouts)}, weights
+    policy = policy_of(weights, args)
+    result = {**run._asdict(), "curve": curve}
+    if run.part in GAMES:
+        result |= compare_in_game(policy, run, layouts)
+    else:
+        result |= compare(policy, run.envs[0], layouts)
+    if run.part == "main":
+        result["aim"] = aim_of(policy, run.envs[0], layouts)
+    return result, weights
 
 
 def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, Any]:
@@ -220,24 +267,43 @@ def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict
         layouts: The number of layouts.
 
     Returns:
-        `success`, the number of successes in each world; `own`, the number in the own world; `false_successes` and
-        `false_failures`, the numbers of shots that succeed only in the own world and only in the exact one; and `aim`,
-        see `aims_by_group`.
+        `success`, the number of successes in each world; `own`, the number in the own world; and `false_successes` and
+        `false_failures`, the numbers of shots that succeed only in the own world and only in the exact one.
     """
     envs = make_worlds(layouts, {**WORLDS, "own": own_world})
     observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
-    positions, env = envs["exact"].positions, envs["exact"].single_env
-    actions = shots_of(policy, observations)
-    potted = play(actions, positions, envs)
+    potted = play(shots_of(policy, observations), envs["exact"].positions, envs)
     own, exact = potted.pop("own"), potted["exact"]
-    aimed = aims(actions, positions, env.scene, env.max_speed, own_world.get("dt", 0.0))
     return {
         "success": {world: int(shots.sum()) for world, shots in potted.items()},
         "own": int(own.sum()),
         "false_successes": int((own & ~exact).sum()),
         "false_failures": int((exact & ~own).sum()),
-        "aim": aims_by_group(aimed, own),
     }
+
+
+def compare_in_game(policy: ppo.Policy, run: Run, layouts: int) -> dict[str, Any]:
+    """Plays new episodes of a part of `GAMES` in the worlds of the games.
+
+    Returns:
+        `success`, the number of successes in each world, and `own`, the number in the world of the run.
+    """
+    seeds, game = evaluation_seeds(LAYOUT_SEED, layouts).tolist(), GAMES[run.part][0]
+    success = {}
+    for world in WORLDS_OF_GAMES:
+        envs = BilliardsVectorEnv(layouts, threads=1, **game, **WORLDS[world])
+        success[world] = play_together(envs, lambda observations: shots_of(policy, observations), seeds)["successes"]
+    return {"success": success, "own": success[run.world]}
+
+
+def aim_of(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict[str, list[list[float]]]:
+    """Returns `aims_by_group` of the direct pots of a policy in its own world, on the layouts of `compare`."""
+    envs = make_worlds(layouts, {"exact": {}})["exact"]
+    observations, _ = envs.reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())
+    actions, scene, max_speed = shots_of(policy, observations), envs.single_env.scene, envs.single_env.max_speed
+    direct, pockets = direct_pots(actions, envs.positions, scene, max_speed, own_world)
+    shots = actions[direct], envs.positions[direct], pockets[direct]
+    return aims_by_group(aims(*shots, scene, max_speed, own_world.get("dt", 0.0)))
 
 
 def shots_of(policy: ppo.Policy, observations: NDArray[np.float32]) -> Floats:
@@ -253,7 +319,8 @@ def make_worlds(layouts: int, worlds: Mapping[str, dict[str, Any]]) -> dict[str,
 
 def policy_of(weights: Weights, args: Any) -> ppo.Policy:
     """Returns the policy with some weights, for the options of the training."""
-    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden)
+    balls = (weights["choice.0.weight"].shape[1] - 6) // 2
+    policy = ppo.Policy(weights["half_extents"].tolist(), args.points, args.speeds, args.hidden, balls, args.aim)
     policy.load_state_dict({name: torch.from_numpy(value.astype(np.float32)) for name, value in weights.items()})
     return policy
 

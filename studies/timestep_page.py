@@ -25,11 +25,10 @@ from examples import ppo
 from studies import errors_in_one_line
 from studies.timestep import (
     LAYOUT_SEED,
-    NEAR,
     SEEDS,
     WORLDS,
     Run,
-    aims,
+    direct_pots,
     load_weights,
     make_worlds,
     places,
@@ -65,7 +64,7 @@ def make_page(policies: Path) -> str:
         actions[world] = shots_of(policy_of(weights, ppo.arguments([])), observations)
         potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]
-    telling &= np.abs(aims(actions[COARSE], positions, env.scene, env.max_speed, 0.0).error) < NEAR
+    telling &= direct_pots(actions[COARSE], positions, env.scene, env.max_speed, WORLDS[COARSE])[0]
     layouts = [
         {
             world: [

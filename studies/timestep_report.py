@@ -31,6 +31,9 @@ GROUPS = {
 }
 """The groups of shots in which the aim is measured: the unit and the edges. The speed is that at the hit."""
 
+GAMES = {"three_balls": "three balls, five shots", "carom": "carom"}
+"""The names of the other games in the table, by part."""
+
 Result = Mapping[str, Any]
 Floats = NDArray[np.float64]
 
@@ -79,8 +82,8 @@ def points(a: Floats, b: Floats) -> str:
     return f"{100 * gap(a, b):+.1f} ({low:+.1f} to {high:+.1f})"
 
 
-def median_errors(runs: Sequence[Mapping[str, Any]], group: str) -> Floats:
-    """Returns the median error of the aim and its prediction for each group, mm, (groups, 2): means over runs."""
+def mean_errors(runs: Sequence[Mapping[str, Any]], group: str) -> Floats:
+    """Returns the mean error of the aim and its prediction for each group, mm, (groups, 2), over the shots of runs."""
     found = np.array([run["aim"][group] for run in runs])
     return (found[..., :1] * found[..., 1:]).sum(0) / np.maximum(found[..., :1].sum(0), 1)
 
@@ -109,6 +112,7 @@ def blocks(result: Result) -> dict[str, str]:
             ],
         ),
         **{f"aim: {group}": _aim(main, group) for group in GROUPS},
+        "aim: new seeds": _new_seeds(main),
     }
     if controls := {**of_part(result, "random"), **of_part(result, "move_back")}:
         found["control"] = _controls(result, controls, exact)
@@ -116,6 +120,7 @@ def blocks(result: Result) -> dict[str, str]:
         found["fine_tuning"] = _fine_tuning(result, main, tuned)
     if without := of_part(result, "ablation"):
         found["ablation"] = _ablation(result, without, main[EXACT])
+    found["games"] = _games(result, {name: of_part(result, name) for name in GAMES})
     found["seeds"] = _seeds(result, {"main": main[EXACT], **of_part(result, "long")})
     return found
 
@@ -142,15 +147,36 @@ def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Float
 
 def _aim(main: Mapping[str, list[dict[str, Any]]], group: str) -> str:
     unit, edges = GROUPS[group]
-    base = median_errors(main[EXACT], group)[:, 0]
+    base = mean_errors(main[EXACT], group)[:, 0]
     head = [f"{low:g} to {high:g} {unit}" for low, high in pairwise(edges)]
     rows = []
     for world, runs in main.items():
         if world != EXACT:
-            measured, predicted = median_errors(runs, group).T
+            measured, predicted = mean_errors(runs, group).T
             cells = (f"{m - b:+.1f} ({p:+.1f})" for m, b, p in zip(measured, base, predicted, strict=True))
             rows.append((_name(world), *cells))
     return table(("trained in", *head), rows)
+
+
+def _new_seeds(main: Mapping[str, list[dict[str, Any]]]) -> str:
+    """Returns how far the measured errors of the aim are from the predicted ones, for each half of the seeds."""
+    worlds = [world for world in main if world != EXACT]
+    seeds = sorted(run["seed"] for run in main[EXACT])
+    rows = []
+    for some in (seeds[: len(seeds) // 2], seeds[len(seeds) // 2 :]):
+        chosen = {world: [run for run in runs if run["seed"] in some] for world, runs in main.items()}
+        base = mean_errors(chosen[EXACT], "cut angle")[:, 0]
+        cells = []
+        for world in worlds:
+            measured, predicted = mean_errors(chosen[world], "cut angle").T
+            weights = np.sum([[row[0] for row in run["aim"]["cut angle"]] for run in chosen[world]], axis=0)
+            rms = [
+                np.sqrt((weights * values**2).sum() / max(weights.sum(), 1))
+                for values in (measured - base - predicted, predicted)
+            ]
+            cells.append(f"{rms[0]:.2f} of {rms[1]:.2f}")
+        rows.append((f"{some[0]} to {some[-1]}", *cells))
+    return table(("seeds", *map(_name, worlds)), rows)
 
 
 def _controls(result: Result, controls: Mapping[str, list[dict[str, Any]]], exact: Floats) -> str:
@@ -188,6 +214,18 @@ def _ablation(result: Result, without: Mapping[str, list[dict[str, Any]]], runs:
         values = rates(result, changed, EXACT)
         rows.append((name, f"`{changed[0]['options']}`", share(values), points(values, rates(result, runs, EXACT))))
     return table(("policy", "options", "success", "difference"), rows, left=2)
+
+
+def _games(result: Result, games: Mapping[str, Mapping[str, list[dict[str, Any]]]]) -> str:
+    rows = []
+    for name, worlds in games.items():
+        for world, runs in worlds.items():
+            own, played = rates(result, runs, "own"), rates(result, runs, EXACT)
+            difference = "" if world == EXACT else points(played, rates(result, worlds[EXACT], EXACT))
+            shots = f"{runs[0]['curve'][-1]['shots']:,}"
+            rows.append((GAMES[name], _name(world), shots, share(own), share(played), difference))
+    head = ("trained in", "shots", "success in its own world", "success in the exact world")
+    return table(("game", *head, "difference from exact training"), rows, left=2)
 
 
 def _seeds(result: Result, parts: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -234,15 +272,15 @@ def _draw_aim(result: Result, main: Mapping[str, list[dict[str, Any]]]) -> Figur
     axes = figure.add_subplot()
     limits = np.array(GROUPS["cut angle"][1])[:-1]  # few shots have a cut of more than 60 degrees
     at = 0.5 * (limits[:-1] + limits[1:])
-    base = median_errors(main[EXACT], "cut angle")[: len(at), 0]
+    base = mean_errors(main[EXACT], "cut angle")[: len(at), 0]
     for world, colour in (("1/240", "#56b4e9"), ("1/120", BLUE), ("1/60", ORANGE), ("1/30", "#cc79a7")):
         if world in main:
-            measured, predicted = median_errors(main[world], "cut angle")[: len(at)].T
+            measured, predicted = mean_errors(main[world], "cut angle")[: len(at)].T
             axes.plot(at, measured - base, "o-", color=colour, label=f"{world} s")
             axes.plot(at, predicted, "--", color=colour)
     axes.plot([], [], "--", color=GREY, label="predicted from the\nlate contact")
     axes.axhline(0.0, color=GREY, linewidth=0.8)
-    axes.set(xlabel="cut angle (degrees)", ylabel="median error of the aim (mm)", xticks=limits)
+    axes.set(xlabel="cut angle (degrees)", ylabel="mean error of the aim (mm)", xticks=limits)
     axes.set_title("The error of the aim is the one that makes up for the late contact", loc="left", fontsize=11)
     return _finished(figure)
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import os
 import re
 import time
 import tracemalloc
@@ -223,6 +224,12 @@ def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
 def test_errors_are_one_line(arguments, message):
     with pytest.raises(SystemExit, match=message):
         main(["bench", *arguments])
+
+
+def test_a_pipe_is_refused_and_not_read(tmp_path):
+    os.mkfifo(tmp_path / "pipe.json")  # a reader would wait for a writer
+    with pytest.raises(SystemExit, match=r"pipe\.json': expected a file of a benchmark, but it is not a regular file"):
+        main(["bench", "verify", str(tmp_path / "pipe.json")])
 
 
 def test_an_action_of_a_player_that_is_wrong_leaves_no_file(tmp_path, monkeypatch):

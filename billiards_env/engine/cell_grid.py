@@ -1,6 +1,6 @@
 """The event queue for many balls: a heap of balls, and a grid of cells that limits the number of predicted pairs.
 
-Two costs of `engine.all_pairs` grow with the number of balls: the search for the earliest prediction, and the
+Two costs of `engine.all_pairs` grow with the number of balls: finding the earliest prediction, and the
 predictions of a ball's meetings with all others. Here the ball with the earliest event is at the top of a heap. Cells
 are at least as wide as a ball, so a ball meets only balls in its own and the neighbouring cells. When it enters another
 cell, its meetings with the balls of three more cells are predicted (Rapaport 1980, The event scheduling problem in

@@ -37,23 +37,6 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.cushion import CushionMotion
 from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
 from billiards_env.physics.derivatives import (
-    BALL_WIDTH,
-    CUSHION_NUMBERS,
-    D_INV_MASS,
-    D_NUMBERS,
-    D_RADIUS,
-    D_TIME,
-    DUX,
-    DUY,
-    DVX,
-    DVY,
-    DWZ,
-    DX,
-    DY,
-    END_NUMBERS,
-    FLIGHT_NUMBERS,
-    LANE_WIDTH,
-    PAIR_NUMBERS,
     apply_push,
     end_lane,
     flight_lane,
@@ -72,6 +55,25 @@ from billiards_env.physics.derivatives import (
     start_lane,
     wall_at,
     wall_lane,
+)
+from billiards_env.physics.lanes import (
+    BALL_WIDTH,
+    CUSHION_NUMBERS,
+    D_INV_MASS,
+    D_NUMBERS,
+    D_RADIUS,
+    D_TIME,
+    DUX,
+    DUY,
+    DVX,
+    DVY,
+    DWZ,
+    DX,
+    DY,
+    END_NUMBERS,
+    FLIGHT_NUMBERS,
+    LANE_WIDTH,
+    PAIR_NUMBERS,
 )
 from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
@@ -116,6 +118,38 @@ MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
 _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
 
 
+class Shots(NamedTuple):
+    """Recorded shots, as an argument of an entry point: a plain tuple with these fields.
+
+    Attributes:
+        first: The first shot of the log.
+        scene: The `SceneArrays`, as a plain tuple.
+        is_sphere: Whether the balls are spheres.
+        events: `Log.events`.
+        segments: `Log.segments`.
+        bounds: (shots + 1, 2) int64: `Log.begins`, and the numbers of used rows.
+    """
+
+    first: Any
+    scene: Any
+    is_sphere: Any
+    events: Any
+    segments: Any
+    bounds: Any
+
+
+class Marks(NamedTuple):
+    """The adjoints of the results of an event.
+
+    Attributes:
+        values: (k, 3) float64.
+        used: Whether one of them is not zero.
+    """
+
+    values: Any
+    used: Any
+
+
 class Tape(NamedTuple):
     """What a pass needs of each piece of a shot, and scratch.
 
@@ -149,10 +183,10 @@ class Tape(NamedTuple):
 
 
 @allocating
-def empty_tape(begin, end, first, bounds, n, lanes):
-    """Returns the `Tape` for shots `begin` to `end` - 1 of a log that begins with shot `first`."""
-    events = pieces = 1
-    for k in range(begin - first, end - first):
+def empty_tape(begin, end, shots, lanes):
+    """Returns the `Tape` for shots `begin` to `end` - 1 of the `Shots`."""
+    events, pieces, n, bounds = 1, 1, len(shots.scene[1]), shots.bounds
+    for k in range(begin - shots.first, end - shots.first):
         events = max(events, bounds[k + 1, 0] - bounds[k, 0])
         pieces = max(pieces, bounds[k + 1, 1] - bounds[k, 1])
     return Tape(
@@ -406,33 +440,28 @@ def begin_lanes(n, inputs, segments, scene, tangent, tape):
 
 
 @allocating_entry_point
-def push_lanes(begin, end, first, scene, is_sphere, events, segments, bounds, times, inputs, outputs, at_events, found):
+def push_lanes(begin, end, shots, times, inputs, results):
     """Computes the changes of shots `begin` to `end` - 1 by changes of their inputs.
 
     Args:
         begin: First shot.
         end: One past the last.
-        first: The first shot of the log.
-        scene: The `SceneArrays`, as a plain tuple.
-        is_sphere: Whether the balls are spheres.
-        events: `Log.events`.
-        segments: `Log.segments`.
-        bounds: (shots + 1, 2) int64: `Log.begins`, and the numbers of used rows.
+        shots: The `Shots`, as a plain tuple.
         times: (m, q) float64, ascending, s; not later than the end of the shot.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
-        outputs: (m, q, k, n, 7) float64 out, the changes of the outputs at these times.
-        at_events: (m, k, l, 3) float64 out, the changes of time and place of the first l events up to the last of these
-            times, and zeros.
-        found: (m, 2) int64 out, the results of `trace`.
+        results: Three arrays, written: (m, q, k, n, 7) float64, the changes of the outputs at these times;
+            (m, k, l, 3) float64, the changes of time and place of the first l events up to the last of these times, and
+            zeros; (m, 2) int64, the results of `trace`.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
-    n, count, most = len(arrays.radius), inputs.shape[1], at_events.shape[2]
-    tape = empty_tape(begin, end, first, bounds, n, count)
+    shots, (outputs, at_events, found) = Shots(*shots), results
+    is_sphere = shots.is_sphere
+    n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
+    tape = empty_tape(begin, end, shots, count)
     tangent, lanes, pending = np.empty((n, count, BALL_WIDTH)), tape.lanes, 0
     for k in range(begin, end):
-        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
-        at, after = bounds[k - first], bounds[k - first + 1]
-        log, paths, given = events[at[0] : after[0]], segments[at[1] : after[1]], inputs[k]
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths, given = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
         if count == 0:
             continue
@@ -520,29 +549,27 @@ def _unit_lanes(balls, kind, count, constants, tape):
 
 
 @inlined
-def _pull(count, n, i, other, begin, marked, marks, tape, adjoint, sums):
+def _pull(count, i, other, begin, marks, tape, adjoint, sums):
     """Multiplies adjoints by the lanes of one ball or of two.
 
     Args:
         count: Number of lanes.
-        n: Number of balls.
         i: The first ball.
         other: The second ball; -1 for none.
         begin: The first column of the first ball that the lanes change.
-        marked: Whether the results of the event have adjoints.
-        marks: (k, 3) float64, these adjoints.
+        marks: The `Marks` of the event.
         tape: The `Tape`.
         adjoint: (k, n, 7) float64, changed in place.
         sums: (k, 9 n + 14) float64; the parts of the constants are added.
     """
-    lanes, column, pulled = tape.lanes, tape.column, tape.pulled
+    lanes, column, pulled, n = tape.lanes, tape.column, tape.pulled, adjoint.shape[1]
     for k in range(len(adjoint)):
         a, b = adjoint[k, i], adjoint[k, max(other, 0)]
         for c in range(count):
             lane, total = lanes[c], 0.0
-            if marked:
+            if marks.used:
                 for j in range(3):
-                    total += marks[k, j] * lane[D_TIME + j]
+                    total += marks.values[k, j] * lane[D_TIME + j]
             for j in range(BALL_WIDTH):
                 total += a[j] * lane[j]
             if other >= 0:
@@ -585,37 +612,30 @@ def _is_zero(i, adjoint):
 
 
 @allocating_entry_point
-def pull_lanes(
-    begin, end, first, scene, is_sphere, events, segments, bounds, times, outputs, at_events, constants, inputs, found
-):
+def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results):
     """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
 
     Args:
-        begin: As in `push_lanes`, like the seven that follow.
-        end: See there.
-        first: See there.
-        scene: See there.
-        is_sphere: See there.
-        events: See there.
-        segments: See there.
-        bounds: See there.
+        begin: First shot.
+        end: One past the last.
+        shots: The `Shots`, as a plain tuple.
         times: (m,) float64, s, the times of the outputs.
         outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
         at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
         constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
-        inputs: (m, k, 9 n + 14) float64 out.
-        found: (m, 2) int64 out, the results of `trace`.
+        results: Two arrays, written: (m, k, 9 n + 14) float64, the products; (m, 2) int64, the results of `trace`.
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
-    n, count, most = len(arrays.radius), outputs.shape[1], at_events.shape[2]
-    tape = empty_tape(begin, end, first, bounds, n, MOST_LANES)
-    marks, motion, pending = np.zeros((count, 3)), arrays.numbers.motion, 0
+    shots, (inputs, found) = Shots(*shots), results
+    is_sphere = shots.is_sphere
+    n, count, most = outputs.shape[2], outputs.shape[1], at_events.shape[2]
+    tape = empty_tape(begin, end, shots, MOST_LANES)
+    marks, pending = np.zeros((count, 3)), 0
     tape.lanes[:] = 0.0
     for k in range(begin, end):
-        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
-        at, after = bounds[k - first], bounds[k - first + 1]
-        log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
-        adjoint, sums = outputs[k], inputs[k]
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
+        motion, adjoint, sums = arrays.numbers.motion, outputs[k], inputs[k]
         found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
         sums[:] = 0.0
         for i in range(n):
@@ -631,7 +651,7 @@ def pull_lanes(
                 lanes = _ball_columns(0, phase, DVX, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _apply_end(i, lanes, times[k], paths, arrays, tape)
-                _pull(lanes, n, i, -1, DVX, False, marks, tape, adjoint, sums)
+                _pull(lanes, i, -1, DVX, Marks(marks, False), tape, adjoint, sums)
         for e in range(done - 1, -1, -1):
             kind, i = int(log[e, KIND]), int(log[e, BALL])
             j = int(log[e, OTHER]) if kind == BALL_BALL else -1
@@ -650,7 +670,7 @@ def pull_lanes(
                 lanes = _ball_columns(BALL_WIDTH, phase, 0, lanes, motion, tape.column)
             lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
             apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
-            _pull(lanes, n, i, j, begin_at, marked, marks, tape, adjoint, sums)
+            _pull(lanes, i, j, begin_at, Marks(marks, marked), tape, adjoint, sums)
             pending += lanes
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
@@ -661,7 +681,7 @@ def pull_lanes(
                 lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
                 _start(i, lanes, paths, arrays, tape.lanes)
-                _pull(lanes, n, i, -1, 0, False, marks, tape, adjoint, sums)
+                _pull(lanes, i, -1, 0, Marks(marks, False), tape, adjoint, sums)
             for c in range(count):
                 for d in range(BALL_WIDTH):
                     sums[c, BALL_INPUTS * i + d] = adjoint[c, i, d]

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.gradients import (
+    Shots,
     Tape,
     apply_event,
     begin_lanes,
@@ -42,7 +43,8 @@ from billiards_env.engine.log import (
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.contact import contact_distance, misses_circle, sweep
-from billiards_env.physics.derivatives import BALL_WIDTH, D_RADIUS, D_TIME, DVX, DVY, DX, DY, flight_lane, wall_at
+from billiards_env.physics.derivatives import flight_lane, wall_at
+from billiards_env.physics.lanes import BALL_WIDTH, D_RADIUS, D_TIME, DVX, DVY, DX, DY
 from billiards_env.physics.motion import Path, norm, place_after, relative_to
 from billiards_env.physics.roots import bracketed_root, quartic
 from billiards_env.physics.state import (
@@ -99,6 +101,20 @@ class Found(NamedTuple):
     time: Any
     rate: Any
     slope: Any
+
+
+class Pair(NamedTuple):
+    """A ball and a body.
+
+    Attributes:
+        ball: The ball.
+        other: The ball that is the body; -1 for a pocket or a cushion.
+        column: The column of the body in `Found`.
+    """
+
+    ball: Any
+    other: Any
+    column: Any
 
 
 class Shot(NamedTuple):
@@ -187,21 +203,18 @@ def _between(first, second, begin):
 
 
 @kernel
-def _set(i, j, q, margin, nx, ny, rate, now, shot):
-    """Stores the margin of ball i to body q.
+def _set(pair, margin, normal, rate, now, shot):
+    """Stores the margin of a pair.
 
     Args:
-        i: The ball.
-        j: The ball that is the body; -1 for a pocket or a cushion.
-        q: The column of the body.
+        pair: The `Pair`.
         margin: m.
-        nx: Unit vector from the ball towards the body, along x.
-        ny: The same along y.
+        normal: Unit vector (x, y) from the ball towards the body.
         rate: As in `Found`.
         now: The `Time` at which the two are nearest. The lanes then have the positions at this time.
         shot: The `Shot`.
     """
-    found, tape, scene = shot.found, shot.tape, shot.scene
+    (i, j, q), (nx, ny), found, tape, scene = pair, normal, shot.found, shot.tape, shot.scene
     count, lanes, n = len(found.slope), tape.lanes, len(scene.radius)
     found.margin[i, q], found.time[i, q], found.rate[i, q] = margin, now.hi, rate
     if count == 0:
@@ -232,13 +245,11 @@ def _set(i, j, q, margin, nx, ny, rate, now, shot):
 
 
 @kernel
-def _approach(i, j, q, path, t, ends, begin, reach, shot):
-    """Stores the margin of ball i to a circle t seconds after `begin`, if it is the largest.
+def _approach(pair, path, t, ends, begin, reach, shot):
+    """Stores the margin of a ball to a circle t seconds after `begin`, if it is the largest.
 
     Args:
-        i: The ball.
-        j: As in `_set`.
-        q: As in `_set`.
+        pair: The `Pair`.
         path: The `Path` of the ball relative to the centre from `begin`.
         t: s.
         ends: Whether an event ends the approach then.
@@ -248,19 +259,20 @@ def _approach(i, j, q, path, t, ends, begin, reach, shot):
     """
     x, y = place_after(path, t)
     distance = norm(x, y)
-    if reach - distance > shot.found.margin[i, q] and distance > 0.0:
+    if reach - distance > shot.found.margin[pair.ball, pair.column] and distance > 0.0:
         nx, ny = -x / distance, -y / distance
         rate = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay) if ends else 0.0
-        _set(i, j, q, reach - distance, nx, ny, rate, later(begin, t), shot)
+        _set(pair, reach - distance, (nx, ny), rate, later(begin, t), shot)
 
 
 @inlined
-def _pass_circle(i, j, q, path, end, swept, begin, reach, shot):
-    """Stores the margin of ball i to a circle on a piece of its path, if it is the largest."""
+def _pass_circle(pair, path, end, swept, begin, reach, shot):
+    """Stores the margin of a ball to a circle on a piece of its path, if it is the largest."""
+    i, q = pair.ball, pair.column
     if shot.wanted[i, q] and not misses_circle(path, swept, reach - shot.found.margin[i, q]):
         t = nearest_time(path, end)
         if t > 0.0:
-            _approach(i, j, q, path, t, t == end, begin, reach, shot)
+            _approach(pair, path, t, t == end, begin, reach, shot)
 
 
 @inlined
@@ -270,21 +282,20 @@ def _touches_line(line, x, y):
 
 
 @inlined
-def _pass_line(i, q, path, end, begin, nx, ny, room, line, shot):
-    """Stores the margin of ball i to a straight cushion on a piece of its path, if it is the largest.
+def _pass_line(pair, path, end, begin, normal, room, line, shot):
+    """Stores the margin of a ball to a straight cushion on a piece of its path, if it is the largest.
 
     Args:
-        i: The ball.
-        q: The column of the cushion.
+        pair: The `Pair`.
         path: The `Path` of the ball.
         end: Its end, s.
         begin: The `Time` of its beginning.
-        nx: Unit normal into the cushion along x.
-        ny: The same along y.
+        normal: Unit normal (x, y) into the cushion.
         room: Largest coordinate of the ball along the normal, m.
         line: The row of `Outline.lines`; None for a side of a rectangle.
         shot: The `Shot`.
     """
+    (i, _, q), (nx, ny) = pair, normal
     if not shot.wanted[i, q]:
         return
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
@@ -296,7 +307,7 @@ def _pass_line(i, q, path, end, begin, nx, ny, room, line, shot):
     x, y = place_after(path, t)
     margin = nx * x + ny * y - room
     if shot.found.margin[i, q] < margin <= _TOUCHING and (line is None or _touches_line(line, x, y)):
-        _set(i, -1, q, margin, nx, ny, v + t * a if t == end else 0.0, later(begin, t), shot)
+        _set(pair, margin, normal, v + t * a if t == end else 0.0, later(begin, t), shot)
 
 
 @inlined
@@ -305,11 +316,11 @@ def _pass_cushions(outline, i, first, path, end, swept, begin, shot):
     radius, numbers = shot.scene.radius[i], shot.scene.numbers
     if outline is None:
         for wall in range(4):
-            sign = 1.0 if wall % 2 else -1.0
+            sign, pair = 1.0 if wall % 2 else -1.0, Pair(i, -1, first + wall)
             if wall < 2:
-                _pass_line(i, first + wall, path, end, begin, sign, 0.0, numbers.half_length - radius, None, shot)
+                _pass_line(pair, path, end, begin, (sign, 0.0), numbers.half_length - radius, None, shot)
             else:
-                _pass_line(i, first + wall, path, end, begin, 0.0, sign, numbers.half_width - radius, None, shot)
+                _pass_line(pair, path, end, begin, (0.0, sign), numbers.half_width - radius, None, shot)
     else:
         _pass_outline(outline, i, first, path, end, swept, begin, shot)
 
@@ -321,7 +332,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
     for k in range(len(lines)):
         line = lines[k]
         room = line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius
-        _pass_line(i, first + k, path, end, begin, line[NX], line[NY], room, line, shot)
+        _pass_line(Pair(i, -1, first + k), path, end, begin, (line[NX], line[NY]), room, line, shot)
     for k in range(len(tips)):
         tip, q = tips[k], first + len(lines) + k
         from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
@@ -330,7 +341,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
         t = nearest_time(from_tip, end)
         x, y = place_after(path, t)
         if (t > 0.0 or end == 0.0) and faces(tip, x, y):
-            _approach(i, -1, q, from_tip, t, t == end, begin, reach, shot)
+            _approach(Pair(i, -1, q), from_tip, t, t == end, begin, reach, shot)
 
 
 @kernel
@@ -351,7 +362,7 @@ def _pass_by(i, now, shot):
         for p in range(len(scene.pockets)):
             pocket = scene.pockets[p]
             from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-            _pass_circle(i, -1, n + p, from_pocket, end, swept, begin, pocket[POCKET_RADIUS], shot)
+            _pass_circle(Pair(i, -1, n + p), from_pocket, end, swept, begin, pocket[POCKET_RADIUS], shot)
         _pass_cushions(scene.outline, i, n + len(scene.pockets), path, end, swept, begin, shot)
     for k in range(n):
         other = segments[tape.current[k]]
@@ -368,7 +379,7 @@ def _pass_by(i, now, shot):
         if end > 0.0:
             path = _between(segments[tape.current[low]], segments[tape.current[high]], start)
             reach = contact_distance(scene.spheres, scene.radius, low, high)
-            _pass_circle(low, high, high, path, end, sweep(path, end), start, reach, shot)
+            _pass_circle(Pair(low, high, high), path, end, sweep(path, end), start, reach, shot)
 
 
 @kernel
@@ -383,12 +394,12 @@ def _begin(shot):
         for j in range(i + 1, n):
             if wanted[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
                 reach = contact_distance(scene.spheres, scene.radius, i, j)
-                _approach(i, j, j, _between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
+                _approach(Pair(i, j, j), _between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
         for p in range(len(scene.pockets)):
             pocket = scene.pockets[p]
             if wanted[i, n + p]:
                 from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
-                _approach(i, -1, n + p, from_pocket, 0.0, False, start, pocket[POCKET_RADIUS], shot)
+                _approach(Pair(i, -1, n + p), from_pocket, 0.0, False, start, pocket[POCKET_RADIUS], shot)
         _pass_cushions(scene.outline, i, n + len(scene.pockets), path, 0.0, sweep(path, 0.0), start, shot)
 
 
@@ -405,7 +416,7 @@ def _enter_pocket(i, p, path, now, shot):
     limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
     if limit < t:
         t, cut = limit, True
-    _approach(i, -1, q, from_pocket, t, cut, now, pocket[POCKET_RADIUS], shot)
+    _approach(Pair(i, -1, q), from_pocket, t, cut, now, pocket[POCKET_RADIUS], shot)
     if cut:
         tape.state[DX], tape.state[DY] = place_after(path, t)
         nx, ny, _ = wall_at(tape.state, wall, scene.radius[i], scene.outline)
@@ -431,14 +442,15 @@ def _hit_cushion(outline, i, wall, piece, path, now, shot):
         for c in range(len(found.slope)):
             found.slope[c, i, q] = 0.0
     elif v > 0.0 and -0.5 * v * v / a > shot.found.margin[i, q]:
-        _set(i, -1, q, -0.5 * v * v / a, nx, ny, 0.0, later(now, -v / a), shot)
+        _set(Pair(i, -1, q), -0.5 * v * v / a, (nx, ny), 0.0, later(now, -v / a), shot)
 
 
 @inlined
 def _hit_tip(tip, i, q, path, now, shot):
     """Implements `_hit_cushion` for a tip."""
     from_tip = relative_to(path, tip[TIP_X], tip[TIP_Y])
-    _approach(i, -1, q, from_tip, turn_time(from_tip), False, now, tip[TIP_RADIUS] + shot.scene.radius[i], shot)
+    reach = tip[TIP_RADIUS] + shot.scene.radius[i]
+    _approach(Pair(i, -1, q), from_tip, turn_time(from_tip), False, now, reach, shot)
 
 
 @kernel
@@ -462,7 +474,7 @@ def _meet(e, events, shot):
         )
         low, high = min(i, other), max(i, other)
         reach = contact_distance(scene.spheres, scene.radius, i, other)
-        _approach(low, high, high, between, turn_time(between), False, now, reach, shot)
+        _approach(Pair(low, high, high), between, turn_time(between), False, now, reach, shot)
     elif kind == BALL_POCKET and shot.wanted[i, len(scene.radius) + other]:
         _enter_pocket(i, other, path, now, shot)
     elif kind == BALL_CUSHION and shot.wanted[i, len(scene.radius) + len(scene.pockets) + other]:
@@ -484,35 +496,28 @@ def _move_ends(i, shot):
 
 
 @allocating_entry_point
-def push_margins(
-    begin, end, first, scene, is_sphere, events, segments, bounds, times, inputs, wanted, margins, nearest, slopes
-):
+def push_margins(begin, end, shots, times, inputs, wanted, results):
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
     Args:
-        begin: As in `gradients.push_lanes`, like the seven that follow.
-        end: See there.
-        first: See there.
-        scene: See there.
-        is_sphere: See there.
-        events: See there.
-        segments: See there.
-        bounds: See there.
+        begin: First shot.
+        end: One past the last.
+        shots: The `gradients.Shots`, as a plain tuple.
         times: (m,) float64, s: only the shot until then counts.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
         wanted: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
-        margins: (m, n, q) float64 out, see `Found`; minus infinity for the others.
-        nearest: (m, n, q) float64 out, `Found.time`.
-        slopes: (m, k, n, q) float64 out, see there.
+        results: Three float64 arrays, written, see `Found`: the margins (m, n, q), minus infinity for the others; the
+            times (m, n, q); the slopes (m, k, n, q).
     """
-    arrays = SceneArrays(scene[0][0], *scene[1:])
-    n, count, bodies = len(arrays.radius), inputs.shape[1], margins.shape[2]
-    tape = empty_tape(begin, end, first, bounds, n, max(count, 1))
+    shots, (margins, nearest, slopes) = Shots(*shots), results
+    _, n, bodies = margins.shape
+    is_sphere, count = shots.is_sphere, inputs.shape[1]
+    tape = empty_tape(begin, end, shots, max(count, 1))
     tangent, rates, pending = np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies)), 0
     for k in range(begin, end):
-        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
-        at, after = bounds[k - first], bounds[k - first + 1]
-        log, paths = events[at[0] : after[0]], segments[at[1] : after[1]]
+        arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         trace(log, paths, arrays, is_sphere, tape)
         found = Found(margins[k], nearest[k], rates, slopes[k])
         shot = Shot(paths, wanted, inputs[k], tangent, arrays, is_sphere, tape, found)

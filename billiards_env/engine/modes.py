@@ -15,7 +15,7 @@ from billiards_env.checks import RANGES, fits, one_of, short
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.physics.cushion import CUSHIONS
+from billiards_env.physics.cushion import CUSHIONS, LAWS
 from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
 from billiards_env.physics.walls import outline_arrays
 from billiards_env.scene import Physics, Scene, ball_friction
@@ -160,8 +160,7 @@ def physics_of_shots(physics: Physics, varied: Varied) -> Any:
 @functools.lru_cache(maxsize=256)
 def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
-    cushions = [name for name, cushion in CUSHIONS.items() if cushion.law in SceneArrays._fields]
-    for name, laws in (("motion", MOTIONS), ("cushion", cushions), ("ball_ball", BALL_BALL)):
+    for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_BALL)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     numbers = _numbers(scene, engine, {})
     pockets = np.array([(q.x, q.y, q.radius) for q in table.pockets]).reshape(-1, 3)
@@ -178,7 +177,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
         ball_friction=BALL_BALL[p.ball_ball],
-        **{CUSHIONS[p.cushion].law: True},
+        cushion=tuple(True if law is CUSHIONS[p.cushion].law else None for law in LAWS),
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])
 
@@ -198,10 +197,6 @@ def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Numbers:
         mu_drop=mu_drop,
         mu_rate=mu_rate,
         cushion_rubs=CUSHIONS[p.cushion].rubs,
-        e_loss=p.e_cushion_loss,
-        e_onset=p.e_cushion_onset,
-        e_floor=p.e_cushion_floor,
-        frequency_ratio=p.cushion_frequency_ratio,
         mu_cloth=p.mu_slide,
         half_length=table.length / 2,
         half_width=table.width / 2,

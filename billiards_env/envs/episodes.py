@@ -17,8 +17,7 @@ from billiards_env.engine.modes import varied_fields, varied_shot, vary
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import TASKS, judge_pot, write_legal_balls
-from billiards_env.jit import entry_point, inlined, streams
-from billiards_env.jit.specialised import specialised
+from billiards_env.jit import entry_point, inlined, specialised, streams
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
 from billiards_env.scene import Balls, Scene, layouts

@@ -94,7 +94,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     the nearest free point, so every action is valid. When the cue ball is not in hand, actions 2 and 3 have no effect.
 
     By default any ball potted on a legal shot counts, and a player makes no choices, so an action needs no call. With
-    `calls=True` eight ball and straight pool have called shots, and three numbers follow:
+    `can_call=True` eight ball and straight pool have called shots, and three numbers follow:
 
     | Num | Action |
     |---|---|
@@ -108,9 +108,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
 
-    `Box(float32)` of `4 * n_balls + 4` values. With `calls=True` three values follow; then one per player in the games
-    that penalise three consecutive fouls (nine ball with two players, straight pool with a target); then one score per
-    player in the games won by points.
+    `Box(float32)` of `4 * n_balls + 4` values. With `can_call=True` three values follow; then one per player in the
+    games that penalise three consecutive fouls (nine ball with two players, straight pool with a target); then one
+    score per player in the games won by points.
 
     | Num | Observation | Min | Max |
     |---|---|---|---|
@@ -121,7 +121,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | 4 n + 1 | 1 if the next shot is the break | 0 | 1 |
     | 4 n + 2 | 1 if the cue ball is in hand behind the head string | 0 | 1 |
     | 4 n + 3 | 1 if the cue ball is in hand anywhere | 0 | 1 |
-    | 4 n + 4 to 6 | with `calls=True`: 1 if "push_out", "hand_back", "replace" is a choice of the next shot | 0 | 1 |
+    | 4 n + 4 to 6 | with `can_call=True`: 1 if "push_out", "hand_back", "replace" is a choice of the player | 0 | 1 |
     | then | consecutive fouls / 3; the observing player's first | 0 | 1 |
     | last | scores over the target, or over the points on a full table; the observing player's first | -1 | 1 |
 
@@ -162,8 +162,8 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
     | `n_object_balls` | int or None | `None` | object balls of a named scene; None for the default of the game |
     | `target` | int or None | `None` | the score that wins, or 0; None for 0, in carom games for 10 |
     | `action` | str | `"velocity"` | `"velocity"` or `"strike"`, see Action Space |
-    | `calls` | bool | `False` | whether players call, see Action Space |
-    | `miss` | bool | `False` | whether snooker has the miss rule; needs `calls=True` |
+    | `can_call` | bool | `False` | whether players call, see Action Space |
+    | `miss` | bool | `False` | whether snooker has the miss rule; needs `can_call=True` |
     | `layout` | str or None | `None` | the starting state |
     | `max_shots` | int | `200` | the largest number of shots of a game |
     | `max_speed` | float | `8.0` | speed of the fastest shot, m/s |
@@ -190,7 +190,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         n_object_balls: int | None = None,
         target: int | None = None,
         action: str = "velocity",
-        calls: bool = False,
+        can_call: bool = False,
         miss: bool = False,
         layout: str | None = None,
         max_shots: int = 200,
@@ -201,17 +201,19 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         super().__init__()
-        if flag("miss", miss) and not calls:
-            raise ValueError("miss = True with calls = False: expected calls = True, the miss rule gives a choice")
+        if flag("miss", miss) and not can_call:
+            raise ValueError(
+                "miss = True with can_call = False: expected can_call = True, the miss rule gives a choice"
+            )
         one_of("rules", rules, tuple(RULES))
         board = make_scene(scene, n_object_balls, RULES[rules].scene, RULES[rules].n_object_balls[1])
         game_rules = RULES[rules]
-        if flag("calls", calls) and not game_rules.pockets:
-            raise ValueError(f"calls = True with rules = {rules!r}: expected False, the game has no calls")
-        call_shot = calls and game_rules.call_kernel is not None
+        if flag("can_call", can_call) and not game_rules.pockets:
+            raise ValueError(f"can_call = True with rules = {rules!r}: expected False, the game has no calls")
+        call_shot = can_call and game_rules.call_kernel is not None
         self.setup = Setup(rules, board, n_players, target, mode, dt, fix, call_shot, miss)
         self.action = check_action(action, board)
-        self.calls = calls
+        self.can_call = can_call
         self.layout = layout
         opening(self.setup, np.random.default_rng(0), layout)  # raises here if the layout does not suit the game
         self.max_shots = whole("max_shots", max_shots, "max_shots")
@@ -231,9 +233,9 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
             bool(self.setup.target) if rules == "straight" else players == 2
         )
         scores = players if self.setup.target is not None else 0
-        low = np.zeros(_VALUES * n + 4 + 3 * calls + players * self._observes_fouls + scores, np.float32)
+        low = np.zeros(_VALUES * n + 4 + 3 * can_call + players * self._observes_fouls + scores, np.float32)
         low[0 : _VALUES * n : _VALUES] = low[1 : _VALUES * n : _VALUES] = low[len(low) - scores :] = -1.0
-        self._width = ACTIONS[action] + 2 * game_rules.pockets + 3 * calls
+        self._width = ACTIONS[action] + 2 * game_rules.pockets + 3 * can_call
         # Each agent has a separate space, so each space samples independently.
         self.observation_spaces = {
             agent: gym.spaces.Box(low, np.ones_like(low), dtype=np.float32) for agent in self.possible_agents
@@ -356,7 +358,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         balls[:, 2] = [ball in on_table for ball in order]
         balls[:, 3] = [ball in legal for ball in order]
         values = [viewer == state.player, state.break_shot, state.in_hand == "behind", state.in_hand == "anywhere"]
-        if self.calls:
+        if self.can_call:
             values += [choice in state.choices for choice in ("push_out", "hand_back", "replace")]
         if self._observes_fouls:
             values += [min(fouls / 3, 1.0) for fouls in _from(viewer, state.fouls)]
@@ -406,7 +408,7 @@ class raw_env(pettingzoo.AECEnv[str, NDArray[np.float32], NDArray[np.float32]]):
         """Converts an action to a stroke in the present state; also returns whether the tip slips."""
         array = finite("action", action, (self._width,))
         state, scene, size = self.game.state, self.setup.scene, ACTIONS[self.action]
-        call = self._call(array[-3:]) if self.calls else NO_CALL
+        call = self._call(array[-3:]) if self.can_call else NO_CALL
         if call.kind in ("hand_back", "replace"):
             return Stroke((0.0, 0.0), call=Call(kind=call.kind)), False
         struck = cue_strike(array[:size], scene, self.max_speed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
@@ -56,8 +57,8 @@ class Nose(NamedTuple):
 def cushion_restitution(speed, numbers):
     """Returns the restitution at a normal speed, m/s."""
     e = numbers.e_cushion
-    if numbers.e_loss > 0.0 and speed > numbers.e_onset:
-        e = max(numbers.e_floor, e - numbers.e_loss * (speed - numbers.e_onset))
+    if numbers.e_cushion_loss > 0.0 and speed > numbers.e_cushion_onset:
+        e = max(numbers.e_cushion_floor, e - numbers.e_cushion_loss * (speed - numbers.e_cushion_onset))
     return e
 
 
@@ -149,7 +150,7 @@ def stronge(before, radius, rebound, numbers):
     pze = (1.0 + e) * vn * cos
     pxe = pye = 0.0
     if slip > 0.0:
-        friction = friction_impulse(slip, numbers.mu_cushion * vn * cos, e, numbers.frequency_ratio)
+        friction = friction_impulse(slip, numbers.mu_cushion * vn * cos, e, numbers.cushion_frequency_ratio)
         pxe, pye = friction * (sx / slip), friction * (sy / slip)
     px = -pxe * sin - pze * cos
     raised = vn + px > -rebound
@@ -173,38 +174,58 @@ class Cushion(NamedTuple):
     """A cushion of scenes.
 
     Attributes:
-        law: The field of `SceneArrays` that selects the law of its impacts in `_by_law`.
+        law: The law of its impacts, see `han2005`.
         rubs: Whether it has friction. Without friction `reflect` needs only the restitution.
     """
 
-    law: str
+    law: Callable[..., Any]
     rubs: bool = True
 
 
 CUSHIONS = {
-    "restitution": Cushion("rigid", rubs=False),
-    "han2005": Cushion("rigid"),
-    "stronge": Cushion("stronge"),
-    "mathavan2010": Cushion("mathavan"),
+    "restitution": Cushion(han2005, rubs=False),
+    "han2005": Cushion(han2005),
+    "stronge": Cushion(stronge),
+    "mathavan2010": Cushion(mathavan2010),
 }
 """The cushions of scenes."""
 
+LAWS = tuple(dict.fromkeys(cushion.law for cushion in CUSHIONS.values()))
+"""The laws, in the order of `SceneArrays.cushion`."""
 
-@inlined
-def _by_law(is_rigid, is_stronge, is_mathavan, before, radius, rebound, numbers):
-    if is_rigid is not None:
-        return han2005(before, radius, rebound, numbers)
-    if is_stronge is not None:
-        return stronge(before, radius, rebound, numbers)
-    if is_mathavan is not None:
-        return mathavan2010(before, radius, rebound, numbers)
-    raise NotImplementedError
+
+def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[..., Any]:
+    """Returns a kernel that calls one of some kernels, those of the `LAWS` in their order.
+
+    Its arguments are `SceneArrays.cushion` and a tuple with the arguments of the kernel. Numba compiles only the kernel
+    that it calls.
+    """
+    others_by_law: Any = by_law(*others) if others else None
+
+    @inlined
+    def call(is_law, laws, arguments):
+        if is_law is None:
+            return others_by_law(laws[1:], arguments)
+        return kernel(*arguments)
+
+    @inlined
+    def call_last(laws, arguments):
+        return kernel(*arguments)
+
+    @inlined
+    def call_first(laws, arguments):
+        return call(laws[0], laws, arguments)
+
+    return call_first if others else call_last
+
+
+_impact = by_law(*LAWS)
 
 
 @inlined
 def cushion_impact(before, radius, rebound, scene):
     """Returns a ball's motion after an impact on the scene's cushions with friction. See `han2005`."""
-    return _by_law(scene.rigid, scene.stronge, scene.mathavan, before, radius, rebound, scene.numbers)
+    return _impact(scene.cushion, (before, radius, rebound, scene.numbers))
 
 
 @inlined

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.compliance import begin_stick, end_stick, release_phase
-from billiards_env.physics.cushion import cushion_restitution
+from billiards_env.physics.cushion import LAWS, by_law, cushion_restitution, han2005, mathavan2010, stronge
 from billiards_env.physics.elementary import arccosine, sine_cosine
+from billiards_env.physics.lanes import (
+    D_CUSHION_FREQUENCY_RATIO,
+    D_E_CUSHION,
+    D_E_CUSHION_FLOOR,
+    D_E_CUSHION_LOSS,
+    D_E_CUSHION_ONSET,
+    D_MU_CLOTH,
+    D_MU_CUSHION,
+)
 from billiards_env.physics.mathavan import CushionNose, integrate_impact
 
 TABLE = (5, 9)
 """Shape of the table of a "mathavan2010" impact: the results and the arguments of `mathavan.integrate_impact`."""
 
 _STEP = 1e-2
-"""Step of the differences of `_fill_table` over the normal velocity."""
+"""Step of the differences of `_tabulated_friction` over the normal velocity."""
 
 
 class CushionChange(NamedTuple):
@@ -28,13 +38,7 @@ class CushionChange(NamedTuple):
         ut: See there.
         rwz: See there.
         radius: m.
-        e_cushion: As in `state.Numbers`, like the others.
-        e_loss: See there.
-        e_onset: See there.
-        e_floor: See there.
-        mu_cushion: See there.
-        frequency_ratio: See there.
-        mu_cloth: See there.
+        lane: The lane with the numbers of the scene.
     """
 
     vn: Any
@@ -43,13 +47,7 @@ class CushionChange(NamedTuple):
     ut: Any
     rwz: Any
     radius: Any
-    e_cushion: Any
-    e_loss: Any
-    e_onset: Any
-    e_floor: Any
-    mu_cushion: Any
-    frequency_ratio: Any
-    mu_cloth: Any
+    lane: Any
 
 
 class Friction(NamedTuple):
@@ -82,7 +80,7 @@ class CushionLaw(NamedTuple):
         vn: Normal velocity, m/s.
         e: Restitution.
         e_kind: 0 for the restitution of low speeds, 1 if it falls with the speed, 2 at its least value.
-        e_loss: As in `state.Numbers`.
+        e_cushion_loss: As in `state.Numbers`.
         over: Speed above the onset of this fall, m/s.
         mu: Coefficient of friction.
         sin: Of the angle of the nose above the centre.
@@ -103,7 +101,7 @@ class CushionLaw(NamedTuple):
     vn: Any
     e: Any
     e_kind: Any
-    e_loss: Any
+    e_cushion_loss: Any
     over: Any
     mu: Any
     sin: Any
@@ -131,10 +129,10 @@ def cushion_law(motion, radius, table, scene):
         scene: The `SceneArrays`.
     """
     numbers, vn = scene.numbers, motion.vn
-    e, over = cushion_restitution(vn, numbers), vn - numbers.e_onset
+    e, over = cushion_restitution(vn, numbers), vn - numbers.e_cushion_onset
     e_kind = 0
-    if numbers.e_loss > 0.0 and over > 0.0:
-        e_kind = 1 if e > numbers.e_floor else 2
+    if numbers.e_cushion_loss > 0.0 and over > 0.0:
+        e_kind = 1 if e > numbers.e_cushion_floor else 2
     sin = numbers.cushion_height / radius - 1.0 if numbers.cushion_rubs else 0.0
     cos = math.sqrt(1.0 - sin * sin)
     rwn = motion.ut - motion.vt
@@ -142,26 +140,17 @@ def cushion_law(motion, radius, table, scene):
     slip = math.sqrt(sx * sx + sy * sy)
     x, y = (sx / slip, sy / slip) if slip > 0.0 else (0.0, 0.0)
     normal = (1.0 + e) * vn * cos
-    _fill(scene.mathavan, motion, sin, cos, e, table, numbers)
-    friction = _friction(scene.rigid, scene.stronge, slip, normal, vn * cos, e, numbers)
+    friction = _friction(scene.cushion, (motion, slip, sin, cos, e, table, numbers))
     stops = vn - friction.size * x * sin - normal * cos > 0.0
     squeezes = False
-    if scene.rigid is not None and stops:
-        squeezes = True
-        resistance = cos + numbers.mu_cushion * sin * x
-        most = vn / resistance if resistance > 0.0 else math.inf
-        if slip * (2.0 / 7.0) <= numbers.mu_cushion * most:
-            normal = max(0.0, (vn - slip * (2.0 / 7.0) * x * sin) / cos)
-            friction = Friction(slip * (2.0 / 7.0), 2.0 / 7.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        else:
-            normal = most
-            friction = Friction(numbers.mu_cushion * most, 0.0, numbers.mu_cushion, 0.0, most, 0.0, 0.0)
+    if stops:
+        normal, friction, squeezes = _squeeze(scene.cushion, (normal, friction, vn, slip, x, sin, cos, numbers))
     return CushionLaw(
         numbers.cushion_rubs != 0,
         vn,
         e,
         e_kind,
-        numbers.e_loss,
+        numbers.e_cushion_loss,
         over,
         numbers.mu_cushion,
         sin,
@@ -180,26 +169,18 @@ def cushion_law(motion, radius, table, scene):
 
 
 @inlined
-def _friction(is_rigid, is_stronge, slip, normal, grip, e, numbers):
-    """Returns the `Friction` of `cushion.han2005` or of `cushion.stronge`; `grip` is without the friction."""
-    if is_rigid is not None:
-        return _rigid_friction(slip, normal, numbers.mu_cushion)
-    if is_stronge is not None:
-        return _compliant_friction(slip, numbers.mu_cushion, numbers.mu_cushion * grip, grip, e, numbers)
-    return Friction(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-@inlined
-def _rigid_friction(slip, normal, mu):
+def _rigid_friction(motion, slip, sin, cos, e, table, numbers):
+    mu, normal = numbers.mu_cushion, (1.0 + e) * motion.vn * cos
     if slip * (2.0 / 7.0) <= mu * normal:
         return Friction(slip * (2.0 / 7.0), 2.0 / 7.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     return Friction(mu * normal, 0.0, mu, 0.0, normal, 0.0, 0.0)
 
 
 @kernel
-def _compliant_friction(slip, mu, grip, per_mu, e, numbers):
+def _compliant_friction(motion, slip, sin, cos, e, table, numbers):
     """Returns the `Friction` of `compliance.friction_impulse`."""
-    omega = numbers.frequency_ratio
+    omega, per_mu = numbers.cushion_frequency_ratio, motion.vn * cos
+    grip = numbers.mu_cushion * per_mu
     h = 3.5 / (omega * omega)
     if slip >= grip * ((1.0 + e) * 3.5 - h / e):
         return Friction((1.0 + e) * grip, 0.0, 0.0, 1.0 + e, (1.0 + e) * per_mu, grip, 0.0)
@@ -265,23 +246,25 @@ def _compliant_velocity(x, e, omega):
 @inlined
 def cushion_lane(change, law, table, scene):
     """Returns the change (vn, vt, un, ut, rwz) of the motion after an impact for a `CushionChange` before it."""
-    return _lane_by_law(scene.mathavan, change, law, table)
+    return _lane(scene.cushion, (change, _restitution_change(change, law), law, table))
 
 
 @inlined
 def _restitution_change(change, law):
     if law.e_kind == 2:
-        return change.e_floor
+        return change.lane[D_E_CUSHION_FLOOR]
     if law.e_kind == 1:
-        return change.e_cushion - law.over * change.e_loss - law.e_loss * (change.vn - change.e_onset)
-    return change.e_cushion
+        return (
+            change.lane[D_E_CUSHION]
+            - law.over * change.lane[D_E_CUSHION_LOSS]
+            - law.e_cushion_loss * (change.vn - change.lane[D_E_CUSHION_ONSET])
+        )
+    return change.lane[D_E_CUSHION]
 
 
 @inlined
-def _lane_by_law(is_mathavan, change, law, table):
-    d_e = _restitution_change(change, law)
-    if is_mathavan is not None:
-        return _table_lane(change, d_e, law, table)
+def _friction_lane(change, d_e, law, table):
+    """Implements `cushion_lane` with the `Friction` of the law."""
     dvn, dvt, dun, dut, drwz = change.vn, change.vt, change.un, change.ut, change.rwz
     if not law.rubs:
         back = -law.e * dvn - law.vn * d_e
@@ -301,11 +284,11 @@ def _lane_by_law(is_mathavan, change, law, table):
         else:
             turn = y * (y * dsx - x * dsy) / law.slip
             resistance = cos + law.mu * sin * x
-            more = d_cos + (change.mu_cushion * sin + law.mu * d_sin) * x + law.mu * sin * turn
+            more = d_cos + (change.lane[D_MU_CUSHION] * sin + law.mu * d_sin) * x + law.mu * sin * turn
             d_normal = (dvn - law.normal * more) / resistance
-    d_size = friction.by_slip * d_slip + friction.by_normal * d_normal + friction.by_mu * change.mu_cushion
+    d_size = friction.by_slip * d_slip + friction.by_normal * d_normal + friction.by_mu * change.lane[D_MU_CUSHION]
     d_size += friction.by_grip * law.mu * (dvn * cos + law.vn * d_cos)
-    d_size += friction.by_e * d_e + friction.by_ratio * change.frequency_ratio
+    d_size += friction.by_e * d_e + friction.by_ratio * change.lane[D_CUSHION_FREQUENCY_RATIO]
     pxe, pye = friction.size * x, friction.size * y
     d_pxe, d_pye = x * d_size + per_slip * (dsx - x * d_slip), y * d_size + per_slip * (dsy - y * d_slip)
     px, d_px = -law.vn, -dvn
@@ -320,16 +303,9 @@ def _lane_by_law(is_mathavan, change, law, table):
     return vn_after, vt_after, vn_after - rwt, vt_after + rwn, drwz + 2.5 * (d_pye * cos + pye * d_cos)
 
 
-@inlined
-def _fill(is_mathavan, motion, sin, cos, e, table, numbers):
-    if is_mathavan is None:
-        return
-    _fill_table(motion, sin, cos, e, table, numbers)
-
-
 @kernel
-def _fill_table(motion, sin, cos, e, table, numbers):
-    """Writes the derivative of `mathavan.integrate_impact` by differences of fourth order.
+def _tabulated_friction(motion, slip, sin, cos, e, table, numbers):
+    """Writes the derivative of `mathavan.integrate_impact` by differences of fourth order; returns no `Friction`.
 
     The columns are its velocities, `sin`, the two coefficients of friction and the restitution. The relative error is
     about 1e-4.
@@ -360,11 +336,12 @@ def _fill_table(motion, sin, cos, e, table, numbers):
             )
             for r in range(5):
                 table[r, c] += weight * after[r] / (12.0 * step) if step > 0.0 else 0.0
+    return Friction(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined
 def _table_lane(change, d_e, law, table):
-    """Implements `cushion_lane` with the table of `_fill_table`."""
+    """Implements `cushion_lane` with the table of `_tabulated_friction`."""
     before = (
         -change.vt,
         change.vn,
@@ -372,8 +349,8 @@ def _table_lane(change, d_e, law, table):
         change.ut - change.vt,
         change.rwz,
         law.sin_rate * change.radius,
-        change.mu_cushion,
-        change.mu_cloth,
+        change.lane[D_MU_CUSHION],
+        change.lane[D_MU_CLOTH],
         d_e,
     )
     vx = vy = rwx = rwy = rwz = 0.0
@@ -384,3 +361,44 @@ def _table_lane(change, d_e, law, table):
         rwy += table[3, c] * before[c]
         rwz += table[4, c] * before[c]
     return vy, -vx, vy + rwx, rwy - vx, rwz
+
+
+@inlined
+def _rigid_squeeze(normal, friction, vn, slip, x, sin, cos, numbers):
+    """Returns the normal impulse that stops the ball, per mass, its `Friction`, and True; see `cushion.han2005`."""
+    resistance = cos + numbers.mu_cushion * sin * x
+    most = vn / resistance if resistance > 0.0 else math.inf
+    if slip * (2.0 / 7.0) <= numbers.mu_cushion * most:
+        normal = max(0.0, (vn - slip * (2.0 / 7.0) * x * sin) / cos)
+        return normal, Friction(slip * (2.0 / 7.0), 2.0 / 7.0, 0.0, 0.0, 0.0, 0.0, 0.0), True
+    return most, Friction(numbers.mu_cushion * most, 0.0, numbers.mu_cushion, 0.0, most, 0.0, 0.0), True
+
+
+@inlined
+def _no_squeeze(normal, friction, vn, slip, x, sin, cos, numbers):
+    return normal, friction, False
+
+
+class CushionDerivative(NamedTuple):
+    """The kernels of the derivative of a law.
+
+    Attributes:
+        friction: Returns the `Friction`.
+        squeeze: Returns the normal impulse and the `Friction` of a ball that would not leave the cushion by itself, and
+            whether they are raised.
+        lane: Implements `cushion_lane`, with the change of the restitution.
+    """
+
+    friction: Callable[..., Any]
+    squeeze: Callable[..., Any] = _no_squeeze
+    lane: Callable[..., Any] = _friction_lane
+
+
+DERIVATIVES = {
+    han2005: CushionDerivative(_rigid_friction, _rigid_squeeze),
+    stronge: CushionDerivative(_compliant_friction),
+    mathavan2010: CushionDerivative(_tabulated_friction, lane=_table_lane),
+}
+"""The derivatives, by law."""
+
+_friction, _squeeze, _lane = (by_law(*kernels) for kernels in zip(*(DERIVATIVES[law] for law in LAWS), strict=True))

@@ -17,7 +17,29 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.cushion_derivatives import CushionChange, cushion_lane
 from billiards_env.physics.elementary import exponential
-from billiards_env.physics.motion import norm
+from billiards_env.physics.lanes import (
+    BALL_WIDTH,
+    D_E_BALL,
+    D_INV_MASS,
+    D_MU_DROP,
+    D_MU_LIMIT,
+    D_MU_RATE,
+    D_PLACE_X,
+    D_PLACE_Y,
+    D_RADIUS,
+    D_ROLL,
+    D_SLIDE,
+    D_SPIN_DECAY,
+    D_TIME,
+    DUX,
+    DUY,
+    DVX,
+    DVY,
+    DWZ,
+    DX,
+    DY,
+)
+from billiards_env.physics.motion import SLIP_RATE, norm
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -41,28 +63,6 @@ from billiards_env.physics.state import (
     Y,
 )
 from billiards_env.physics.walls import NX, NY, TIP_RADIUS, TIP_X, TIP_Y
-
-# Columns of a lane. Those of the second ball follow those of the first.
-DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)
-BALL_WIDTH = 7
-D_RADIUS = 14  # of both balls
-D_INV_MASS = 16
-# The numbers of the scene: those of flights, then those of impacts of balls, then those of cushions
-D_SLIDE, D_ROLL, D_SPIN_DECAY = 18, 19, 20
-D_E_BALL, D_MU_LIMIT, D_MU_DROP, D_MU_RATE = 21, 22, 23, 24
-D_E_CUSHION, D_E_LOSS, D_E_ONSET, D_E_FLOOR, D_MU_CUSHION, D_FREQUENCY_RATIO, D_MU_CLOTH = range(25, 32)
-D_NUMBERS = D_SLIDE
-END_NUMBERS = 32
-# Results of an event: its time, s, and the place of its ball then, m
-D_TIME, D_PLACE_X, D_PLACE_Y = 32, 33, 34
-LANE_WIDTH = 35
-
-FLIGHT_NUMBERS = (D_SLIDE, D_E_BALL)
-"""The columns of the numbers of a flight: the first and one past the last."""
-PAIR_NUMBERS = (D_E_BALL, D_E_CUSHION)
-"""The same of an impact of two balls."""
-CUSHION_NUMBERS = (D_E_CUSHION, END_NUMBERS)
-"""The same of a cushion."""
 
 
 class Flight(NamedTuple):
@@ -92,7 +92,7 @@ def flight_of(row, phase, dt, numbers):
     """Returns the `Flight` of a ball with a row of `State.rows` for `dt` seconds."""
     ex, ey, turn = 0.0, 0.0, 0.0
     if phase == SLIDING:
-        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (3.5 * row[LASTS])
+        ex, ey, turn = -row[AX] / numbers.slide, -row[AY] / numbers.slide, dt / (SLIP_RATE * row[LASTS])
     elif phase == ROLLING:
         ex, ey, turn = -row[AX] / numbers.roll, -row[AY] / numbers.roll, dt / row[LASTS]
     if numbers.motion == IDEAL and phase != POTTED:
@@ -114,8 +114,8 @@ def fly(row, flight, numbers, state):
         state[DVX] += dt * row[AX]
         state[DVY] += dt * row[AY]
     if phase == SLIDING:
-        state[DUX] += 3.5 * dt * row[AX]
-        state[DUY] += 3.5 * dt * row[AY]
+        state[DUX] += SLIP_RATE * dt * row[AX]
+        state[DUY] += SLIP_RATE * dt * row[AY]
     state[DWZ] = flight.spin * max(0.0, abs(row[WZ]) - numbers.spin_decay * dt)
 
 
@@ -128,8 +128,8 @@ def flight_lane(lane, at, flight):
         ux, uy = lane[at + DUX], lane[at + DUY]
         along, more = flight.turn * (ex * ux + ey * uy), dt * lane[D_SLIDE]
         bx, by = (along - more) * ex - flight.turn * ux, (along - more) * ey - flight.turn * uy
-        lane[at + DUX] = ux + 3.5 * bx
-        lane[at + DUY] = uy + 3.5 * by
+        lane[at + DUX] = ux + SLIP_RATE * bx
+        lane[at + DUY] = uy + SLIP_RATE * by
     elif flight.phase == ROLLING:
         vx, vy = lane[at + DVX], lane[at + DVY]
         along, more = flight.turn * (ex * vx + ey * vy), dt * lane[D_ROLL]
@@ -167,7 +167,7 @@ class Rates(NamedTuple):
 def rates_on(row, phase, state, numbers):
     """Returns the `Rates` of a state (7,) on a piece of a path, with its row of `State.rows` and its phase."""
     ax, ay = row[AX], row[AY]
-    turns = 3.5 if phase == SLIDING else 0.0
+    turns = SLIP_RATE if phase == SLIDING else 0.0
     spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
     return Rates(state[DVX], state[DVY], ax, ay, turns * ax, turns * ay, spin)
 
@@ -180,7 +180,7 @@ def rates_of(state, numbers):
     v, u = norm(vx, vy), norm(state[DUX], state[DUY])
     if numbers.motion == SLIDING_AND_ROLLING and u > 0.0:
         ax, ay = -numbers.slide * (state[DUX] / u), -numbers.slide * (state[DUY] / u)
-        bx, by = 3.5 * ax, 3.5 * ay
+        bx, by = SLIP_RATE * ax, SLIP_RATE * ay
     elif numbers.motion != IDEAL and v > 0.0:
         ax, ay = -numbers.roll * (vx / v), -numbers.roll * (vy / v)
     spin = -math.copysign(numbers.spin_decay, state[DWZ]) if state[DWZ] != 0.0 else 0.0
@@ -212,8 +212,8 @@ def settle_lane(lane, at, phase, numbers):
     if numbers.motion == IDEAL:
         return
     if phase == ROLLING:
-        lane[at + DVX] -= lane[at + DUX] / 3.5
-        lane[at + DVY] -= lane[at + DUY] / 3.5
+        lane[at + DVX] -= lane[at + DUX] / SLIP_RATE
+        lane[at + DVY] -= lane[at + DUY] / SLIP_RATE
     if phase <= SPINNING:
         lane[at + DVX] = lane[at + DVY] = 0.0
     if phase <= ROLLING:
@@ -254,9 +254,9 @@ def end_lane(lane, state, radius, numbers):
 @inlined
 def slide_end_lane(lane, flight, after, numbers):
     """Changes a lane by the event of a ball that stops sliding, in the state `after` with the `Rates` after."""
-    dt = (flight.ex * lane[DUX] + flight.ey * lane[DUY]) / (3.5 * numbers.slide)
+    dt = (flight.ex * lane[DUX] + flight.ey * lane[DUY]) / (SLIP_RATE * numbers.slide)
     ax, ay = -numbers.slide * flight.ex, -numbers.slide * flight.ey
-    _end_phase(lane, dt, Rates(after.vx, after.vy, ax, ay, 3.5 * ax, 3.5 * ay, after.spin))
+    _end_phase(lane, dt, Rates(after.vx, after.vy, ax, ay, SLIP_RATE * ax, SLIP_RATE * ay, after.spin))
     lane[DUX] = lane[DUY] = 0.0
     _shift(lane, 0, after, -dt)
 
@@ -357,13 +357,7 @@ def wall_lane(lane, wall, state, after, before_rates, after_rates, radius, law, 
         nx * lane[DUY] - ny * lane[DUX] - un * turn,
         radius * lane[DWZ] + state[DWZ] * more,
         more,
-        lane[D_E_CUSHION],
-        lane[D_E_LOSS],
-        lane[D_E_ONSET],
-        lane[D_E_FLOOR],
-        lane[D_MU_CUSHION],
-        lane[D_FREQUENCY_RATIO],
-        lane[D_MU_CLOTH],
+        lane,
     )
     dvn, dvt, dun, dut, drwz = cushion_lane(change, law, table, scene)
     dvn -= (nx * after[DVY] - ny * after[DVX]) * turn
@@ -525,7 +519,7 @@ def push_of(ball_friction, impact):
 
 
 class PairChange(NamedTuple):
-    """A change of what an `Impact` depends on, in the order of its attributes and then of the constants."""
+    """A change of what an `Impact` depends on, in the order of its attributes; `lane` has the numbers of the scene."""
 
     wn: Any
     wt: Any
@@ -535,17 +529,14 @@ class PairChange(NamedTuple):
     radius_i: Any
     radius_j: Any
     inverse: Any
-    e: Any
-    mu_limit: Any
-    mu_drop: Any
-    mu_rate: Any
+    lane: Any
 
 
 @inlined
 def _push_change(ball_friction, impact, change):
     """Returns the change of the `Push` of an `Impact` for a `PairChange`."""
     e, wn, inverse = impact.e, impact.wn, impact.inverse
-    d_p = -(change.e * wn + (1.0 + e) * change.wn) / inverse - impact.p * change.inverse / inverse
+    d_p = -(change.lane[D_E_BALL] * wn + (1.0 + e) * change.wn) / inverse - impact.p * change.inverse / inverse
     if ball_friction is None:
         return Push(-d_p, 0.0, 0.0, 0.0, 0.0)
     cosine, sine = impact.cosine, impact.sine
@@ -557,14 +548,14 @@ def _push_change(ball_friction, impact, change):
     d_across = (
         -change.wt + (d_cosine * impact.turn + cosine * change.turn) - (d_sine * impact.roll_t + sine * change.roll_t)
     )
-    d_up = change.roll_n - d_sine * e * wn - sine * (change.e * wn + e * change.wn)
+    d_up = change.roll_n - d_sine * e * wn - sine * (change.lane[D_E_BALL] * wn + e * change.wn)
     ratio = impact.ratio
     push_across, push_up = -ratio * impact.across, -ratio * impact.up
     if impact.slides:
         x, y = impact.across / impact.speed, impact.up / impact.speed
         d_speed = x * d_across + y * d_up
-        d_mu = impact.mu_slope * d_speed + change.mu_limit
-        d_mu += impact.fading * (change.mu_drop - impact.drop * impact.speed * change.mu_rate)
+        d_mu = impact.mu_slope * d_speed + change.lane[D_MU_LIMIT]
+        d_mu += impact.fading * (change.lane[D_MU_DROP] - impact.drop * impact.speed * change.lane[D_MU_RATE])
         d_limit = (d_mu * impact.p + impact.mu * d_p - impact.mu * impact.p * d_cosine / cosine) / cosine
         more = d_limit - ratio * d_speed
         d_push_across, d_push_up = -x * more - ratio * d_across, -y * more - ratio * d_up
@@ -634,10 +625,7 @@ def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after
         more_i,
         more_j,
         light_i + light_j,
-        lane[D_E_BALL],
-        lane[D_MU_LIMIT],
-        lane[D_MU_DROP],
-        lane[D_MU_RATE],
+        lane,
     )
     d_push = _push_change(scene.ball_friction, impact, change)
     turned = Push(

@@ -79,11 +79,11 @@ class Numbers(NamedTuple):
         mu_rate: See `mu_limit`, s/m.
         cushion_rubs: 1 if cushions have friction, otherwise 0.
         e_cushion: Restitution of a cushion at low speeds.
-        e_loss: Loss of this restitution with the speed, s/m.
-        e_onset: Speed from which on the restitution falls, m/s.
-        e_floor: Least restitution.
+        e_cushion_loss: Loss of this restitution with the speed, s/m.
+        e_cushion_onset: Speed from which on the restitution falls, m/s.
+        e_cushion_floor: Least restitution.
         mu_cushion: Friction of a cushion.
-        frequency_ratio: Frequency ratio of "stronge" cushions.
+        cushion_frequency_ratio: Frequency ratio of "stronge" cushions.
         mu_cloth: Friction of the cloth with "mathavan2010" cushions.
         half_length: Half the length of the table, m.
         half_width: m.
@@ -105,11 +105,11 @@ class Numbers(NamedTuple):
     mu_rate: float
     cushion_rubs: int
     e_cushion: float
-    e_loss: float
-    e_onset: float
-    e_floor: float
+    e_cushion_loss: float
+    e_cushion_onset: float
+    e_cushion_floor: float
     mu_cushion: float
-    frequency_ratio: float
+    cushion_frequency_ratio: float
     mu_cloth: float
     half_length: float
     half_width: float
@@ -136,9 +136,7 @@ class SceneArrays(NamedTuple):
         outline: The `walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
         ball_friction: True for balls with friction; None for others.
-        rigid: True for "restitution" cushions and for "han2005" cushions; None for others.
-        stronge: True for "stronge" cushions; None for others.
-        mathavan: True for "mathavan2010" cushions; None for others.
+        cushion: For each of `cushion.LAWS`, True if it is that of the cushions; None for the others.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -154,9 +152,7 @@ class SceneArrays(NamedTuple):
     outline: Any = None
     spheres: Any = None
     ball_friction: Any = None
-    rigid: Any = None
-    stronge: Any = None
-    mathavan: Any = None
+    cushion: Any = ()
 
 
 @allocating

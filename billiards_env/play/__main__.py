@@ -16,6 +16,7 @@ from billiards_env.engine.modes import MODES
 from billiards_env.games import RULES, History, Setup, opening, records
 from billiards_env.play.model import HUMAN, PACES, begin
 from billiards_env.players.game_player import find_player
+from billiards_env.players.levels import LEVELS
 from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.simulation import simulate
 
@@ -42,6 +43,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--players",
         metavar="A,B",
         help="the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], "
+        f"{', '.join(f'planner:{level}' for level in LEVELS)} (levels, the weakest first), "
         "policy:RUN_FOLDER or module:function[:ARGUMENT] (default: all human)",
     )
     add("--scene", help=f"table, balls and physics: {', '.join(SCENES)} (default: real_pool, snooker or carom)")
@@ -49,7 +51,9 @@ def make_parser() -> argparse.ArgumentParser:
     add("--layout", help=f"starting positions: {', '.join(layouts_of_games)} (default: those of the game)")
     add("--target", type=int, help="the score that wins, for straight and the carom games")
     add(
-        "--called", action="store_true", help="eight ball and straight pool: a potted ball counts only if it was called"
+        "--call-shot",
+        action="store_true",
+        help="eight ball and straight pool: a potted ball counts only if it was called",
     )
     add("--choices", action="store_true", help="players have choices other than a shot: push out, hand back, replace")
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
@@ -78,9 +82,11 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
         ValueError: If the file does not hold a game, or an argument does not suit the game.
     """
     if args.load is not None:
-        for option in ("rules", "scene", "balls", "layout", "target", "mode", "called", "miss"):
+        for option in ("rules", "scene", "balls", "layout", "target", "mode", "call_shot", "miss"):
             if all(getattr(args, option) is not off for off in (None, False)):
-                raise ValueError(f"--{option} with --load: expected only one of them, the saved game sets it")
+                raise ValueError(
+                    f"--{option.replace('_', '-')} with --load: expected only one of them, the saved game sets it"
+                )
         record = records.load(args.load)
         if not isinstance(record, records.GameRecord):
             raise ValueError(f"{args.load} holds a shot: expected a game")
@@ -95,7 +101,7 @@ def make_history(args: argparse.Namespace, rng: np.random.Generator) -> History:
     scene = Scene.named(args.scene or REAL_SCENES.get(game_rules.scene, game_rules.scene), balls)
     n_players = max(2, len(args.players.split(","))) if args.players else 2
     dt = args.dt if mode == "pit" else None
-    setup = Setup(rules, scene, n_players, args.target, mode, dt, call_shot=args.called, miss=args.miss)
+    setup = Setup(rules, scene, n_players, args.target, mode, dt, call_shot=args.call_shot, miss=args.miss)
     return History(setup, opening(setup, rng, args.layout), ())
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from billiards_env.play.model import HUMAN, Model
+from billiards_env.players.levels import LEVELS
 from billiards_env.scene import Scene
 
 BUTTONS = {"placing": "Place", "aiming": "Shoot", "rolling": "Skip", "replaying": "Continue", "over": "New game"}
@@ -59,6 +60,8 @@ def player_name(model: Model, player: int) -> str:
     if kind == HUMAN:
         return f"Player {player + 1}"
     module, _, function = kind.partition(":")
+    if function in LEVELS:
+        return f"Player {player + 1} ({function})"
     return f"Player {player + 1} ({function.partition(':')[0] if '.' in module else module})"
 
 

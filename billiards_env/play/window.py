@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 import signal
 import threading
@@ -25,6 +26,7 @@ from billiards_env.play.model import Model, begin, shoot, tick
 from billiards_env.play.pages import UNSAVED
 from billiards_env.play.view import FPS, View
 from billiards_env.players.game_player import Player
+from billiards_env.players.levels import LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
 
 T = TypeVar("T")
@@ -73,33 +75,39 @@ GRIP = 14
 """pixels. A drag starts within this distance of the cue ball's edge or of the arrow's tip."""
 
 
+class _Work(Future[T]):
+    """The result of a function that runs in a thread. The window need not wait for it when it closes."""
+
+    def __init__(self, work: Callable[[], T]) -> None:
+        super().__init__()
+        self._thread = threading.Thread(target=self._run, args=(work,), daemon=True)
+        self._thread.start()
+
+    def _run(self, work: Callable[[], T]) -> None:
+        try:
+            self.set_result(work())
+        except BaseException as error:  # raised again where the result is used
+            self.set_exception(error)
+
+    def stop(self) -> None:
+        """Raises SystemExit in the thread, which ends it after the present call of compiled code."""
+        number = ctypes.c_ulong(self._thread.ident or 0)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
+
+
 class _Thought(NamedTuple):
-    """The search of a program for its stroke in a state of the game, started at a time of `time.monotonic`."""
+    """The stroke that a program computes in a state of the game, begun at a time of `time.monotonic`."""
 
     game: GameState
-    stroke: Future[Stroke]
+    stroke: _Work[Stroke]
     start: float
 
 
 class _Hint(NamedTuple):
-    """The search for a shot in a state of the game: the velocity for a pot, or the plan of the best shot."""
+    """The shot for a state of the game that a thread computes: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
-    shot: Future[NDArray[np.float64] | None] | Future[Plan]
-
-
-def _in_thread(work: Callable[[], T]) -> Future[T]:
-    """Returns the result of a function that runs in a thread. The window need not wait for it when it closes."""
-    result = Future[T]()
-
-    def run() -> None:
-        try:
-            result.set_result(work())
-        except BaseException as error:  # raised again where the result is used
-            result.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
-    return result
+    shot: _Work[NDArray[np.float64] | None] | _Work[Plan]
 
 
 class GameWindow:
@@ -159,7 +167,16 @@ class GameWindow:
 
     def close(self) -> None:
         """Closes the window."""
+        self._stop()
         self._screen.close()
+
+    def _stop(self) -> None:
+        """Stops the searches for shots."""
+        if self._thought is not None:
+            self._thought.stroke.stop()
+        if self._hint is not None:
+            self._hint.shot.stop()
+        self._thought = self._hint = None
 
     @property
     def saved(self) -> bool:
@@ -205,6 +222,7 @@ class GameWindow:
     def _think(self) -> None:
         """Plays the stroke of the program whose turn it is, when its thread has found it."""
         if self._thought is None or self._thought.game is not self.model.game:
+            self._stop()
             self._thought = self._start_thought()
         elif self._thought.stroke.done():
             stroke, now = self._thought.stroke.result(), time.monotonic()
@@ -212,7 +230,7 @@ class GameWindow:
                 self._do(actions.aim_like, stroke)
                 self._thought = self._thought._replace(start=now)
             elif self.model.preview is None or now - self._thought.start >= INTENT:
-                self.model = shoot(self.model, stroke)
+                self.model = shoot(self.model, self._executed(stroke))
         elif time.monotonic() - self._thought.start > self.model.clock + 1:
             self.model = tick(self.model, 1.0)  # once per second, because the window shows whole seconds
 
@@ -224,10 +242,17 @@ class GameWindow:
     def _start_thought(self) -> _Thought:
         """Starts a thread that finds a stroke. If the turn is undone, the result of the thread is not used."""
         model, (rng,) = self.model, self._rng.spawn(1)
-        player = self._players[model.game.state.player]
-        assert player is not None
-        stroke = _in_thread(lambda: player(model.setup, model.game, model.max_speed, rng))
+        player: Any = self._players[model.game.state.player]
+        player = player.intend if isinstance(player, LevelPlayer) else player
+        stroke = _Work(lambda: player(model.setup, model.game, model.max_speed, rng))
         return _Thought(model.game, stroke, time.monotonic())
+
+    def _executed(self, stroke: Stroke) -> Stroke:
+        """Returns the stroke that is played: that of a level has errors, which the window does not show before."""
+        player = self._players[self.model.game.state.player]
+        if not isinstance(player, LevelPlayer):
+            return stroke
+        return with_noise(stroke, player.noise, self.model.max_speed, self._rng.spawn(1)[0])
 
     def _start_hint(self) -> None:
         """Starts a thread that finds the aim for the ball and the pocket under the mouse."""
@@ -236,13 +261,13 @@ class GameWindow:
         if pot is None:
             self.message = "point at a ball or a pocket"
         else:
-            self.message, self._hint = "", _Hint(model.game, _in_thread(lambda: velocity_for(model, pot)))
+            self.message, self._hint = "", _Hint(model.game, _Work(lambda: velocity_for(model, pot)))
 
     def _start_plan(self) -> None:
         """Starts a thread that finds the best shot for a person."""
         model, (rng,) = self.model, self._rng.spawn(1)
         if model.phase in ("placing", "aiming"):
-            found = _in_thread(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME))
+            found = _Work(lambda: plan(model.setup, model.game, model.max_speed, rng, HINT_TIME))
             self.message, self._hint = "thinking", _Hint(model.game, found)
 
     def _take_hint(self, hint: _Hint) -> None:
@@ -354,6 +379,7 @@ class GameWindow:
 
     def _new_game(self) -> None:
         """Starts a game with the same settings; the old one is no longer saved."""
+        self._stop()
         model = self.model
         history = History(model.setup, opening(model.setup, self._rng), ())
         self.model = begin(history, model.players, model.max_speed, model.ghost_dt, model.pace, model.choices)

@@ -23,6 +23,7 @@ from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
+from billiards_env.players.levels import expected, level_of, with_noise
 from billiards_env.players.planner import NOISE, parse_budget, plan
 from billiards_env.players.strategies import Situation
 from billiards_env.shots.strikes import level_strike, strike
@@ -58,7 +59,7 @@ def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     return ()
 
 
-_RULES = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
+RULES_OF_TASKS = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
 """The tasks that the planner can play, with the games whose rules it follows."""
 
 
@@ -67,16 +68,17 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
 
     Args:
         env: The environment.
-        argument: The budget of the player, such as "100ms".
+        argument: The budget of the player, such as "100ms", or one of `players.levels.LEVELS`.
         noise: The execution noise that it expects, see `planner.plan`.
         rng: The generator to draw from.
 
     Raises:
         ValueError: If the planner cannot play the task, or there is no such budget.
     """
-    one_of("task of the player 'planner'", env.task, tuple(_RULES))
-    seconds, shots = parse_budget(argument)
-    setup, legal = Setup(_RULES[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
+    one_of("task of the player 'planner'", env.task, tuple(RULES_OF_TASKS))
+    level = level_of(argument)
+    seconds, shots = parse_budget(level.budget)
+    setup, legal = Setup(RULES_OF_TASKS[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
     state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
     state = state._replace(break_shot=env.task == "eight_ball" and {1, 8, 9} <= legal)
     if env.task == "eight_ball" and not state.break_shot and not (min(legal) < 8 < max(legal)):
@@ -84,9 +86,11 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
         on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
         state = state._replace(solids=int(on_stripes))
     game, run_out = GameState(env.positions, state), env.task != "clear"
-    expected = noise if any(noise) else NOISE
+    both = expected(noise, level)
     english = env.action == "strike"
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, expected, run_out, english).stroke
+    errors = both if any(both) else NOISE
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, run_out, english).stroke
+    stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed
     scene = env.episode_scene

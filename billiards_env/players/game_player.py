@@ -5,7 +5,8 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 `find_player` accepts
 
 * "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
-* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
+* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s"; a
+  level (`billiards_env.players.levels`) also makes errors: "planner:club";
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
@@ -35,7 +36,8 @@ from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, judge_batch
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Pot, carom_goals
-from billiards_env.players.planner import planner
+from billiards_env.players.levels import LevelPlayer, expected, level_of
+from billiards_env.players.planner import NOISE, planner
 from billiards_env.players.pots import PotShots
 from billiards_env.players.strategies import STRATEGIES, Situation, find_strategy, full_hit
 
@@ -73,7 +75,7 @@ def find_player(
     if name in STRATEGIES:
         return _strategic(text, setup, noise)
     if name == "planner":
-        return planner(setup, argument, *((noise,) if any(noise) else ()))
+        return _planner(setup, argument, noise)
     offered = importlib.metadata.entry_points(group=GROUP)
     if name in offered.names:
         maker: Any = offered[name].load()
@@ -103,6 +105,13 @@ def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str)
         raise TypeError(
             f"player = {text!r}: expected a function {what}, see billiards_env.players.game_player"
         ) from None
+
+
+def _planner(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
+    """Returns the planner with a budget or of a level."""
+    level = level_of(argument)
+    found = expected(noise, level)
+    return LevelPlayer(planner(setup, level.budget, found if any(found) else NOISE), level.noise)
 
 
 def _strategic(text: str, setup: Setup, noise: tuple[float, float]) -> Player:
@@ -143,7 +152,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         rate,
         state.cue_balls[0],
     )
-    targets = np.flatnonzero(found.targets & ~found.potted).tolist()
+    targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
     goals = carom_goals(targets, cushions=3 if setup.rules == "three_cushion" else 0)
     if setup.game_rules.pockets:
         goals = tuple((FirstTouch(ball), Pot(ball)) for ball in targets)

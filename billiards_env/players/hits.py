@@ -31,7 +31,7 @@ class TableArrays(NamedTuple):
         scene: The scene.
         cue: The number of the cue ball.
         positions: (n, 2) m.
-        potted: (n,) bool, the balls off the table.
+        off_table: (n,) bool, the balls that are not on the table.
         max_speed: Speed of the fastest shot, m/s.
         slip_ratio: Initial slip of the cue ball divided by its initial speed, see `physics.motion.launch`.
         spin_ratio: Its initial spin about the vertical axis, times its radius, divided by its initial speed.
@@ -40,7 +40,7 @@ class TableArrays(NamedTuple):
     scene: SceneArrays
     cue: int
     positions: NDArray[np.float64]
-    potted: NDArray[np.bool_]
+    off_table: NDArray[np.bool_]
     max_speed: float
     slip_ratio: float
     spin_ratio: float
@@ -172,11 +172,11 @@ def approach_gap(table, i, hit):
 def ball_gap(table, i, moving, ax, ay, bx, by):
     """Returns the smallest gap between a ball that moves from (ax, ay) to (bx, by) and a third ball, m, at most `FAR`.
 
-    Ball i, the cue ball and the potted balls are not third balls.
+    Ball i, the cue ball and the balls off the table are not third balls.
     """
     gap, radius = FAR, table.scene.radius
     for j in range(len(table.positions)):
-        if j != table.cue and j != i and not table.potted[j]:
+        if j != table.cue and j != i and not table.off_table[j]:
             distance = distance_to_segment(ax, ay, bx, by, table.positions[j, X], table.positions[j, Y])
             gap = min(gap, distance - contact_distance(table.scene.spheres, radius, moving, j))
     return gap

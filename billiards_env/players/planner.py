@@ -157,6 +157,7 @@ def plan(
     noise: Noise = NOISE,
     run_out: bool = False,
     english: bool = True,
+    values: Callable[[PlayedBatch], Floats] | None = None,
 ) -> Plan:
     """Returns the best shot that the planner finds.
 
@@ -171,12 +172,17 @@ def plan(
         run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
+        values: A function that returns the value (m,) of each of m shots; None for that of `Plan.value`.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    values = Values(setup, game, max_speed, errors[0], run_out)
+    own = Values(setup, game, max_speed, errors[0], run_out)
+
+    def evaluate(played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
+        return own.of(played, push_out) if values is None else values(played)
+
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if english and setup.scene.physics.motion == "sliding" else TIPS[:1]
     every = candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0], tips)
@@ -189,14 +195,14 @@ def plan(
         played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
         budget.used += len(part.velocities)
         _set_targets(setup, game, part.targets, played)
-        exact = np.concatenate((exact, values.of(played, part.push_out)))
+        exact = np.concatenate((exact, evaluate(played, part.push_out)))
     alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
 
     found = Sums(*np.zeros((3, len(alive.velocities))))
     while True:
         rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
         samples = max(1, int(budget.left / rounds / len(found.samples)))
-        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, values, rng, budget)
+        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, evaluate, rng, budget)
         found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
         order = found.order()
         if rounds == 1 or budget.left < len(order):
@@ -257,7 +263,7 @@ def _sample(
     samples: int,
     noise: Noise,
     max_speed: float,
-    values: Values,
+    values: Callable[[PlayedBatch, NDArray[np.bool_]], Floats],
     rng: np.random.Generator,
     budget: Budget,
 ) -> tuple[Sums, Floats]:
@@ -279,7 +285,7 @@ def _sample(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
         )
         budget.used += len(played.verdicts)
-        found[some] = values.of(played, part.push_out[some])
+        found[some] = values(played, part.push_out[some])
         keeps = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
         kept[some] = keeps & ~part.push_out[some]
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)

@@ -60,7 +60,7 @@ class Tables(NamedTuple):
         scene: The scene.
         targets: (n,) bool, the balls to pot.
         positions: (m, n, 2) m.
-        potted: (m, n) bool, the balls off the table.
+        off_table: (m, n) bool, the balls that are not on the table.
         max_speed: Largest initial speed of the cue ball, m/s.
         cue: The number of the cue ball.
     """
@@ -68,7 +68,7 @@ class Tables(NamedTuple):
     scene: Scene
     targets: NDArray[np.bool_]
     positions: Floats
-    potted: NDArray[np.bool_]
+    off_table: NDArray[np.bool_]
     max_speed: float
     cue: int = 0
 
@@ -148,14 +148,14 @@ def find_pots(
         np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    fields = tables.cue, tables.positions, tables.potted, float(tables.max_speed), slip_ratio, spin_ratio
+    fields = tables.cue, tables.positions, tables.off_table, float(tables.max_speed), slip_ratio, spin_ratio
     write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True), tuple(pots))
     return pots
 
 
 def pot_shots(table: Tables) -> PotShots:
-    """Returns the pots of one table at several speeds. Its positions are (n, 2) and its potted balls (n,)."""
-    pots = find_pots(table._replace(positions=table.positions[None], potted=table.potted[None]))
+    """Returns the pots of one table at several speeds. Its positions are (n, 2) and its `off_table` is (n,)."""
+    pots = find_pots(table._replace(positions=table.positions[None], off_table=table.off_table[None]))
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)
     scratch = shots[:, GAPS] < 0
@@ -175,10 +175,10 @@ def pot_shots(table: Tables) -> PotShots:
 def write_pots(scene, balls, tables, banks, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`. `tables` holds the other fields of `TableArrays`."""
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
-    cue, positions, potted, max_speed, slip_ratio, spin_ratio = tables
+    cue, positions, off_table, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
     for t in range(len(positions)):
-        table = TableArrays(scene, cue, positions[t], potted[t], max_speed, slip_ratio, spin_ratio)
+        table = TableArrays(scene, cue, positions[t], off_table[t], max_speed, slip_ratio, spin_ratio)
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
@@ -194,7 +194,7 @@ def write_pots(scene, balls, tables, banks, pots):
 def _add_direct(table, balls, found):
     """Adds the direct pots of a table to `found`, the `Pots` of this table alone."""
     for i in balls:
-        if not table.potted[i]:
+        if not table.off_table[i]:
             for p in range(len(table.scene.pockets)):
                 aim = direct_aim(table, i, p)
                 if aim.gap >= 0.0:
@@ -207,7 +207,7 @@ def _add_direct(table, balls, found):
 def _add_banks(table, balls, found, state):
     """Adds the banks of a table to `found`, the `Pots` of this table alone."""
     for i in balls:
-        if not table.potted[i]:
+        if not table.off_table[i]:
             for p in range(len(table.scene.pockets)):
                 for wall in range(4):
                     aim = bank_aim(table, i, p, wall, _BANK_SPEED * table.max_speed, state)

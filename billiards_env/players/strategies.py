@@ -48,7 +48,7 @@ class Situation(NamedTuple):
     Attributes:
         scene: The scene.
         positions: (n, 2) m.
-        potted: (n,) bool, the balls off the table.
+        off_table: (n,) bool, the balls that are not on the table.
         targets: (n,) bool, the balls that the cue ball may hit.
         max_speed: Speed of the fastest shot, m/s.
         rate: A function that simulates (m, action_size) actions and returns (m,) ratings; larger is better.
@@ -60,7 +60,7 @@ class Situation(NamedTuple):
 
     scene: Scene
     positions: Floats
-    potted: NDArray[np.bool_]
+    off_table: NDArray[np.bool_]
     targets: NDArray[np.bool_]
     max_speed: float
     rate: Callable[[Floats], Floats]
@@ -71,7 +71,7 @@ class Situation(NamedTuple):
 
     def pots(self) -> PotShots:
         """Returns the direct pots, or the pots off one cushion if there is no direct pot, best first."""
-        return pot_shots(Tables(self.scene, self.targets, self.positions, self.potted, self.max_speed, self.cue))
+        return pot_shots(Tables(self.scene, self.targets, self.positions, self.off_table, self.max_speed, self.cue))
 
 
 Strategy = Callable[[Situation, np.random.Generator], Floats]
@@ -91,7 +91,7 @@ def geometric(situation: Situation, rng: np.random.Generator) -> Floats:
 
 def full_hit(situation: Situation) -> Floats:
     """Returns the direction (2,) from the cue ball to the nearest target on the table."""
-    to_targets = (situation.positions - situation.positions[situation.cue])[situation.targets & ~situation.potted]
+    to_targets = (situation.positions - situation.positions[situation.cue])[situation.targets & ~situation.off_table]
     lengths = np.hypot(to_targets[:, 0], to_targets[:, 1])
     return to_targets[np.argmin(lengths)] / lengths.min()
 
@@ -140,7 +140,7 @@ def aim(situation: Situation, rng: np.random.Generator, noise: tuple[float, floa
             situation.positions,
             goals,
             max_speed=situation.max_speed,
-            in_play=~situation.potted,
+            in_play=~situation.off_table,
             shots=AIM_SHOTS,
         )
         if aimed.solved:

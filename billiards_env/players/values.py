@@ -45,12 +45,13 @@ class Values:
         self._setup, self._me, self._max_speed, self._error = setup, game.state.player, max_speed, error
         self._usual = 0.3 + 0.7 * float(success(np.array(_LENGTH), error))
 
-    def of(self, played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
-        """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` are those that are push outs.
+    def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
+        """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) are those that are push outs.
 
         After a push out the opponent chooses who plays the next shot.
         """
         verdicts, states = played.verdicts, played.states
+        push_out = np.zeros(len(states), bool) if push_out is None else push_out
         if push_out.any():
             verdicts = verdicts.copy()
             allowed = push_out & (verdicts["foul"] != FOULS.index("scratch"))

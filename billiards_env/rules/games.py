@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.checks import one_of
-from billiards_env.jit.specialised import specialised
+from billiards_env.jit import specialised
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.rules.arrays import MOST_PLAYERS, VERDICT
 from billiards_env.rules.carom import carom, red_to_open, three_cushion

@@ -12,11 +12,12 @@ from typing import Any
 
 import torch
 import yaml
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
 from billiards_env.files import write_whole
 from billiards_env.sb3.policy import MixturePolicy, find_game
+from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
@@ -46,7 +47,7 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
 
 def build_policy(
     env: Mapping[str, Any], description: Mapping[str, Any], learning_rate: Callable[[float], float] = lambda _: 0.0
-) -> ActorCriticPolicy:
+) -> BasePolicy:
     """Returns an untrained policy.
 
     Args:
@@ -60,6 +61,8 @@ def build_policy(
     """
     game = find_game(env)
     spaces = game.observation_space, game.action_space
+    if description["head"] in RATED_HEADS:
+        return RatedPolicy(*spaces, **policy_arguments(env, description))
     return policy_class(description["head"])(*spaces, learning_rate, **policy_arguments(env, description))
 
 
@@ -74,7 +77,7 @@ def check_finished(folder: Path) -> None:
 
 def load_policy(
     run_dir: str | os.PathLike[str], env: Mapping[str, Any] | None = None
-) -> tuple[dict[str, Any], ActorCriticPolicy]:
+) -> tuple[dict[str, Any], BasePolicy]:
     """Returns a trained policy and the arguments of its environment.
 
     Only weights are read from the file. Unlike `PPO.load`, this runs no code from the file.
@@ -108,7 +111,7 @@ def load_policy(
     return arguments, policy
 
 
-def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
+def save_policy(policy: BasePolicy, path: Path) -> None:
     """Writes the weights of a policy without those of the value function."""
     weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
     buffer = io.BytesIO()
@@ -116,7 +119,7 @@ def save_policy(policy: ActorCriticPolicy, path: Path) -> None:
     write_whole(path, buffer.getvalue())
 
 
-def load_weights(policy: ActorCriticPolicy, path: Path) -> None:
+def load_weights(policy: BasePolicy, path: Path) -> None:
     """Sets the weights of a policy, without those of the value function, from a file of `save_policy`.
 
     Raises:

@@ -34,9 +34,9 @@ from billiards_env.engine.log import SEGMENT_ROW
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.modes import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.threads import parallel_for
-from billiards_env.physics import derivatives as columns
+from billiards_env.physics import lanes as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
-from billiards_env.scene import Physics, Scene, ball_friction
+from billiards_env.scene import PHYSICS_RANGES, Physics, Scene, ball_friction
 from billiards_env.shots.strikes import strike_derivatives
 
 Floats = NDArray[np.float64]
@@ -144,11 +144,9 @@ def physics_inputs(physics: Physics, varied: Varied = MappingProxyType({})) -> d
     add("mu_ball_factor", mu_limit=limit, mu_drop=drop)
     if p.mu_ball is not None:
         add("mu_ball", mu_limit=p.mu_ball_factor)
-    for name in ("spin_decay", "e_ball", "e_cushion", "mu_cushion"):
-        add(name, **{name: 1.0})
-    for name in ("loss", "onset", "floor"):
-        add(f"e_cushion_{name}", **{f"e_{name}": 1.0})
-    add("cushion_frequency_ratio", frequency_ratio=1.0)
+    for name in PHYSICS_RANGES:
+        if hasattr(columns, f"D_{name.upper()}"):
+            add(name, **{name: 1.0})
     return found
 
 
@@ -282,7 +280,8 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arra
         while begin < end:
             part = record.parts[k]
             until = min(end, part.end)
-            run(begin, until, part.begin, fields, is_sphere, part.events, part.segments, part.bounds, *arrays)
+            shots = part.begin, fields, is_sphere, part.events, part.segments, part.bounds
+            run(begin, until, shots, *arrays)
             begin, k = until, k + 1
 
     parallel_for(work, len(record.time), threads)
@@ -295,8 +294,9 @@ def _push(
     m, k = inputs.shape[:2]
     outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, columns.BALL_WIDTH))
     at_events, found = np.empty((m, k, most, 3)), np.empty((m, 2), np.int64)
-    _for_all(record, push_lanes, threads, times, inputs, outputs, at_events, found)
-    return outputs, at_events, found
+    results = outputs, at_events, found
+    _for_all(record, push_lanes, threads, times, inputs, results)
+    return results
 
 
 def _pull(
@@ -305,7 +305,7 @@ def _pull(
     """Calls `pull_lanes`. Returns its result."""
     m, k, n = outputs.shape[:3]
     inputs, found = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS)), np.empty((m, 2), np.int64)
-    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, inputs, found)
+    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, (inputs, found))
     return inputs
 
 
@@ -331,9 +331,9 @@ def _push_margins(
 ) -> tuple[Floats, Floats, Floats]:
     """Calls `push_margins`. Returns its outputs."""
     shape = (len(times), *wanted.shape)
-    margins, nearest, slopes = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *wanted.shape))
-    _for_all(record, push_margins, threads, times, inputs, wanted, margins, nearest, slopes)
-    return margins, nearest, slopes
+    results = np.empty(shape), np.empty(shape), np.empty((*inputs.shape[:2], *wanted.shape))
+    _for_all(record, push_margins, threads, times, inputs, wanted, results)
+    return results
 
 
 def _forwards(

@@ -203,12 +203,16 @@ def write(path: str | os.PathLike[str], text: str) -> None:
 
 def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game") -> T:
     """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold."""
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except (FileNotFoundError, IsADirectoryError) as error:
-        is_not = "does not exist" if isinstance(error, FileNotFoundError) else "is a folder"
-        raise type(error)(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {is_not}") from None
+    place = Path(path)
+    if not place.is_file():  # reading a pipe could take forever
+        kind, why = OSError, "is not a regular file"
+        if place.is_dir():
+            kind, why = IsADirectoryError, "is a folder"
+        elif not place.exists():
+            kind, why = FileNotFoundError, "does not exist"
+        raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
+    with place.open("rb") as file:
+        content = file.read(MAX_BYTES + 1)
     try:
         if len(content) > MAX_BYTES:
             raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import mpmath
 
-from billiards_env.scene import Scene, ball_friction
+from billiards_env.scene import PHYSICS_RANGES, Scene, ball_friction
 from reference.oracle.outline import Arc, Line, walls_of
 from reference.oracle.roots import Real
 
@@ -70,8 +70,7 @@ class World:
         if scene.physics.cushion == "mathavan2010":
             raise ValueError("physics.cushion = 'mathavan2010': expected cushions with a closed form")
         mpf, table, balls, physics = mpmath.mpf, scene.table, scene.balls, scene.physics
-        names = ("g", "mu_slide", "mu_roll", "spin_decay", "e_ball", "e_cushion", "mu_cushion")
-        names += ("e_cushion_loss", "e_cushion_onset", "e_cushion_floor", "cushion_frequency_ratio")
+        names = (name for name in PHYSICS_RANGES if name in cls.__dataclass_fields__)
         friction = map(mpf, ball_friction(physics)) if physics.ball_ball == "frictional" else None
         corners = [(c.x, c.y) for c in table.outline] or [(table.length / 2, table.width / 2)]
         extent = tuple(max(abs(mpf(place[axis])) for place in corners) for axis in (0, 1))

@@ -23,10 +23,12 @@ from agents.rllib.settings import Settings
 from agents.runs import train_all
 from agents.train import learning_curve, open_run
 
-ray = pytest.importorskip("ray")
+pytest.importorskip("ray")
 
-from agents.rllib.algorithm import ArrayPPO, algorithm_config  # noqa: E402
-from agents.rllib.train import newest_checkpoint, train  # noqa: E402
+import ray  # pyright: ignore[reportMissingImports]
+
+from agents.rllib.algorithm import ArrayPPO, algorithm_config
+from agents.rllib.train import newest_checkpoint, train
 
 pytestmark = [pytest.mark.cluster, pytest.mark.filterwarnings("default")]
 

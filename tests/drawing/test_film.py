@@ -6,11 +6,14 @@ import subprocess
 import numpy as np
 import pytest
 
-image = pytest.importorskip("PIL.Image")
-ffmpeg = pytest.importorskip("imageio_ffmpeg")
+pytest.importorskip("PIL.Image")
+pytest.importorskip("imageio_ffmpeg")
 pytest.importorskip("pygame")
 
-from billiards_env.drawing.canvas import Canvas, Caption, pixels  # noqa: E402
+import imageio_ffmpeg as ffmpeg
+from PIL.GifImagePlugin import GifImageFile
+
+from billiards_env.drawing.canvas import Canvas, Caption, pixels
 
 
 def read_mp4(path):
@@ -41,7 +44,7 @@ def test_mp4(shot, tmp_path):
 def test_gif(shot, tmp_path):
     shot.to_gif(tmp_path / "a.gif", fps=20, width=400)
     expected = drawn(shot, 20, 400)
-    with image.open(tmp_path / "a.gif") as gif:
+    with GifImageFile(tmp_path / "a.gif") as gif:
         # Equal consecutive frames are stored as one frame with a longer duration.
         duration = 0
         for k in range(gif.n_frames):
@@ -55,7 +58,7 @@ def test_gif(shot, tmp_path):
 
 def test_gifs_are_not_faster_than_viewers_can_play(elsewhere, tmp_path):
     elsewhere.to_gif(tmp_path / "a.gif", fps=1000, width=160)
-    with image.open(tmp_path / "a.gif") as gif:
+    with GifImageFile(tmp_path / "a.gif") as gif:
         assert gif.info["duration"] >= 20
 
 

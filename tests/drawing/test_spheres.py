@@ -3,11 +3,13 @@ import math
 import numpy as np
 import pytest
 
-pygame = pytest.importorskip("pygame")
+pytest.importorskip("pygame")
 
-from billiards_env import Scene  # noqa: E402
-from billiards_env.drawing.spheres import Painter, face, shadow  # noqa: E402
-from billiards_env.drawing.style import DOTS, looks  # noqa: E402
+import pygame
+
+from billiards_env import Scene
+from billiards_env.drawing.spheres import Painter, face, shadow
+from billiards_env.drawing.style import DOTS, looks
 
 UPRIGHT = [1.0, 0.0, 0.0, 0.0]
 

@@ -67,6 +67,19 @@ def test_pixels_show_the_balls():
     assert program["run"](2).shape == (84, 84)
 
 
+def test_self_play_aims_at_the_nearest_ball_and_trains():
+    program = load("self_play", "pettingzoo")
+    torch = pytest.importorskip("torch")
+    seen = torch.tensor([0.0, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0, 1.0, 0.0, -0.5, 1.0, 1.0, *[0.0] * 6])
+    x, y, *place = program["shot"](seen, torch.tensor([0.0, 0.0])).tolist()
+    assert (x, y) == (pytest.approx(0.0, abs=1e-6), pytest.approx(-0.5))  # 0.3 m away, the other ball 0.6 m
+    assert place == [0.0, 0.0]
+    policy, lead = program["run"](200)
+    torch.manual_seed(0)
+    assert (policy.mean.weight != program["Policy"](18).mean.weight).any()
+    assert -10.0 < lead < 10.0
+
+
 def test_a_clone_pots_balls(tmp_path):
     clone, teacher = load("dataset_cloning", "stable_baselines3", "minari", "h5py")["run"](64, episodes=100)
     assert clone > 0.8 < teacher

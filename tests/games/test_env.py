@@ -29,11 +29,11 @@ VARIANTS = [
     {"rules": "carom", "n_players": 3, "target": 2, "layout": "random"},
     {"rules": "eight_ball", "layout": "tight_rack", "mode": "pit", "dt": 1 / 120, "fix": "move_back"},
     {"rules": "straight", "layout": "random", "n_object_balls": 3, "max_shots": 7},
-    {"rules": "straight", "target": 5, "calls": True},
+    {"rules": "straight", "target": 5, "can_call": True},
     {"rules": "carom", "target": 2, "action": "strike"},
-    {"rules": "eight_ball", "calls": True},
-    {"rules": "nine_ball", "calls": True},
-    {"rules": "snooker", "n_object_balls": 7, "calls": True, "miss": True, "action": "strike"},
+    {"rules": "eight_ball", "can_call": True},
+    {"rules": "nine_ball", "can_call": True},
+    {"rules": "snooker", "n_object_balls": 7, "can_call": True, "miss": True, "action": "strike"},
 ]
 variants = pytest.mark.parametrize("kwargs", VARIANTS, ids=lambda k: ",".join(map(str, k.values())))
 
@@ -181,7 +181,7 @@ def test_the_cue_ball_is_observed_first():
 
 
 def test_the_last_numbers_of_an_action_are_the_call():
-    env = billiards_v0.raw_env("eight_ball", calls=True)
+    env = billiards_v0.raw_env("eight_ball", can_call=True)
     for numbers, call in [
         ((-1, -1, 0), Call(1, 0)),
         ((1, 1, -1), Call(15, 5)),
@@ -220,7 +220,7 @@ def test_a_strike_gives_spin():
 
 
 def test_a_push_out_and_a_shot_that_is_handed_back():
-    env = begun("nine_ball", calls=True, options={"positions": in_a_row(10), "state": {"choices": ["push_out"]}})
+    env = begun("nine_ball", can_call=True, options={"positions": in_a_row(10), "state": {"choices": ["push_out"]}})
     assert env.observe("player_0")[44:47].tolist() == [1, 0, 0]
     env.step(np.array([0, -0.1, 0, 0, 0, 0, 1], np.float32))
     assert (env.infos["player_0"]["foul"], env.infos["player_0"]["choices"]) == ("", ["hand_back"])
@@ -287,10 +287,10 @@ def test_pettingzoos_wrappers_clip_actions_and_check_the_order():
         ({"rules": "eight_ball", "n_object_balls": 9}, "9 object balls: expected 15"),
         ({"layout": "line"}, "layout = 'line'"),
         ({"max_shots": 0}, "max_shots = 0"),
-        ({"rules": "carom", "calls": True}, "calls = True with rules = 'carom'"),
-        ({"calls": 1}, "calls = 1"),
+        ({"rules": "carom", "can_call": True}, "can_call = True with rules = 'carom'"),
+        ({"can_call": 1}, "can_call = 1"),
         ({"action": "cut"}, "action = 'cut'"),
-        ({"rules": "snooker", "miss": True}, "miss = True with calls = False"),
+        ({"rules": "snooker", "miss": True}, "miss = True with can_call = False"),
         ({"max_speed": 0}, "max_speed = 0"),
         ({"render_mode": "ansi"}, "render_mode = 'ansi'"),
     ],

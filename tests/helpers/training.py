@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from agents.config import Config
 from agents.train import open_run, train
@@ -39,6 +40,12 @@ def settings(**changes: Any) -> dict[str, Any]:
         "ppo": {"n_steps": 32, "n_epochs": 2, "final_learning_rate": 1e-4},
         **changes,
     }
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> None:
+    """Networks run on one thread, as in `agents.train`."""
+    torch.set_num_threads(1)
 
 
 @pytest.fixture(scope="session")

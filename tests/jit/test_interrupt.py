@@ -16,7 +16,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import billiards_env  # noqa: F401  (registers the environment)
 from billiards_env.engine.modes import MANY_BALLS
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table

@@ -442,3 +442,45 @@ def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
     fused = jit.kernel(lambda x, y: x * x - y)
     x = 1.0 + 2.0**-30
     assert fused(x, x * x) == 0.0  # a fused multiply-add would give the rounding error of x * x
+
+
+# Functions that are compiled once for each kernel that they call.
+
+
+@jit.kernel
+def add_one(value):
+    return value + 1
+
+
+@jit.kernel
+def add_two(value):
+    return value + 2
+
+
+change = add_one
+
+
+def change_all(values):
+    for k in range(len(values)):
+        values[k] = change(values[k])
+
+
+def test_each_function_calls_its_own_kernel():
+    values = np.zeros(2, np.int64)
+    one, two = jit.specialised(change_all, change=add_one), jit.specialised(change_all, change=add_two)
+    one(values)
+    two(values)
+    two(values)
+    assert values.tolist() == [5, 5]
+    assert one.__qualname__ == "change_all_test_jit_add_one" != two.__qualname__  # their names on disk
+
+
+def test_only_the_kernel_in_use_is_compiled():
+    @jit.kernel
+    def unused(value):
+        return value
+
+    jit.specialised(change_all, change=unused)  # not called
+    jit.specialised(change_all, change=add_one)(np.zeros(1))
+    never: Any = unused
+    assert not never.overloads

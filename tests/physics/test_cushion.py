@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.compliance import friction_impulse
 from billiards_env.physics.cushion import (
-    CUSHIONS,
-    Cushion,
     CushionMotion,
     cushion_impact,
     cushion_restitution,
@@ -447,13 +445,4 @@ def test_a_name_without_a_law_is_an_error(monkeypatch, names, physics):
     monkeypatch.setattr(scenes, names, (*getattr(scenes, names), "new"))
     scene = Scene(Balls.uniform(1), physics=Physics(**physics))
     with pytest.raises(ValueError, match=rf"physics.{next(iter(physics))} = 'new': expected one of '\w+', "):
-        simulate(scene, [[0.0, 0.0]], [1.0, 0.0])
-
-
-def test_a_cushion_that_is_entered_without_a_law_is_an_error(monkeypatch):
-    """Such a cushion once ran as han2005."""
-    monkeypatch.setattr(scenes, "CUSHIONS", (*scenes.CUSHIONS, "new"))
-    monkeypatch.setitem(CUSHIONS, "new", Cushion("new"))
-    scene = Scene(Balls.uniform(1), physics=Physics(cushion="new"))
-    with pytest.raises(ValueError, match=r"physics.cushion = 'new': expected one of 'restitution', "):
         simulate(scene, [[0.0, 0.0]], [1.0, 0.0])

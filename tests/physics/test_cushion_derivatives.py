@@ -8,6 +8,7 @@ import pytest
 from billiards_env.engine.modes import scene_arrays
 from billiards_env.physics.cushion import CushionMotion, cushion_impact
 from billiards_env.physics.cushion_derivatives import TABLE, CushionChange, cushion_lane, cushion_law
+from billiards_env.physics.lanes import D_E_CUSHION, LANE_WIDTH
 from billiards_env.scene import Scene
 
 RADIUS = 0.0286
@@ -53,8 +54,12 @@ def derivative(motion, scene):
     """Returns the same by `cushion_lane`, and the `CushionLaw`."""
     arrays, table = scene_arrays(scene), np.empty(TABLE)
     law = cushion_law(CushionMotion(*motion), RADIUS, table, arrays)
-    columns = [cushion_lane(CushionChange(*unit), law, table, arrays) for unit in np.eye(13)]
-    return np.array(columns[:12]).T, law
+    columns = []
+    for unit in np.eye(12):
+        lane = np.zeros(LANE_WIDTH)
+        lane[D_E_CUSHION : D_E_CUSHION + len(CONSTANTS)] = unit[6:]
+        columns.append(cushion_lane(CushionChange._make((*unit[:6], lane)), law, table, arrays))
+    return np.array(columns).T, law
 
 
 @pytest.mark.parametrize(

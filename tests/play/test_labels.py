@@ -22,6 +22,11 @@ SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
 CAROM = [[-0.5, 0.3], [0.5, 0.0], [-0.5, 0.0]]
 
 
+def test_a_level_of_the_planner_is_the_name_of_the_player(make_model):
+    model = make_model("straight", EIGHT, players=("planner:club", "planner:100ms"))
+    assert [labels.player_name(model, k) for k in (0, 1)] == ["Player 1 (club)", "Player 2 (planner)"]
+
+
 @pytest.mark.parametrize(
     ("rules", "state", "words"),
     [

@@ -89,7 +89,7 @@ def test_a_window_is_opened(frames, capsys):
 
 
 def test_the_rules_have_options():
-    assert history("--rules", "straight", "--called").setup.call_shot
+    assert history("--rules", "straight", "--call-shot").setup.call_shot
     assert history("--rules", "snooker", "--choices", "--miss").setup.miss
 
 
@@ -159,9 +159,9 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--rules", "carom", "--layout", "rack"], "layout = 'rack'"),
         (["--load", "nothing.json"], "nothing.json"),
         (["--load", "SAVED", "--rules", "carom"], "--rules with --load"),
-        (["--load", "SAVED", "--called"], "--called with --load"),
+        (["--load", "SAVED", "--call-shot"], "--call-shot with --load"),
         (["--load", "SAVED", "--target", "0"], "--target with --load"),
-        (["--rules", "carom", "--called"], "call_shot = True with rules 'carom': expected False"),
+        (["--rules", "carom", "--call-shot"], "call_shot = True with rules 'carom': expected False"),
         (["--rules", "snooker", "--miss"], "--miss without --choices"),
         (["--scene", "real_pol"], r"scene = 'real_pol': .* \(did you mean 'real_pool'\?\)"),
         (["--rules", "carom", "--palette", "realist"], "palette = 'realist': expected one of 'colour_blind'"),

@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-pygame = pytest.importorskip("pygame")
+pytest.importorskip("pygame")
 
-from billiards_env import simulate  # noqa: E402
-from billiards_env.drawing.canvas import Canvas, pixels  # noqa: E402
-from billiards_env.games import Stroke, records  # noqa: E402
-from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim  # noqa: E402
-from billiards_env.play.view import View  # noqa: E402
-from billiards_env.play.window import GameWindow  # noqa: E402
+import pygame
+
+from billiards_env import simulate
+from billiards_env.drawing.canvas import Canvas, pixels
+from billiards_env.games import Stroke, records
+from billiards_env.play.model import go, replay, slow_down, tick, toggle_ghost, turn_aim
+from billiards_env.play.view import View
+from billiards_env.play.window import GameWindow
+from billiards_env.players.game_player import find_player
+from billiards_env.players.levels import LevelPlayer
 
 BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
 SHIFT = pygame.KMOD_LSHIFT
@@ -450,6 +454,36 @@ def test_the_planner_shows_its_shot_before_it_plays_it(make_model, window, monke
     while shown.model.phase == "thinking":
         shown.frame()
     assert shown.model.strokes == (stroke,)
+
+
+def test_a_level_shows_its_shot_without_the_error_that_it_makes(make_model, window):
+    stroke = Stroke((0.3, 0.4))
+    shown = window(
+        make_model(positions=BALLS, players=("planner:club", "human")),
+        (LevelPlayer(lambda *_: stroke, (1.0, 0.2)), None),
+    )
+    while shown.model.preview is None:
+        shown.frame()
+    np.testing.assert_allclose(shown.model.stroke.velocity, stroke.velocity)
+    while shown.model.phase == "thinking":
+        shown.frame()
+    assert 0.0 < np.hypot(*np.subtract(shown.model.strokes[0].velocity, stroke.velocity)) < 1.0
+
+
+def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
+    model = make_model(positions=BALLS, players=("planner:60s", "human"))
+    shown = window(model, (find_player("planner:60s", model.setup), None))
+    for _ in range(10):
+        shown.frame()
+    assert shown.model.phase == "thinking"
+    thought: Any = shown._thought
+    thread = thought.stroke._thread
+    assert thread.is_alive()
+    post(pygame.QUIT)
+    shown.run()
+    assert not shown.open
+    thread.join(20.0)
+    assert not thread.is_alive()
 
 
 def test_an_error_of_a_program_is_raised(make_model, window):

@@ -188,3 +188,15 @@ def test_the_success_of_a_pot_is_that_of_a_normal_error():
 def test_a_setup_with_the_fixed_timestep_is_played():
     game = Setup("nine_ball", Scene.named("pool", 9), mode="pit", dt=1 / 120)
     assert plan(game, opening(game, RNG(0), "random"), 6.0, RNG(0), np.inf, 300).probability >= 0.0
+
+
+def test_an_evaluation_function_decides():
+    game = setup("straight", 2)
+    table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])  # ball 1 hangs in pocket 3
+
+    def to_the_left(played):
+        return -played.positions[:, 0, 0]
+
+    found = plan(game, table, 4.0, RNG(0), np.inf, 1000, NOISE, values=to_the_left)
+    assert found.leave[0, 0] < -1.0
+    assert -found.leave[0, 0] == pytest.approx(found.value, abs=0.15)

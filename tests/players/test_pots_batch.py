@@ -22,7 +22,7 @@ def targets(scene):
     return np.arange(scene.n_balls) > 0
 
 
-def search(scene, positions, potted, **kwargs):
+def pots_of(scene, positions, potted, **kwargs):
     return find_pots(Tables(scene, targets(scene), positions, potted, MAX_SPEED), **kwargs)
 
 
@@ -40,14 +40,14 @@ def three():
     scene = Scene.named("pool", 3)
     positions, potted = tables(scene, 400)
     potted[::2, 3] = potted[::4, 2] = True
-    return scene, positions, potted, search(scene, positions, potted)
+    return scene, positions, potted, pots_of(scene, positions, potted)
 
 
 def test_a_batch_gives_the_same_pots_as_one_table_at_a_time(three):
     scene, positions, potted, found = three
     assert (found.rows[..., pots.WALL] > 0).any()  # banks too
     for t in range(len(positions)):
-        alone = search(scene, positions[t : t + 1], potted[t : t + 1])
+        alone = pots_of(scene, positions[t : t + 1], potted[t : t + 1])
         for one, many in zip(alone, found, strict=True):
             assert one[0].tobytes() == many[t].tobytes()
 
@@ -55,7 +55,7 @@ def test_a_batch_gives_the_same_pots_as_one_table_at_a_time(three):
 def test_the_order_of_the_balls_does_not_matter(three):
     scene, positions, potted, found = three
     order = np.array([0, 2, 3, 1])
-    other = search(scene, np.ascontiguousarray(positions[:, order]), np.ascontiguousarray(potted[:, order]))
+    other = pots_of(scene, np.ascontiguousarray(positions[:, order]), np.ascontiguousarray(potted[:, order]))
     for name in ("count", "pocket", "rows", "shots"):
         assert getattr(other, name).tobytes() == getattr(found, name).tobytes()
     exists = np.arange(found.ball.shape[1]) < found.count[:, None]
@@ -65,7 +65,7 @@ def test_the_order_of_the_balls_does_not_matter(three):
 @pytest.mark.parametrize("signs", [(-1, 1), (1, -1), (-1, -1)])
 def test_mirror_images_give_mirrored_pots(three, signs):
     scene, positions, potted, found = three
-    mirrored = search(scene, positions * signs, potted)
+    mirrored = pots_of(scene, positions * signs, potted)
     rows, shots = found.rows.copy(), found.shots.copy()
     exists = np.arange(found.ball.shape[1]) < found.count[:, None]
     for c, sign in enumerate(signs):
@@ -97,7 +97,7 @@ def test_the_cue_ball_comes_to_rest_where_its_path_ends(name, offset):
     scene, rng = Scene.named(name), np.random.default_rng(3)
     positions = np.array([layouts.draw("random", scene, rng) for _ in range(100)])
     potted = np.zeros((100, 2), np.bool_)
-    found = search(scene, positions, potted, most=1, offset=offset)
+    found = pots_of(scene, positions, potted, most=1, offset=offset)
     shots = found.shots[:, 0, 0]
     played = shots[:, pots.SPEED] > 0
     velocities = shots[:, [pots.SPEED]] * shots[:, pots.DX : pots.DY + 1]
@@ -118,7 +118,7 @@ def test_the_easiest_pots_are_kept(three):
     scene, positions, potted, found = three
     tolerance = np.where(np.arange(found.ball.shape[1]) < found.count[:, None], found.rows[..., pots.TOLERANCE], 0)
     assert (np.diff(tolerance) <= 0).all()
-    few = search(scene, positions, potted, most=2)
+    few = pots_of(scene, positions, potted, most=2)
     assert (few.count == np.minimum(found.count, 2)).mean() > 0.99  # one of the two may be impossible at any speed
     same = few.count == np.minimum(found.count, 2)
     assert few.rows[same].tobytes() == np.ascontiguousarray(found.rows[same, :2]).tobytes()
@@ -129,7 +129,7 @@ def test_the_position_of_a_potted_ball_does_not_change_the_pots(three):
     scene, positions, potted, found = three
     moved = positions.copy()
     moved[potted] = positions[potted][::-1] * 0.5
-    other = search(scene, moved, potted)
+    other = pots_of(scene, moved, potted)
     for one, two in zip(found, other, strict=True):
         assert one.tobytes() == two.tobytes()
     exists = np.arange(found.ball.shape[1]) < found.count[:, None]
@@ -141,7 +141,7 @@ def played():
     """All pots of one ball on 1500 layouts, and their results in the engine."""
     scene = Scene.named("pool")
     positions, potted = tables(scene, 1500)
-    found = search(scene, positions, potted)
+    found = pots_of(scene, positions, potted)
     return positions, found, *play(scene, positions, found)
 
 
@@ -185,7 +185,7 @@ def test_banks_are_found_only_without_a_direct_pot(played):
 def test_banks_on_request_are_added_to_the_direct_pots(played):
     positions, found, *_ = played
     scene = Scene.named("pool")
-    more = search(scene, positions, np.zeros(positions.shape[:2], np.bool_), banks=True)
+    more = pots_of(scene, positions, np.zeros(positions.shape[:2], np.bool_), banks=True)
     bank = more.rows[..., pots.WALL] >= 0
     exists = np.arange(more.ball.shape[1]) < more.count[:, None]
     direct = (found.rows[..., pots.WALL] < 0) & (np.arange(found.ball.shape[1]) < found.count[:, None])
@@ -210,7 +210,7 @@ def test_an_ideal_bank_is_that_of_a_mirror():
     before, after = room + ball_y, room + pocket_y  # distances from the cushion -y
     for x in (-0.5, 0.5):
         positions = np.array([[1.4 * x, 0.2], [x, ball_y]])
-        found = search(ideal, positions[None], np.zeros((1, 2), np.bool_))
+        found = pots_of(ideal, positions[None], np.zeros((1, 2), np.bool_))
         k = found.rows[0, : found.count[0], pots.WALL].tolist().index(2)
         line = positions[1] - found.rows[0, k, : pots.GHOST_Y + 1]
         bounce = positions[1] - line * before / line[1]
@@ -258,13 +258,13 @@ ODD = {
 def test_pots_in_unusual_scenes(changes, positions, least):
     scene = changed(Scene.named("pool"), **changes)
     table = np.array([positions])
-    found = search(scene, table, np.zeros((1, 2), np.bool_))
+    found = pots_of(scene, table, np.zeros((1, 2), np.bool_))
     assert np.isfinite(found.rows).all()
     assert np.isfinite(found.shots).all()
     if least is not None:
         assert (found.count[0] > 0) == least
     if least:
         assert play(scene, table, found)[-1].all()
-    nothing = search(scene, table, np.array([[False, True]]))
+    nothing = pots_of(scene, table, np.array([[False, True]]))
     assert nothing.count[0] == 0
     assert not len(pot_shots(Tables(scene, np.zeros(2, np.bool_), table[0], np.zeros(2, np.bool_), 4.0)).speed)

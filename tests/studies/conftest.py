@@ -12,13 +12,9 @@ import torch
 from agents.config import Config
 from agents.train import open_run, train
 from studies import recipes
-from tests.helpers.training import tiny, trained  # noqa: F401  (fixtures)
+from tests.helpers.training import one_thread, tiny, trained
 
-
-@pytest.fixture(autouse=True, scope="session")
-def one_thread() -> None:
-    """Networks have one thread, as in `agents.train`."""
-    torch.set_num_threads(1)
+__all__ = ["one_thread", "tiny", "trained"]
 
 
 @pytest.fixture(autouse=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 
+import gymnasium as gym
+import numpy as np
 import pytest
 import torch
 
 from billiards_env.envs import BilliardsVectorEnv
+from billiards_env.evaluation import evaluation_seeds, find_player, play
 from billiards_env.scene import Scene
 from studies import learn_by_gradient
 
@@ -67,15 +70,33 @@ def test_a_pot_with_a_scratch_lowers_the_chance_of_its_speed():
 
 
 def test_a_short_training_learns():
-    assert learn_by_gradient.train(1, 6400, 300) > 0.05  # a random shot pots the ball once in a hundred times
+    assert learn_by_gradient.train(1, 6400, 300)[0] > 0.05  # a random shot pots the ball once in a hundred times
 
 
 def test_the_command_writes_what_has_no_results(tmp_path, capsys):
-    path = tmp_path / "learn_by_gradient.json"
-    learn_by_gradient.main(["--output", str(path)])
+    path, policy = tmp_path / "learn_by_gradient.json", tmp_path / "gradient.npz"
+    arguments = ["--output", str(path), "--policy", str(policy)]
+    learn_by_gradient.main(arguments)
+    weights = policy.read_bytes()
     found = json.loads(path.read_text())
     assert 0.0 <= found["results"]["64"]["20"] <= 1.0
     found["results"]["64"]["20"] = 0.75
     path.write_text(json.dumps(found))
-    learn_by_gradient.main(["--output", str(path)])
+    learn_by_gradient.main(arguments)
     assert "75.0%" in capsys.readouterr().out
+    policy.unlink()
+    learn_by_gradient.main(arguments)
+    assert policy.read_bytes() == weights
+    assert "75.0%" not in capsys.readouterr().out
+
+
+def test_the_policy_in_the_repository_pots_balls():
+    env = gym.make("Billiards/Pot1-v0")
+    played = play(env, find_player("studies.learn_by_gradient:act", env), evaluation_seeds(3, 100).tolist())
+    assert played["success_rate"] > 0.8
+
+
+def test_a_file_of_weights_runs_no_code(tmp_path):
+    np.savez(tmp_path / "bad.npz", signs=np.array([print], object))
+    with pytest.raises(ValueError, match="allow_pickle=False"):
+        learn_by_gradient.load(tmp_path / "bad.npz")

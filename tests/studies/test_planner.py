@@ -12,14 +12,14 @@ from studies.planner import CELLS, Cell, blocks, main, noisy
 
 NOISE = (0.125, 0.075)
 TINY = (
-    Cell("run-outs", (0.03, 0.0), "planner:150", 1.0),
+    Cell("run-outs", (0.03, 0.0), "planner:60", 1.0),
     Cell("run-outs", (0.03, 0.0), "search:2", 1.0),
-    Cell("fixed break", NOISE, "planner:150", 0.5),
-    Cell("without english", NOISE, "planner:150", 0.5),
-    Cell("eight ball", NOISE, "planner:150", 0.5),
+    Cell("fixed break", NOISE, "planner:60", 0.5),
+    Cell("without english", NOISE, "planner:60", 0.5),
+    Cell("eight ball", NOISE, "planner:60", 0.5),
     Cell("matches", NOISE, "random", 1.0),
-    Cell("one ball", NOISE, "planner:150", 1.0),
-    Cell("straight pool", NOISE, "planner:150", 0.5),
+    Cell("one ball", NOISE, "planner:60", 1.0),
+    Cell("straight pool", NOISE, "planner:60", 0.5),
     Cell("snooker", NOISE, "planner:60", 0.5),
     Cell("three-cushion", NOISE, "planner:60", 0.5),
 )
@@ -27,7 +27,7 @@ TINY = (
 
 def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(planner, "CELLS", TINY)
-    monkeypatch.setattr(planner, "PLANNER", "planner:150")
+    monkeypatch.setattr(planner, "PLANNER", "planner:60")
     monkeypatch.setattr(planner, "MAX_SHOTS", 4)
     output = tmp_path / "planner.json"
     monkeypatch.setattr(planner, "MAX_POINTS", 2)

@@ -162,7 +162,7 @@ def test_only_the_lists_of_the_project_replace_the_results_of_the_project(tmp_pa
         assert found.runs == recipes.RUNS / name
         assert found.summary == recipes.RESULTS / f"{name}.json"
         assert found.figure == recipes.IMAGES / f"{name}.png"
-        policies = recipes.RESULTS if name == "recipes" else recipes.RUNS / name
+        policies = recipes.RESULTS if name in ("recipes", "ratings") else recipes.RUNS / name
         assert found.policies == policies / "policies"
     # A list of the same name elsewhere is not one of the project.
     other = find_places(tmp_path / "recipes.yaml")
@@ -191,8 +191,9 @@ def test_the_results_of_the_project_are_those_of_its_lists(path):
         assert set(result["players"]) == set(PLAYERS)
 
 
-def test_the_policies_of_the_project_play_as_well_as_their_results():
-    places = find_places(recipes.CONFIG)
+@pytest.mark.parametrize("name", ["recipes", "ratings"])
+def test_the_policies_of_the_project_play_as_well_as_their_results(name):
+    places = find_places(recipes.CONFIG.with_name(f"{name}.yaml"))
     for result in json.loads(places.summary.read_text())["results"]:
         run = result["runs"][0]
         config, policy = load_policy(places.policies / result["recipe"])

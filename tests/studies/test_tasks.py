@@ -47,3 +47,18 @@ def test_the_text_about_a_task_fits_it():
     assert "- Episode: one shot." in found["Carom"]
     assert "- Episode: at most 10 shots." in found["Clear5"]
     assert "- Episode: 5 shots." in found["SumToThree"]
+
+
+def test_the_page_describes_every_id():
+    page = (tasks.FIGURE.parents[1] / "tasks.md").read_text(encoding="utf-8")
+    assert "images/tasks.png" in page
+    sections = dict(zip(tasks.families(), page.split("\n## ")[1:], strict=True))
+    assert all(section.startswith(f"{name}\n") for name, section in sections.items())
+    parts = ("- Observation: ", "- Action: ", "- Reward: ", "- Episode: ", "Arguments of", "solved from")
+    for name in FROZEN:
+        family = next(one for one in sections if name.removeprefix(one).startswith(("-", "Noise", "Strike")))
+        section, rows = sections[family], [line for line in page.splitlines() if f"`Billiards/{name}`" in line]
+        assert all(part in section for part in parts), name
+        assert f"- `{name}`: v0: " in section
+        assert len(rows) == 2  # success and mean return
+        assert all(f" {FROZEN[name].threshold:g} |" in row for row in rows)

@@ -1,0 +1,89 @@
+"""Levels of the player "planner": "planner:club" plays as well as a club player.
+
+The strokes of a level have random errors, and the planner expects them. Its budget is a number of simulated shots, so a
+seed repeats its games.
+
+Example:
+    >>> level_of("club").noise, level_of("100ms")
+    ((1.0, 0.2), Level(budget='100ms', noise=(0.0, 0.0)))
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from billiards_env.games import GameState, Setup, Stroke
+from billiards_env.players.planner import Noise, parse_budget, with_errors
+
+
+class Level(NamedTuple):
+    """The strength of a planner.
+
+    Attributes:
+        budget: The argument of the planner: a time or a number of shots.
+        noise: Standard deviations of the errors of its strokes: of the direction, degrees, and of the speed, m/s.
+    """
+
+    budget: str
+    noise: Noise
+
+
+LEVELS = {
+    "beginner": Level("200", (3.0, 0.4)),
+    "club": Level("500", (1.0, 0.2)),
+    "league": Level("1000", (0.4, 0.1)),
+    "pro": Level("4000", (0.1, 0.05)),
+}
+"""The levels by name, the weakest first."""
+
+
+class LevelPlayer(NamedTuple):
+    """A player of games whose strokes have errors.
+
+    Attributes:
+        intend: The player without errors.
+        noise: As in `Level`.
+    """
+
+    intend: Callable[[Setup, GameState, float, np.random.Generator], Stroke]
+    noise: Noise
+
+    def __call__(self, setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+        """Returns the stroke that is played."""
+        return with_noise(self.intend(setup, game, max_speed, rng), self.noise, max_speed, rng)
+
+
+def level_of(argument: str) -> Level:
+    """Returns the level of an argument of the planner; a budget that is no level has no errors.
+
+    Raises:
+        ValueError: If the argument is neither a level nor a budget.
+    """
+    if argument in LEVELS:
+        return LEVELS[argument]
+    try:
+        parse_budget(argument)
+    except ValueError as error:
+        raise ValueError(f"{error}, or a level: {', '.join(map(repr, LEVELS))}") from None
+    return Level(argument, (0.0, 0.0))
+
+
+def expected(noise: Noise, level: Level) -> Noise:
+    """Returns the noise of the environment and the errors of a level together."""
+    return math.hypot(noise[0], level.noise[0]), math.hypot(noise[1], level.noise[1])
+
+
+def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:
+    """Returns a stroke with random errors of the direction, degrees, and of the speed, m/s.
+
+    A stroke without a speed, which hands the shot back, stays as it is.
+    """
+    if not any(noise) or not any(stroke.velocity):
+        return stroke
+    errors = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
+    (velocity,), (spin,) = with_errors(np.array([stroke.velocity]), np.array([stroke.spin]), errors, max_speed)
+    return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))
