@@ -51,8 +51,8 @@ OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
 FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
-"""A break from near the left cushion. Of 1,600 random breaks it kept the turn most often on 60 racks that are not those
-of the study."""
+"""A break from near a long cushion: of 1,600 random breaks, one of those that kept the turn most often on 60 racks that
+are not those of the study."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
@@ -370,7 +370,8 @@ def draw(found: Mapping[str, Any]) -> Figure:
         if not ends:
             continue
         seconds, share, low, high = (100 * np.array(column) for column in zip(*sorted(ends), strict=True))
-        axes.errorbar(10 * seconds, share, (share - low, high - share), fmt="o-", capsize=3, label=f"planner, {noise}")
+        reach = np.maximum((share - low, high - share), 0.0)
+        axes.errorbar(10 * seconds, share, reach, fmt="o-", capsize=3, label=f"planner, {noise}")
     axes.set_xscale("log")
     axes.set_xticks(_BUDGETS, [str(budget) for budget in _BUDGETS], minor=False)
     axes.minorticks_off()
