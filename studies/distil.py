@@ -63,7 +63,7 @@ Weights = dict[str, NDArray[np.float32]]
 
 TASK = "NineBall-v0"
 OUTPUT, POLICY = RESULTS / "distil.json", RESULTS / "policies" / "distilled.npz"
-ROUNDS, RACKS, BREAKS, EPISODES, SEED = 2, 20_000, 100, 1000, 50
+ROUNDS, RACKS, BREAKS, EPISODES, SEED = 2, 8_000, 600, 1000, 50
 """The number of rounds, the racks of a round, those of the breaks, the layouts of the evaluation, and the seed."""
 EXPLORED = 0.2
 """Share of the shots of the search that are a random candidate."""

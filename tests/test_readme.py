@@ -136,7 +136,7 @@ def test_every_default_of_a_scene_has_a_source():
 def test_the_readme_is_short():
     assert len(PAGES["README.md"].splitlines()) < 160
     assert sum(language == "python" for language, _, _ in FENCE.findall(PAGES["README.md"])) == 3
-    assert len(TUTORIALS) == 4
+    assert len(TUTORIALS) == 5
 
 
 def test_the_configuration_shown_trains():

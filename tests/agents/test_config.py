@@ -16,7 +16,9 @@ from billiards_env.players.pots import SPEEDS
 from billiards_env.sb3.policy import MixturePolicy
 
 FOLDER = Path(__file__).parents[2] / "configs"
-CONFIGS = sorted(path for folder in ("ppo", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml"))
+CONFIGS = sorted(
+    path for folder in ("ppo", "rated", "prior_knowledge", "english") for path in FOLDER.glob(f"{folder}/*.yaml")
+)
 
 
 def test_missing_settings_and_arguments_have_their_defaults():
