@@ -6,6 +6,7 @@ Modules:
     timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
     planner: Measures the planner under execution noise.
+    pot_chances: Compares the probability of a pot to first order with samples.
     positions: Measures the strokes of players in a fixed set of positions.
     run_out_film: Draws a film of a run-out of the planner.
     distil: Distils a search into a small policy.

@@ -2,7 +2,10 @@
 
 * Run-outs: racks of nine ball on `real_pool` that are won from the break without losing the turn. "planner" plays for a
   run-out (`run_out=True`). It chooses the place of the cue ball and the break by simulations of the actual rack.
+* Fixed break: the same with one stroke as the break. Without english: the same on `pool`. Eight ball: the same in this
+  game.
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
+* Straight pool, snooker, three-cushion: the points of one turn from random positions.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
@@ -13,52 +16,92 @@ the results depend on the machine.
 from __future__ import annotations
 
 import argparse
+import functools
 import itertools
 import json
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
-from billiards_env.games import GameState, PlayedShot, Setup, Stroke, opening, play
-from billiards_env.intervals import wilson_interval
+from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.planner import parse_budget, plan, with_errors
 from billiards_env.scene import Scene
 from studies import RESULTS, errors_in_one_line
 
 OUTPUT = RESULTS / "planner.json"
-RACKS, SEED, MAX_SPEED, MAX_SHOTS = 60, 30, 8.0, 60
+RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 60
+MAX_POINTS = 150
+"""A turn of straight pool or snooker ends after this number of shots."""
+
 ONE_BALL = 10
 """Episodes that count as one rack."""
 
 OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
-CELLS: tuple[tuple[str, tuple[float, float], str], ...] = (
-    ("run-outs", (0.03, 0.0), "planner:100ms"),
-    ("run-outs", (0.03, 0.0), "search:1000"),
-    ("run-outs", (0.057, 0.0), "planner:100ms"),
-    ("run-outs", (0.057, 0.0), "planner:300ms"),
-    ("run-outs", (0.057, 0.0), "search:1000"),
-    ("run-outs", OLYMPIAD, "planner:100ms"),
-    ("run-outs", OLYMPIAD, "search:1000"),
-    ("run-outs", (0.5, 0.075), "planner:100ms"),
-    ("matches", OLYMPIAD, "search:200"),
-    ("matches", OLYMPIAD, "geometric"),
-    ("one ball", OLYMPIAD, "planner:100ms"),
-    ("one ball", OLYMPIAD, "search:1000"),
-)
-"""What is measured: the experiment, the noise (degrees and m/s) and the player, in matches the opponent."""
+FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
+"""A break from near a long cushion: of 1,600 random breaks, one of those that kept the turn most often on 60 racks that
+are not those of the study."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
+
+EQUAL_TIME = "search:24000"
+"""The search whose decisions in eight ball take the same processor time as those of `PLANNER`, see `times`."""
+
+
+class Cell(NamedTuple):
+    """What is measured.
+
+    Attributes:
+        experiment: An entry of `EXPERIMENTS`.
+        noise: Standard deviations of the direction, degrees, and of the speed, m/s.
+        player: The player, in matches the opponent.
+        share: The number of its racks over that of the command.
+    """
+
+    experiment: str
+    noise: tuple[float, float]
+    player: str
+    share: float = 0.5
+
+
+CELLS: tuple[Cell, ...] = (
+    Cell("run-outs", (0.057, 0.0), PLANNER, 1.0),
+    Cell("run-outs", OLYMPIAD, PLANNER, 1.0),
+    Cell("run-outs", (0.03, 0.0), PLANNER, 1.0),
+    Cell("run-outs", (0.5, 0.075), PLANNER, 1.0),
+    Cell("one ball", OLYMPIAD, PLANNER, 1.0),
+    Cell("matches", OLYMPIAD, EQUAL_TIME),
+    Cell("fixed break", (0.057, 0.0), PLANNER),
+    Cell("fixed break", OLYMPIAD, PLANNER),
+    Cell("eight ball", OLYMPIAD, PLANNER),
+    Cell("without english", (0.057, 0.0), PLANNER, 0.3),
+    Cell("without english", OLYMPIAD, PLANNER, 0.3),
+    Cell("matches", OLYMPIAD, "geometric", 0.3),
+    Cell("straight pool", OLYMPIAD, PLANNER, 0.3),
+    Cell("snooker", OLYMPIAD, PLANNER, 0.3),
+    Cell("three-cushion", OLYMPIAD, PLANNER),
+    *(
+        Cell("run-outs", noise, f"planner:{time}", share)
+        for time, share in (("10ms", 0.4), ("30ms", 0.4), ("300ms", 0.2), ("1s", 0.08), ("3s", 0.02))
+        for noise in ((0.057, 0.0), OLYMPIAD)
+    ),
+    *(Cell("run-outs", noise, "search:1000") for noise in ((0.03, 0.0), (0.057, 0.0), OLYMPIAD)),
+    Cell("one ball", OLYMPIAD, "search:1000"),
+)
+"""The cells of the tables, those of most interest first."""
 
 
 def noisy(stroke: Stroke, noise: tuple[float, float], max_speed: float, rng: np.random.Generator) -> Stroke:
@@ -74,25 +117,64 @@ def shoot(setup: Setup, game: GameState, player: Player, noise: tuple[float, flo
     return play(setup, game, noisy(stroke, noise, MAX_SPEED, rngs[1]))
 
 
-def run_out(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
-    """Plays one rack of nine ball until the turn is lost.
+def run_out(
+    player: str,
+    noise: tuple[float, float],
+    rng: np.random.Generator,
+    rules: str = "nine_ball",
+    scene: str = "real_pool",
+    fixed_break: Stroke | None = None,
+) -> dict[str, Any]:
+    """Plays one rack until the turn is lost.
 
     Returns:
-        `success`, `strokes`, and `break`: "nine", "kept" or "lost".
+        `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
+        probability of each shot after the break, as the planner expects it.
     """
-    setup = Setup("nine_ball", Scene.named("real_pool", 9))
+    setup = Setup(rules, Scene.named(scene, 9 if rules == "nine_ball" else 15))
     game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
-    chosen = _for_run_outs(player, noise) if player.startswith("planner") else find_player(player, setup, noise=noise)
+    chances: list[float] = []
+    chosen = find_player(player, setup, noise=noise)
+    if player.startswith("planner"):
+        chosen = _for_one_turn(player, noise, chances, english=scene != "pool")
     while not game.state.over and game.state.player == 0:
-        game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
+        if fixed_break and strokes == 0:
+            game = play(setup, game, noisy(fixed_break, noise, MAX_SPEED, rngs[1])).game
+        else:
+            game = shoot(setup, game, chosen, noise, rngs).game
+        strokes += 1
         after_break = after_break or ("nine" if game.state.over else ("lost", "kept")[game.state.player == 0])
-    return {"success": game.state.winner == 0, "strokes": strokes, "break": after_break}
+    broken = 0 if fixed_break else 1
+    return {
+        "success": game.state.winner == 0,
+        "strokes": strokes,
+        "break": after_break,
+        "chances": [round(chance, 3) for chance in chances[broken:]],
+    }
 
 
-def _for_run_outs(player: str, noise: tuple[float, float]) -> Player:
-    """Returns the planner that plays for run-outs."""
+def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float], english: bool = True) -> Player:
+    """Returns the planner that plays for its present turn, and adds the probability of each shot to `chances`."""
     seconds, shots = parse_budget(player.partition(":")[2])
-    return lambda *given: plan(*given, seconds=seconds, shots=shots, noise=noise, run_out=True).stroke
+
+    def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
+        found = plan(setup, game, max_speed, rng, seconds, shots, noise, run_out=True, english=english)
+        chances.append(found.probability)
+        return found.stroke
+
+    return stroke
+
+
+def turn(
+    player: str, noise: tuple[float, float], rng: np.random.Generator, rules: str, balls: int, scene: str
+) -> dict[str, Any]:
+    """Plays one turn from random positions of all balls. Returns `points` and `strokes`."""
+    setup = Setup(rules, Scene.named(scene, balls))
+    game, rngs, strokes = opening(setup, rng, "random"), rng.spawn(2), 0
+    chosen = _for_one_turn(player, noise, [])
+    while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
+        game, strokes = shoot(setup, game, chosen, noise, rngs).game, strokes + 1
+    return {"points": game.state.scores[0], "strokes": strokes}
 
 
 def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
@@ -113,7 +195,18 @@ def one_ball(player: str, noise: tuple[float, float], rng: np.random.Generator) 
     return {"success": found["successes"], "strokes": ONE_BALL}
 
 
-EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {"run-outs": run_out, "matches": match, "one ball": one_ball}
+EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
+    "run-outs": run_out,
+    "fixed break": functools.partial(run_out, fixed_break=FIXED_BREAK),
+    "without english": functools.partial(run_out, scene="pool"),
+    "eight ball": functools.partial(run_out, rules="eight_ball"),
+    "matches": match,
+    "one ball": one_ball,
+    "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool"),
+    "snooker": functools.partial(turn, rules="snooker", balls=21, scene="snooker"),
+    "three-cushion": functools.partial(turn, rules="three_cushion", balls=2, scene="real_carom"),
+}
+"""A function `(player, noise, rng)` for each experiment."""
 
 
 def measure(output: Path, racks: int) -> dict[str, Any]:
@@ -129,16 +222,58 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     if found.get("settings") != settings:
         found = {"machine": machine(), "settings": settings, "results": {}}
-    cells = itertools.product(range(racks), CELLS)
-    with tqdm(cells, total=racks * len(CELLS), unit="rack") as bar:
-        for rack, (experiment, noise, player) in bar:
-            name = f"{noise[0]:g} degrees, {noise[1]:g} m/s"
-            bar.set_description(f"{experiment}, {name}, {player}")
+    with tqdm(total=sum(math.ceil(racks * cell.share) for cell in CELLS), unit="rack") as bar:
+        for rack, cell in itertools.product(range(racks), CELLS):
+            experiment, noise, player, share = cell
+            name = _name(noise)
             played = found["results"].setdefault(experiment, {}).setdefault(name, {}).setdefault(player, [])
-            if rack == len(played):
-                played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, rack])))
+            if len(played) < math.ceil((rack + 1) * share):
+                bar.set_description(f"{experiment}, {name}, {player}")
+                _compile(experiment)
+                played.append(EXPERIMENTS[experiment](player, noise, np.random.default_rng([SEED, len(played)])))
                 write_json(output, found)
+                bar.update()
     return found
+
+
+@functools.cache
+def _compile(experiment: str) -> None:
+    """Plays a rack with few shots, because the decision in which kernels are compiled has no time left."""
+    player = "random" if experiment == "matches" else "planner:60"
+    EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
+
+
+def _name(noise: tuple[float, float]) -> str:
+    return f"{noise[0]:g} degrees, {noise[1]:g} m/s"
+
+
+def times(layouts: int = 40) -> dict[str, float]:
+    """Returns the median processor time of decisions in eight ball, s, for `PLANNER` and `EQUAL_TIME`.
+
+    The layouts are random, with 15 to 1 object balls.
+    """
+    setup, found = Setup("eight_ball", Scene.named("real_pool", 15)), {}
+    for name in (PLANNER, EQUAL_TIME):
+        player, taken = find_player(name, setup, noise=OLYMPIAD), []
+        for k in range(-1, layouts):  # the first one compiles
+            rng = np.random.default_rng([SEED, k + 1])
+            lying = sorted({0, 8, *(1 + rng.permutation(15)[: 15 - k % 15]).tolist()})
+            game = custom_opening(setup, opening(setup, rng, "random").positions, {"on_table": lying})
+            begin = time.thread_time()
+            player(setup, game, MAX_SPEED, rng)
+            taken.append(time.thread_time() - begin)
+        found[name] = float(np.median(taken[1:]))
+    return found
+
+
+_HEADS = {
+    "run-outs": ("racks", "run-outs", "turn kept after the break", "nine on the break", "strokes", "expected pot"),
+    "matches": ("racks", "racks won by the planner", "strokes"),
+    "one ball": ("shots", "pots"),
+    "turns": ("turns", "mean points", "most points", "strokes"),
+}
+_AIM, _POTS = 0.08, 7  # share of racks that is aimed at under the largest errors, and shots after a break
+_RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
@@ -146,42 +281,120 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     made = {"machine": machine_line(found["machine"])}
     for experiment, noises in found["results"].items():
         rows = [
-            (noise, player, *_row(experiment, played)) for noise, ps in noises.items() for player, played in ps.items()
+            (noise, player, *_row(experiment, played))
+            for noise, players in noises.items()
+            for player, played in sorted(players.items(), key=lambda entry: _order(entry[0]))
         ]
-        head = {
-            "run-outs": ("racks", "run-outs", "turn kept after the break", "nine on the break", "strokes"),
-            "matches": ("racks", "racks won by the planner", "strokes"),
-            "one ball": ("shots", "pots"),
-        }[experiment]
-        made[experiment] = table(("noise", "opponent" if experiment == "matches" else "player", *head), rows, left=2)
+        kind = experiment if experiment in _HEADS else "run-outs" if experiment in _RUN_OUTS else "turns"
+        first = "noise", "opponent" if experiment == "matches" else "player"
+        made[experiment] = table((*first, *_HEADS[kind]), rows, left=2)
+    made["limit"] = _limit(found["results"]["run-outs"])
     return made
 
 
+def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> str:
+    """Returns a sentence about the success that a shot needs under the largest errors."""
+    noise = max((name for name, players in noises.items() if PLANNER in players), default="", key=_degrees)
+    played = noises.get(noise, {}).get(PLANNER, ())
+    chances = [chance for rack in played for chance in rack.get("chances", ())]
+    kept = np.mean([rack["break"] != "lost" for rack in played]) if played else 0.0
+    if not chances or kept < _AIM:
+        return ""
+    need, expected = (_AIM / kept) ** (1 / _POTS), float(np.mean(chances))
+    return (
+        f"With errors of {noise} the break keeps the turn in {kept:.0%} of the racks. To win {_AIM:.0%} of the "
+        f"racks, each of the {_POTS} shots after it has to succeed with {need:.0%}. The planner expects "
+        f"{expected:.0%} for a shot."
+    )
+
+
+def _degrees(noise: str) -> float:
+    return float(noise.partition(" ")[0])
+
+
+def _order(player: str) -> tuple[bool, float]:
+    """Returns a key that sorts planners by their time, and then other players."""
+    name, _, argument = player.partition(":")
+    return name != "planner", parse_budget(argument)[0] if name == "planner" else 0.0
+
+
 def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    won = sum(rack["success"] for rack in played)
-    count = len(played) * (ONE_BALL if experiment == "one ball" else 1)
-    low, high = (100 * end for end in wilson_interval(won, count))
-    share = str(count), f"{won / count:.1%} ({low:.1f} to {high:.1f})"
     strokes = f"{np.mean([rack['strokes'] for rack in played]):.1f}"
-    if experiment == "run-outs":
-        breaks = [rack["break"] for rack in played]
-        return (
-            *share,
-            f"{1 - breaks.count('lost') / len(played):.0%}",
-            f"{breaks.count('nine') / len(played):.0%}",
-            strokes,
-        )
-    return (*share, strokes) if experiment == "matches" else share
+    if "points" in played[0]:
+        points = [float(rack["points"]) for rack in played]
+        low, high = mean_interval(points) or (math.nan, math.nan)
+        return str(len(played)), f"{np.mean(points):.2f} ({low:.2f} to {high:.2f})", f"{max(points):.0f}", strokes
+    share = _share(played, ONE_BALL if experiment == "one ball" else 1)
+    if experiment not in _RUN_OUTS:
+        return (*share, strokes) if experiment == "matches" else share
+    breaks = [rack["break"] for rack in played]
+    kept, nine = 1 - breaks.count("lost") / len(played), breaks.count("nine") / len(played)
+    chances = [chance for rack in played for chance in rack.get("chances", ())]
+    expected = f"{np.mean(chances):.0%}" if chances else "-"
+    return (*share, f"{kept:.0%}", f"{nine:.0%}", strokes, expected)
+
+
+def _share(played: Sequence[Mapping[str, Any]], of: int = 1) -> tuple[str, str]:
+    """Returns the number of attempts, `of` in each entry, and the share of successes with its interval."""
+    won, count = sum(rack["success"] for rack in played), len(played) * of
+    low, high = (100 * end for end in wilson_interval(won, count))
+    return str(count), f"{won / count:.1%} ({low:.1f} to {high:.1f})"
+
+
+PUBLISHED = (
+    ("professional players: 15 to 43%", 0.15, 0.43),
+    ("C++ planner, 0.03 degrees: 11 to 18%", 0.11, 0.18),
+    ("C++ planner, 0.52 degrees: 1 to 3%", 0.01, 0.03),
+)
+"""Shares of break and run in nine ball by a C++ program and by players of tournaments, see `docs/planner.md`."""
+
+
+_FEWEST = 5
+"""The picture shows a player with at least this number of racks."""
+
+_BUDGETS = (10, 30, 100, 300, 1000, 3000)
+
+
+def draw(found: Mapping[str, Any]) -> Figure:
+    """Returns the picture of the run-outs of nine ball against the time of a decision."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
+        axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.6, label=label, linewidth=0)
+    for noise, players in found["results"]["run-outs"].items():
+        ends = []
+        for player, played in players.items():
+            if player.startswith("planner") and len(played) >= _FEWEST:
+                won, count = sum(rack["success"] for rack in played), len(played)
+                ends.append((_order(player)[1], won / count, *wilson_interval(won, count)))
+        if not ends:
+            continue
+        seconds, share, low, high = (100 * np.array(column) for column in zip(*sorted(ends), strict=True))
+        reach = np.maximum((share - low, high - share), 0.0)
+        axes.errorbar(10 * seconds, share, reach, fmt="o-", capsize=3, label=f"planner, {noise}")
+    axes.set_xscale("log")
+    axes.set_xticks(_BUDGETS, [str(budget) for budget in _BUDGETS], minor=False)
+    axes.minorticks_off()
+    axes.set(xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    return figure
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.planner --help`."""
     parser = argparse.ArgumentParser(prog="python -m studies.planner", description="Measure the planner under noise.")
-    parser.add_argument("--racks", type=int, default=RACKS, help="racks of each player (default: %(default)s)")
+    parser.add_argument("--racks", type=int, default=RACKS, help="racks of the main cells (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser.add_argument("--picture", type=Path, help="SVG file to draw")
+    parser.add_argument("--times", action="store_true", help="only print the time of decisions of the matches")
     args = parser.parse_args(arguments)
     with errors_in_one_line():
+        if args.times:
+            print("\n".join(f"{name}: {1e3 * seconds:.0f} ms" for name, seconds in times().items()))
+            return
         found = measure(args.output, args.racks)
+        if args.picture:
+            draw(found).savefig(args.picture)
     print("\n\n".join(blocks(found).values()))
     print(f"\nin {args.output}")
 

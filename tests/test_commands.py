@@ -56,6 +56,7 @@ TESTED = {
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
     "studies.plain": "studies/test_plain.py",
     "studies.planner": "studies/test_planner.py",
+    "studies.pot_chances": "studies/test_pot_chances.py",
     "studies.positions": "studies/test_positions.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_out_film": "studies/test_run_out_film.py",

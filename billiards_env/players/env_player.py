@@ -85,7 +85,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
         first = min(state.object_balls & legal)
         on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
         state = state._replace(solids=int(on_stripes))
-    game, run_out = GameState(env.positions, state), env.task in ("nine_ball", "eight_ball")
+    game, run_out = GameState(env.positions, state), env.task != "clear"
     both = expected(noise, level)
     english = env.action == "strike"
     errors = both if any(both) else NOISE

@@ -113,11 +113,11 @@ class PotShots(NamedTuple):
 
 
 def find_pots(
-    tables: Tables, *, most: int | None = None, offset: tuple[float, float] = (0.0, 0.0), banks: bool = False
+    tables: Tables, *, most: int | None = None, offset: tuple[float, float] = (0.0, 0.0), banks: bool | None = False
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
-    The pots include banks on tables without a direct pot, and with `banks` on all tables.
+    By default the pots include banks on tables without a direct pot.
 
     The ghost ball is the cue ball at the hit, on the line from the middle of the pocket's open mouth through the object
     ball. The tolerance of the cue ball's direction is half the angle of the mouth as seen from the object ball, times
@@ -132,7 +132,8 @@ def find_pots(
         offset: Offset of the tip of a level cue: to the left of the ball's centre and above it, in ball radii. With
             both, the squirt turns the velocity away from the spin, and the ball swerves slightly. The pots ignore
             this swerve.
-        banks: Whether to find banks also on tables with a direct pot. This takes about three times as long.
+        banks: True to find banks also on tables with a direct pot, which takes about three times as long. None to find
+            no banks.
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
     """
     scene, balls = tables.scene, np.flatnonzero(tables.targets)
@@ -148,7 +149,7 @@ def find_pots(
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     fields = tables.cue, tables.positions, tables.off_table, float(tables.max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), balls, fields, banks, tuple(pots))
+    write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True), tuple(pots))
     return pots
 
 
@@ -181,9 +182,10 @@ def write_pots(scene, balls, tables, banks, pots):
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
-        if not banks:
+        any_banks, all_banks = banks
+        if not all_banks:
             _add_speeds(table, found, state)
-        if banks or found.count[0] == 0:
+        if all_banks or (any_banks and found.count[0] == 0):
             _add_banks(table, balls, found, state)
             _add_speeds(table, found, state)
 

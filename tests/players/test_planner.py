@@ -7,8 +7,11 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import RULES, Setup, custom_opening, opening, play
+from billiards_env.games.batch import play_batch
+from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
-from billiards_env.players.planner import TIPS, _errors, _with_spin, parse_budget, plan, success, with_errors
+from billiards_env.players.planner import _errors, parse_budget, plan, with_errors
+from billiards_env.players.values import Values, success
 from billiards_env.shots.strikes import strike
 from tests.helpers.games import setup
 
@@ -40,6 +43,51 @@ def test_the_time_of_a_decision_is_kept():
     begin = time.thread_time()
     plan(game, table, 6.0, RNG(0), seconds=0.2)
     assert 0.15 < time.thread_time() - begin < 0.4
+
+
+def test_a_short_decision_in_snooker_keeps_its_time():
+    game = setup("snooker")
+    table = opening(game, RNG(3), "random")
+    plan(game, table, 6.0, RNG(0), shots=60)
+    begin = time.thread_time()
+    plan(game, table, 6.0, RNG(0), seconds=0.1)
+    assert time.thread_time() - begin < 0.2
+
+
+def snookered(choices):
+    """Returns nine ball with ball 1 far away behind a row of balls."""
+    game = setup("nine_ball")
+    places = [[-1.2, 0.0], [1.2, 0.0], *([-1.1, 0.18 - 0.06 * k] for k in range(7)), [1.2, 0.5]]
+    return game, custom_opening(game, places, {"choices": choices})
+
+
+def test_it_plays_a_push_out_where_the_rules_offer_it_and_every_shot_is_bad():
+    game, table = snookered(["push_out"])
+    found = plan(game, table, 6.0, RNG(0), np.inf, 1500, NOISE)
+    assert found.stroke.call.kind == "push_out"
+    assert found.probability == 0.0
+    assert play(game, table, found.stroke).game.state.choices == ("hand_back",)
+    assert "push_out" in str(found)
+
+
+def test_it_hands_a_bad_position_back():
+    game, table = snookered(["hand_back"])
+    found = plan(game, table, 6.0, RNG(0), np.inf, 600, NOISE)
+    assert found.stroke.call.kind == "hand_back"
+    assert found.value > 0.0
+    assert play(game, table, found.stroke).game.state.player == 1
+    easy = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], *table.positions[2:]], {"choices": ["hand_back"]})
+    assert plan(game, easy, 6.0, RNG(0), np.inf, 600, NOISE).stroke.call.kind == "shot"
+
+
+def test_only_the_present_turn_counts_in_a_run():
+    game = setup("straight", 2)
+    table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])  # ball 1 hangs in pocket 3
+    played, push_out = play_batch(game, table, [[-0.1, 0.0], [1.5, 1.035]]), np.zeros(2, bool)
+    both = Values(game, table, 4.0, np.radians(NOISE[0]), False).of(played, push_out)
+    alone = Values(game, table, 4.0, np.radians(NOISE[0]), True).of(played, push_out)
+    assert both[0] < alone[0] == -1.0  # a foul that leaves the opponent an easy pot
+    assert both[1] == alone[1] > 1.0  # a pot
 
 
 def test_a_budget_is_a_time_or_a_number_of_shots():

@@ -1,5 +1,6 @@
 """The study of the planner."""
 
+import functools
 import json
 
 import numpy as np
@@ -7,35 +8,52 @@ import pytest
 
 from billiards_env.games import Stroke
 from studies import planner
-from studies.planner import CELLS, blocks, main, noisy
+from studies.planner import CELLS, Cell, blocks, main, noisy
 
+NOISE = (0.125, 0.075)
 TINY = (
-    ("run-outs", (0.03, 0.0), "planner:150"),
-    ("run-outs", (0.03, 0.0), "search:2"),
-    ("matches", (0.125, 0.075), "random"),
-    ("one ball", (0.125, 0.075), "planner:150"),
+    Cell("run-outs", (0.03, 0.0), "planner:60", 1.0),
+    Cell("run-outs", (0.03, 0.0), "search:2", 1.0),
+    Cell("fixed break", NOISE, "planner:60", 0.5),
+    Cell("without english", NOISE, "planner:60", 0.5),
+    Cell("eight ball", NOISE, "planner:60", 0.5),
+    Cell("matches", NOISE, "random", 1.0),
+    Cell("one ball", NOISE, "planner:60", 1.0),
+    Cell("straight pool", NOISE, "planner:60", 0.5),
+    Cell("snooker", NOISE, "planner:60", 0.5),
+    Cell("three-cushion", NOISE, "planner:60", 0.5),
 )
 
 
 def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(planner, "CELLS", TINY)
-    monkeypatch.setattr(planner, "PLANNER", "planner:150")
+    monkeypatch.setattr(planner, "PLANNER", "planner:60")
     monkeypatch.setattr(planner, "MAX_SHOTS", 4)
     output = tmp_path / "planner.json"
-    main(["--racks", "1", "--output", str(output)])
+    monkeypatch.setattr(planner, "MAX_POINTS", 2)
+    main(["--racks", "1", "--output", str(output), "--picture", str(tmp_path / "budget.svg")])
+    assert (tmp_path / "budget.svg").stat().st_size > 1000
     first = json.loads(output.read_text())
     printed = capsys.readouterr().out
     assert all(text in printed for text in blocks(first).values())
-    assert {experiment for experiment, _, _ in CELLS} == first["results"].keys()
+    assert {cell.experiment for cell in CELLS} == first["results"].keys()
     main(["--racks", "2", "--output", str(output)])
     found = json.loads(output.read_text())["results"]
-    for experiment, noise, player in TINY:
+    for experiment, noise, player, share in TINY:
         played = found[experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
-        assert len(played) == 2
+        assert len(played) == 2 * share
         assert played[:1] == first["results"][experiment][f"{noise[0]:g} degrees, {noise[1]:g} m/s"][player]
     before = output.read_text()
     main(["--racks", "2", "--output", str(output)])
     assert output.read_text() == before
+
+
+def test_the_times_of_the_decisions_are_printed(monkeypatch, capsys):
+    monkeypatch.setattr(planner, "PLANNER", "planner:60")
+    monkeypatch.setattr(planner, "EQUAL_TIME", "search:2")
+    monkeypatch.setattr(planner, "times", functools.partial(planner.times, 1))
+    main(["--times"])
+    assert [line.partition(": ")[0] for line in capsys.readouterr().out.splitlines()] == ["planner:60", "search:2"]
 
 
 def test_the_noise_turns_a_stroke_and_changes_its_speed():

@@ -1,0 +1,205 @@
+"""The shots among which the planner chooses: pots by geometry from each place of the cue ball, and random shots."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from billiards_env.games import GameState, Setup
+from billiards_env.games.placement import cue_ball_area, cue_ball_point
+from billiards_env.players.indirect import find_indirect
+from billiards_env.players.pots import DY, SPEED, TOLERANCE, Tables, find_pots
+from billiards_env.players.values import success
+from billiards_env.scene import Scene
+from billiards_env.shots.strikes import strike
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Tips = tuple[tuple[float, float], ...]
+
+TIPS = ((0.0, 0.0), (0.0, 0.35), (0.0, -0.35), (0.35, 0.0), (-0.35, 0.0), (0.25, -0.25), (-0.25, -0.25))
+"""The offsets of the tip that the planner tries: to the left and up, in ball radii."""
+
+PLACES = 24
+"""The number of places for a cue ball in hand."""
+
+_GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
+_PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
+_LEAST_SHARE = 0.02  # of a pot with tolerance 0, over that of a sure pot
+_PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each way over another body and ball
+_MANY = 8  # balls to pot with which no banks are looked for
+_SURE = 0.9  # share of a pot with which pots over another body are not looked for
+_TURN = 0.2  # random turn of a pot over its tolerance
+_BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
+
+
+class Shots(NamedTuple):
+    """k candidates.
+
+    Attributes:
+        velocities: (k, 2) m/s.
+        spins: (k, 3) rad/s.
+        places: (k, 2) m, of the cue ball.
+        targets: (k, 2) the ball and the pocket of the pot that a shot plans, or -1.
+        push_out: (k,) bool, whether a shot is a push out.
+    """
+
+    velocities: Floats
+    spins: Floats
+    places: Floats
+    targets: Ints
+    push_out: NDArray[np.bool_]
+
+    def of(self, which: Any) -> Shots:
+        """Returns some of the candidates."""
+        arrays: Any = (array[which] for array in self)
+        return Shots(*arrays)
+
+    def and_also(self, others: Shots) -> Shots:
+        """Returns these candidates and others."""
+        arrays: Any = (np.concatenate(pair) for pair in zip(self, others, strict=True))
+        return Shots(*arrays)
+
+
+def turn(vectors: Floats, angles: Floats) -> Floats:
+    """Returns vectors (m, 2) turned counterclockwise by angles (m,), rad."""
+    c, s = np.cos(angles), np.sin(angles)
+    return np.column_stack((c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]))
+
+
+def candidates(
+    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, count: int, error: float, tips: Tips
+) -> Shots:
+    """Returns `count` candidates in random order."""
+    places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
+    tips = tips[: max(1, count // (_PER_TIP * legal))]
+    ways = count // (_PER_WAY * len(game.state.on_table))
+    pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways)
+    near = int(_GEOMETRY * count) if pots is not None else 0
+    every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)
+    if pots is not None:
+        every = every.and_also(_near(setup.scene, places, pots, near, max_speed, rng))
+    return every.of(rng.permutation(count))
+
+
+def _places(setup: Setup, game: GameState, rng: np.random.Generator) -> Floats:
+    """Returns (p, 2) places of the cue ball, m: random ones, if it is in hand."""
+    if game.state.in_hand == "no":
+        return game.positions[None, game.state.cue_balls[0]]
+    x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, game.state)
+    drawn = rng.uniform((x_low, y_low), (x_high, y_high), (PLACES, 2)).tolist()
+    return np.array([cue_ball_point(setup.scene, game.positions, game.state, (x, y)) for x, y in drawn])
+
+
+class _Pots(NamedTuple):
+    """The pots by geometry from all places with all tips.
+
+    Attributes:
+        place: (k,) the place of the cue ball.
+        tip: (k,) index in `TIPS`.
+        target: (k, 2) ball and pocket.
+        shots: (k, s, w) as in `Pots.shots`.
+        tolerance: (k,) rad.
+        share: (k,) the share of the candidates.
+    """
+
+    place: Ints
+    tip: Ints
+    target: Ints
+    shots: Floats
+    tolerance: Floats
+    share: Floats
+
+
+def _pots(
+    setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips, most: int
+) -> _Pots | None:
+    """Returns the pots of the legal balls, at most `most` of them over another body; None if there are none."""
+    state, n = game.state, len(game.positions)
+    targets = np.isin(np.arange(n), sorted(setup.game_rules.legal(state, state.player)))
+    potted = np.broadcast_to(~np.isin(np.arange(n), sorted(state.on_table)), (len(places), n))
+    positions = np.repeat(game.positions[None], len(places), axis=0)
+    positions[:, state.cue_balls[0]] = places
+    if not setup.game_rules.pockets:
+        return None
+    tables = Tables(setup.scene, targets, positions, np.ascontiguousarray(potted), max_speed, state.cue_balls[0])
+    parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
+    for tip, offset in enumerate(tips):
+        pots = find_pots(tables, most=12, offset=offset, banks=None if many else tip == 0)
+        place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
+        tolerance = pots.rows[place, k, TOLERANCE]
+        target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
+        share = success(tolerance, error) + _LEAST_SHARE
+        parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
+    easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
+    if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE and most:
+        potted = np.arange(n) if setup.rules == "nine_ball" else np.flatnonzero(targets)
+        ways = find_indirect(setup, game, potted, max_speed, most)
+        pots = ways.target[:, 0] >= 0
+        share = len(tips) * (pots * success(ways.tolerance, error) + _LEAST_SHARE)
+        nothing = np.zeros(len(share), np.int64)
+        parts.append((nothing, nothing, ways.target, ways.shots, ways.tolerance, share))
+    found = _Pots(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    return found if len(found.place) else None
+
+
+def _near(scene: Scene, places: Floats, pots: _Pots, count: int, max_speed: float, rng: np.random.Generator) -> Shots:
+    """Returns shots at pots, the easier pots more often, with random speeds and small turns."""
+    k = rng.choice(len(pots.share), count, p=pots.share / pots.share.sum())
+    possible = pots.shots[k, :, SPEED] > 0
+    s = np.where(possible, rng.random(possible.shape), -1.0).argmax(axis=1)
+    following = np.minimum(s + 1, possible.shape[1] - 1)
+    following = np.where(possible[np.arange(count), following], following, s)
+    part = rng.random(count)[:, None]
+    low, high = pots.shots[k, s], pots.shots[k, following]
+    ways = (1.0 - part) * low[:, : DY + 1] + part * high[:, : DY + 1]
+    ways /= np.hypot(ways[:, 0], ways[:, 1])[:, None]
+    speeds = (1.0 - part[:, 0]) * low[:, SPEED] + part[:, 0] * high[:, SPEED]
+    ways = turn(ways, _TURN * pots.tolerance[k] * rng.standard_normal(count))
+    velocities, spins = _with_spin(scene, speeds[:, None] * ways, pots.tip[k], max_speed)
+    return Shots(velocities, spins, places[pots.place[k]], pots.target[k], np.zeros(count, bool))
+
+
+def _anywhere(
+    setup: Setup,
+    game: GameState,
+    places: Floats,
+    count: int,
+    max_speed: float,
+    rng: np.random.Generator,
+    tips: Tips,
+) -> Shots:
+    """Returns random shots: half of them towards a legal ball, in a break all of them, towards the nearest one."""
+    state, radius = game.state, setup.scene.balls.radius
+    balls = np.array(sorted(setup.game_rules.legal(state, state.player) & state.on_table))
+    from_places = places[rng.integers(len(places), size=count)]
+    to_balls = game.positions[balls] - from_places[:, None]
+    far = np.hypot(to_balls[..., 0], to_balls[..., 1])
+    chosen = far.argmin(axis=1) if state.break_shot else rng.integers(len(balls), size=count)
+    to, far = to_balls[np.arange(count), chosen], far[np.arange(count), chosen]
+    reach = np.array(radius)[balls[chosen]] + radius[state.cue_balls[0]]
+    angles = np.arctan2(to[:, 1], to[:, 0]) + np.arcsin(np.minimum(1.0, reach / far)) * rng.uniform(-1.0, 1.0, count)
+    free = (rng.random(count) < 0.5) & (not state.break_shot)
+    angles = np.where(free, rng.uniform(-math.pi, math.pi, count), angles)
+    breaks = state.break_shot and not setup.game_rules.has_spots
+    share = rng.uniform(*_BREAKS, count) / max_speed if breaks else 0.03 + 0.97 * rng.random(count) ** 2
+    velocities = max_speed * np.minimum(share, 1.0)[:, None] * np.column_stack((np.cos(angles), np.sin(angles)))
+    velocities, spins = _with_spin(setup.scene, velocities, rng.integers(len(tips), size=count), max_speed)
+    push_out = (rng.random(count) < _PUSH_OUTS) & ("push_out" in state.choices)
+    return Shots(velocities, spins, from_places, np.full((count, 2), -1), push_out)
+
+
+def _with_spin(scene: Scene, velocities: Floats, tips: Ints, max_speed: float) -> tuple[Floats, Floats]:
+    """Returns level strokes with velocities (k, 2) and offsets of the tip; a stroke that is too fast is slower."""
+    if not tips.any():
+        return velocities, np.zeros((len(velocities), 3))
+    made = strike(scene, 1.0, 0.0, *np.array(TIPS).T)
+    unit, spin = made.velocity[tips], made.spin[tips]
+    speed, gain = np.hypot(velocities[:, 0], velocities[:, 1]), np.hypot(unit[:, 0], unit[:, 1])
+    cue = np.minimum(speed / gain, max_speed / made.velocity[0, 0])
+    angles = np.arctan2(velocities[:, 1], velocities[:, 0]) - np.arctan2(unit[:, 1], unit[:, 0])
+    turned = np.column_stack((turn(spin[:, :2], angles), spin[:, 2:]))
+    return (cue * gain / speed)[:, None] * velocities, cue[:, None] * turned

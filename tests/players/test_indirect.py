@@ -1,0 +1,58 @@
+"""Pots over another body by geometry: combinations, caroms and kicks that the engine confirms."""
+
+import numpy as np
+import pytest
+
+from billiards_env import simulate
+from billiards_env.games import custom_opening
+from billiards_env.players.indirect import find_indirect
+from billiards_env.players.pots import DX, DY, SPEED
+from tests.helpers.games import setup
+
+FAR = [[-1.15 + 0.08 * k, -0.55] for k in range(9)]  # places of balls that take no part
+
+
+def table(**balls):
+    """Returns nine ball with the cue ball and some balls in given places, and the others not on the table."""
+    places = np.array([[0.0, 0.0], *FAR])
+    for name, place in balls.items():
+        places[int(name[1:])] = place
+    game, lying = setup("nine_ball"), [0, 9, *(int(name[1:]) for name in balls if name != "b0")]
+    return game, custom_opening(game, places, {"on_table": sorted(set(lying))})
+
+
+@pytest.mark.parametrize(
+    ("balls", "target"),
+    [
+        ({"b0": (0.2, 0.0), "b1": (0.6, 0.1), "b9": (1.0, 0.4)}, (9, 3)),  # ball 1 hits ball 9
+        ({"b0": (0.2, -0.1), "b1": (0.7, 0.05), "b9": (1.1, -0.45)}, (9, 2)),  # off ball 1 to ball 9
+        ({"b0": (0.0, 0.44), "b1": (0.5, 0.448), "b9": (1.0, 0.4)}, (1, 3)),  # ball 1 off ball 9
+    ],
+)
+def test_combinations_and_caroms_are_found(balls, target):
+    game, state = table(**balls)
+    ways = find_indirect(game, state, np.arange(1, 10), 6.0)
+    assert target in [tuple(row) for row in ways.target.tolist()]
+    _check_all(game, state, ways)
+
+
+def test_kicks_reach_a_ball_behind_another_one():
+    game, state = table(b0=(-0.7, 0.0), b1=(0.2, 0.0), b9=(-0.25, 0.0))
+    ways = find_indirect(game, state, np.arange(1, 10), 6.0)
+    assert (ways.target[:, 0] < 0).sum() >= 2  # off both long cushions
+    _check_all(game, state, ways)
+
+
+def _check_all(game, state, ways):
+    """Asserts that every shot pots its ball, or touches the legal ball."""
+    pockets = np.array([(pocket.x, pocket.y) for pocket in game.scene.table.pockets])
+    in_play = np.isin(np.arange(game.scene.n_balls), sorted(state.state.on_table))
+    assert (ways.shots[..., SPEED] > 0).any(axis=1).all()
+    for (ball, pocket), shots in zip(ways.target.tolist(), ways.shots, strict=True):
+        velocities = shots[:, SPEED, None] * shots[:, [DX, DY]]
+        for velocity in velocities[shots[:, SPEED] > 0]:
+            shot = simulate(game.scene, state.positions, velocity, in_play=in_play)
+            if ball < 0:
+                assert shot.cushions_before_hit[1] >= 0
+            else:
+                np.testing.assert_array_equal(shot.positions[ball], pockets[pocket])
