@@ -177,8 +177,8 @@ class Policy(Checked):
 
     Attributes:
         head: The part of the policy that computes its distribution: "gaussian", which is the policy of
-            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. Or one of `RATED_HEADS`: a policy that rates
-            candidate shots, see `billiards_env.sb3.rated`.
+            Stable-Baselines3, or one of `billiards_env.sb3.policy.HEADS`. With one of `RATED_HEADS` the policy rates
+            candidate shots instead, see `billiards_env.sb3.rated`.
         components: The number of components, see `billiards_env.sb3.policy.MixturePolicy`; "gaussian" ignores it. For
             `RATED_HEADS` see `billiards_env.sb3.rated.RatedPolicy`.
         speeds: The smallest and the largest mean speed of a component or a candidate, over the largest speed of the
@@ -237,13 +237,14 @@ class Hyperparameters(Checked):
 
 @dataclass(frozen=True, kw_only=True, config=CHECKS)
 class Rating(Checked):
-    """Settings of the learning of ratings, see `agents.rating`.
+    """Settings for learning ratings, see `agents.rating`.
 
     Attributes:
         drawn: The number of random candidates that the policy rates in each layout.
-        kept: The number of them that are played, an even number: half of them are the best ones.
+        kept: The number of candidates that it plays in each layout, even. One half is random; the other half are those
+            with the best ratings.
         batch_size: Shots in a minibatch.
-        learning_rate: Adam's step size at the start; it falls to 0 as a cosine.
+        learning_rate: Adam's step size at the start. It falls to 0 along a half cosine.
     """
 
     drawn: Count = 32

@@ -1,8 +1,8 @@
 """Trains a policy that rates candidate shots, see `billiards_env.sb3.rated`.
 
-In each layout the policy plays some random candidates and those with the best ratings among many. Each shot is an
-example, and gradient descent fits the ratings to the examples of an update. There is no exploration noise and no
-advantage, because each rating is that of one shot.
+In each layout the policy draws random candidates. It plays some of them, and those with the best ratings among the
+others. Each shot is an example, and gradient descent fits the ratings to the examples of an update. There is no
+exploration noise and no advantage, because a rating belongs to one shot.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Rater:
         num_timesteps: The number of shots so far.
 
     Raises:
-        ValueError: If the policy does not fit the environment, or an episode has several shots.
+        ValueError: If the policy does not fit the environment.
     """
 
     def __init__(self, config: Config) -> None:
@@ -50,16 +50,16 @@ class Rater:
         self._envs.close()
 
     def seed(self, seed: int) -> None:
-        """Seeds all random numbers. What follows depends only on the weights, the seed and the number of shots."""
+        """Seeds all random numbers, so that a run from a checkpoint gives the same results."""
         set_random_seed(seed)
         self._layouts.reset(seed=seed)
         self._envs.reset(seed=seed)
 
     def update(self) -> list[bool]:
-        """Plays a shot in each environment and fits the ratings to them.
+        """Plays a shot in each environment and fits the ratings to the outcomes.
 
         Returns:
-            Whether the shots are successes.
+            Whether each shot is a success.
         """
         rating, game = self.config.rating, self.policy.game
         observations, _ = self._layouts.reset()
@@ -80,7 +80,7 @@ class Rater:
         return infos["is_success"].tolist()
 
     def _fit(self, inputs: Inputs, reached: torch.Tensor, rest: torch.Tensor) -> None:
-        """Makes a pass over played candidates; for the arguments see `RatedPolicy.loss`."""
+        """Makes one pass over the played candidates; for the arguments see `RatedPolicy.loss`."""
         share, rating = min(self.num_timesteps / self.config.timesteps, 1.0), self.config.rating
         for group in self._optimizer.param_groups:
             group["lr"] = rating.learning_rate * 0.5 * (1.0 + math.cos(math.pi * share))
@@ -97,10 +97,10 @@ class Rater:
         save_to_zip_file(file, params=parts)
 
     def set_parameters(self, parameters: Mapping[str, Any], device: str) -> None:
-        """Sets the weights to those of a file of `save`.
+        """Sets the weights to those of a file that `save` has written.
 
         Raises:
-            KeyError, RuntimeError, ValueError: If they are those of another policy.
+            KeyError, RuntimeError, ValueError: If the weights belong to another policy.
         """
         self.policy.load_state_dict(parameters["policy"])
         self._optimizer.load_state_dict(parameters["policy.optimizer"])

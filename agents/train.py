@@ -1,6 +1,6 @@
 """Trains a policy on `Billiards-v0`: `python -m agents.train configs/ppo/pot.yaml`.
 
-PPO trains the policy, or `agents.rating` if its head is one of `agents.config.RATED_HEADS`.
+`agents.rating` trains policies whose head is one of `agents.config.RATED_HEADS`; PPO trains the others.
 
 The folder of a run holds `config.yaml` (all settings, with the seed), `versions.json`, `training.csv` (the learning
 curve, see `Point`), `tensorboard/` (PPO only) and `checkpoints/`. After the training it also holds `model.zip`, which
@@ -164,7 +164,7 @@ def train(config: Config, run_dir: Path) -> None:
             "--fresh starts again"
         )
         return
-    # Sums over several threads round differently on another machine, and such small networks gain little.
+    # With several threads, sums round differently on another machine, and such small networks gain little speed.
     torch.set_num_threads(1)
     with locked(run_dir):
         model = _train_ratings(config, run_dir) if config.policy.head in RATED_HEADS else _train_ppo(config, run_dir)

@@ -126,8 +126,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Measure players in Billiards-v0, on layouts that training never uses. A player is module:function for a "
         "function act(observation) that returns an action, policy:FOLDER for a run of agents.train, random, geometric, "
-        "search:K, which simulates K shots, aim, which computes them, or planner:TIME, which plans under noise. A "
-        "level such as planner:club makes errors of its own."
+        "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
+        "planner:club (also makes errors)."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:act for the function act of mine.py")

@@ -7,7 +7,7 @@
 
 The environment is `Billiards-v0`, by default with one ball to pot in one shot: the observation is the positions of the
 balls, and the action is the velocity of the cue ball. The advantage of a shot is its points minus the value of the
-layout. A pot with a scratch has no points, though the environment rewards it with 0.9.
+layout. The points are the reward without its fraction: one pot with a scratch has a reward of 0.9 and no point.
 
 The policy is a mixture of Gaussians over the velocity (`Mixture`). Each component aims at a point next to an object
 ball. A network learns this point, by default from the position of this ball alone. Another network chooses the
@@ -51,7 +51,7 @@ def arguments(given: Sequence[str] | None = None) -> argparse.Namespace:
     add("--epochs", type=int, default=4, help="passes over the shots of an update")
     add("--points", type=int, default=16, help="points to aim at; each has a Gaussian for each range of speeds")
     add("--speeds", type=float, nargs="+", default=(0.2, 0.4, 0.8), help="borders of the ranges of mean speeds")
-    add("--aim", choices=("ball", "layout"), default="ball", help="the positions that decide the points next to a ball")
+    add("--aim", choices=("ball", "layout"), default="ball", help="what the points next to a ball depend on")
     add("--hidden", type=int, default=128, help="units of each of the two hidden layers of the choice")
     add("--rate", type=float, default=2e-3, help="learning rate at the start; falls linearly to a hundredth")
     add("--clip", type=float, default=0.2, help="largest change of a probability, as a share")
@@ -125,8 +125,8 @@ def network(inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> nn.Se
 class Policy(nn.Module):
     """The mixture for observations, and the value function.
 
-    The networks get the layout once for each object ball, with this ball in front of the others. They get it reflected
-    so that this ball has x >= 0 and y >= 0, and the directions are reflected back: a table has two axes of symmetry.
+    The networks take the layout once for each object ball, with this ball listed first. A table has two axes of
+    symmetry, so each layout is reflected to x >= 0 and y >= 0 for this ball, and the directions are reflected back.
 
     Args:
         half_extents: Half the length and half the width of the table, m: the units of the observation.

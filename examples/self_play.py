@@ -1,8 +1,8 @@
 """Self-play in straight pool with PyTorch: `python examples/self_play.py` (extras `multi` and `train`).
 
 A policy plays against a frozen copy of itself in the PettingZoo environment and learns by policy gradients (REINFORCE).
-After every few updates the present policy replaces the copy. The return of a shot is its points minus those of the
-other player up to the next shot of the policy; a foul costs a point.
+After every few updates a copy of the present policy replaces the frozen one. The return of a shot is its points minus
+the points of the other player before the next shot of the policy. A foul costs a point.
 """
 
 import copy
@@ -16,11 +16,11 @@ from billiards_env.games import billiards_v0
 N_BALLS = 3
 
 GAMES, UPDATES_OF_A_COPY = 32, 10
-"""Games of an update, and updates after which the frozen copy is replaced."""
+"""Games in each update, and the number of updates before the frozen copy is replaced."""
 
 
 class Policy(nn.Module):
-    """A Gaussian over the two numbers of `shot`, from the observation; a value function as the baseline."""
+    """A Gaussian over the two numbers that `shot` takes, and a value function as the baseline."""
 
     def __init__(self, size: int) -> None:
         super().__init__()
@@ -35,7 +35,7 @@ class Policy(nn.Module):
 
 
 def shot(seen: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
-    """Returns the action (4,) for the two numbers of the policy: a turn from the nearest ball on, and the speed."""
+    """Returns the action (4,) for two numbers: the angle to the direction of the nearest legal ball, and the speed."""
     balls = seen[: 4 * N_BALLS].reshape(N_BALLS, 4)
     to = (balls[1:, :2] - balls[0, :2]) * torch.tensor([2.0, 1.0])  # the table is twice as long as wide
     far = torch.where(balls[1:, 3] > 0, to.norm(dim=1), torch.inf)
@@ -54,7 +54,7 @@ def play(env: Any, learner: Policy, opponent: Policy, first: bool) -> tuple[list
     for agent in env.agent_iter():
         seen, reward, terminated, truncated, _ = env.last()
         if agent == me and actions:
-            rewards.append(float(reward))  # of its last shot and of the opponent's shots after it
+            rewards.append(float(reward))  # for its last shot and the opponent's shots after it
         if terminated or truncated:
             env.step(None)
             continue
@@ -69,7 +69,7 @@ def play(env: Any, learner: Policy, opponent: Policy, first: bool) -> tuple[list
 
 
 def lead(env: Any, policy: Policy, opponent: Policy, games: int) -> float:
-    """Returns the mean lead of a policy over another one at the end of a game."""
+    """Returns the mean lead in points of a policy over another one at the end of a game."""
     return sum(sum(play(env, policy, opponent, k % 2 == 0)[2]) for k in range(games)) / games
 
 

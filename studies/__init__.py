@@ -62,7 +62,7 @@ def errors_in_one_line() -> Iterator[None]:
 
 
 def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str, Any]:
-    """Returns the content of the JSON file `output`; new content with `empty` results if its settings differ.
+    """Returns the content of the JSON file `output`, or new content with `empty` results if its settings differ.
 
     Raises:
         OSError: If the file cannot be read.
@@ -74,7 +74,7 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
 
 
 def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], output: Path) -> None:
-    """Runs the work of a command and prints its blocks and the file of its results; an error is one line."""
+    """Runs the work of a command and prints its blocks and the name of its output. An error prints one line."""
     with errors_in_one_line():
         found = measure()
     print("\n\n".join(blocks(found).values()))

@@ -2,9 +2,9 @@
 
 The candidates are the pots that geometry finds, at several speeds. The search simulates each of them and rates the
 position after it with the values of the planner. A network learns these values from the positions and from the
-geometry of a candidate and of the next pot, and the policy plays the candidate with the best prediction. `ROUNDS`
-rounds of expert iteration (Anthony, Tian and Barber 2017) collect positions: the search plays in the first one, the
-network in the others. A break has one direction and one speed, the best of some on `BREAKS` racks.
+geometry of a candidate and of the next pot. The policy plays the candidate with the best prediction. `ROUNDS` rounds of
+expert iteration (Anthony, Tian and Barber 2017) collect positions: the search plays in the first round, the network in
+the others. All breaks have the same turn and speed, those with the best mean value on `BREAKS` racks.
 
 The weights are in `studies/results/policies/distilled.npz`. `billiards bench studies.distil:act --tasks NineBall-v0`
 plays them. The results are in `studies/results/distil.json`.
@@ -64,9 +64,9 @@ Weights = dict[str, NDArray[np.float32]]
 TASK = "NineBall-v0"
 OUTPUT, POLICY = RESULTS / "distil.json", RESULTS / "policies" / "distilled.npz"
 ROUNDS, RACKS, BREAKS, EPISODES, SEED = 2, 8_000, 600, 1000, 50
-"""The number of rounds, the racks of a round, those of the breaks, the layouts of the evaluation, and the seed."""
+"""Numbers of rounds, of racks in a round, of racks to choose the break and of layouts to evaluate; the seed."""
 EXPLORED = 0.2
-"""Share of the shots of the search that are a random candidate."""
+"""Share of the shots of the search for which it plays a random candidate."""
 HIDDEN, EPOCHS, BATCH, RATE = 192, 12, 1024, 2e-3
 POTS = 12
 """The largest number of pots of a position."""
@@ -149,7 +149,7 @@ def predictions(weights: Weights, features: NDArray[np.float32]) -> NDArray[np.f
 
 
 def action(weights: Weights, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Returns the action (2,) of the policy with some weights for an observation (29,)."""
+    """Returns the action (2,) of the policy with the given weights for an observation (29,)."""
     positions, potted = positions_of(observation)
     if not potted.any():
         velocities = breaks(positions, weights["break"][None].astype(np.float64))
@@ -159,7 +159,7 @@ def action(weights: Weights, observation: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def load(path: Path) -> Weights:
-    """Returns the weights in a file, which runs no code.
+    """Returns the weights in a file. This runs no code from the file.
 
     Raises:
         OSError: If the file cannot be read.
@@ -186,7 +186,7 @@ def breaks(positions: Floats, ways: Floats) -> Floats:
 
 
 def best_break(racks: int, seed: int) -> NDArray[np.float32]:
-    """Returns the turn, rad, and the speed, m/s, of the break with the best mean value over some racks."""
+    """Returns the turn, rad, and the speed, m/s, of the break with the best mean value over a number of racks."""
     turns, speeds = np.meshgrid(np.linspace(-0.03, 0.03, 25), np.linspace(0.5, 1.0, 9) * MAX_SPEED)
     ways, total = np.column_stack((turns.ravel(), speeds.ravel())), 0.0
     env: Any = gym.make(NAMESPACE + TASK)
@@ -202,7 +202,7 @@ def collect(
 ) -> tuple[NDArray[np.float32], Floats]:
     """Plays racks and returns the features (k, f) of all candidates in them, and their values (k,).
 
-    The network plays if `plays`, else the search with some random shots.
+    If `plays`, the network plays. Otherwise the search plays, with some random shots.
     """
     env, rng = cast(Any, gym.make(NAMESPACE + TASK)), np.random.default_rng(seed)
     features, values = [], []
@@ -214,7 +214,7 @@ def collect(
             if env.unwrapped.potted.any():
                 velocities, seen = candidates(*positions_of(observation))
                 features.append(seen)
-                # The observation is rounded: balls that touch would overlap.
+                # Not the positions of the observation: they are rounded, so balls that touch would overlap.
                 values.append(values_of(env.unwrapped.positions, env.unwrapped.potted, velocities))
                 if chosen is None:
                     k = rng.integers(len(seen)) if rng.random() < EXPLORED else values[-1].argmax()

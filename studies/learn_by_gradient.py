@@ -8,7 +8,7 @@ Outcomes jump with the pocket and the speed, so these are sampled by their chanc
 the last batches are used again, with margins that are linear in the action, while the action is near.
 
 The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there. It writes
-the weights of the first run, `POLICY`, which `billiards bench studies.learn_by_gradient:act` plays.
+the weights of the first run to `POLICY`; `billiards bench studies.learn_by_gradient:act` plays them.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def save(network: Network, path: Path) -> None:
 
 
 def load(path: Path) -> Network:
-    """Returns the network with the weights in a file, which runs no code.
+    """Returns the network with the weights in a file. This runs no code from the file.
 
     Raises:
         OSError: If the file cannot be read.
@@ -217,7 +217,7 @@ def train(seed: int, shots: int, episodes: int) -> tuple[float, Network]:
 
 
 def measure(output: Path, policy: Path) -> dict[str, Any]:
-    """Trains what has no results, and writes the result of each run as soon as it ends.
+    """Trains the runs without results, and writes the result of each as soon as it ends.
 
     Args:
         output: The JSON file of the results.

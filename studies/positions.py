@@ -1,12 +1,12 @@
 """A fixed set of positions, and the success of a player's strokes in them: `python -m studies.positions PLAYER ...`.
 
 The set, `studies/results/position_set.json`, has positions of nine ball and of eight ball on `real_pool` with the
-stroke that the planner chooses. They come from games of the planner against itself under execution noise. No position
-is before a break. `--make` plays these games again and writes the set.
+stroke that the planner chooses. They come from games of the planner against itself under execution noise, after the
+break. `--make` plays these games again and writes the set.
 
 A player chooses one stroke in each position. The stroke is simulated with `SAMPLES` errors, the same for all players.
-Its success is the share of the outcomes in which the player wins or keeps the turn. A safety is no success. The scores
-are in `studies/results/positions.json`.
+Its success is the share of the outcomes in which the player wins or keeps the turn, so a safety is not a success. The
+scores are in `studies/results/positions.json`.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ PLAYERS = ("planner:1000", "search:200", "geometric")
 COUNTS = {"nine_ball": 100, "eight_ball": 100}
 """The number of positions of each game."""
 KEPT = 0.3
-"""Share of the positions of a game that are in the set."""
+"""Share of the positions of a game that go into the set."""
 PLAYS, ANSWERS = "planner:1000", 10_000
-"""The player of the games, and the simulated shots of the decision that the set holds."""
+"""The player of the games, and the number of simulated shots for the strokes in the set."""
 SAMPLES, SEED = 1000, 40
 
 
@@ -70,7 +70,7 @@ def make(path: Path) -> None:
 
 
 def _positions(setup: Setup, seed: int) -> list[dict[str, Any]]:
-    """Returns some positions of a game of the planner against itself, with its answers."""
+    """Returns some positions of a game of the planner against itself, with the planner's strokes."""
     rng = np.random.default_rng([SEED, seed])
     game, rngs, found = opening(setup, rng), rng.spawn(3), []
     player = find_player(PLAYS, setup, noise=OLYMPIAD)
@@ -95,7 +95,7 @@ def _answer(setup: Setup, game: GameState, rng: np.random.Generator) -> dict[str
 
 
 def state_of(entry: Mapping[str, Any]) -> GameState:
-    """Returns the state of the game of an entry of the set."""
+    """Returns the state of the game in an entry of the set."""
     return custom_opening(setup_of(entry["rules"]), entry["balls"], entry["state"])
 
 
@@ -106,7 +106,7 @@ def stroke_of(answer: Mapping[str, Any]) -> Stroke:
 
 
 def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np.random.Generator) -> float:
-    """Returns the share of noisy outcomes of a stroke in which its player wins or keeps the turn."""
+    """Returns the share of the noisy outcomes of a stroke in which the player wins or keeps the turn."""
     errors = rng.standard_normal((samples, 2)) * (math.radians(OLYMPIAD[0]), OLYMPIAD[1])
     given: NDArray[np.float64] = np.repeat([[*stroke.velocity, *stroke.spin]], samples, axis=0)
     velocities, spins = with_errors(given[:, :2], given[:, 2:], errors, MAX_SPEED)
@@ -120,7 +120,7 @@ def success(setup: Setup, game: GameState, stroke: Stroke, samples: int, rng: np
 
 
 def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) -> dict[str, Any]:
-    """Returns the score of a player: `success` in each position, and `seconds`, the processor time of all decisions.
+    """Returns the `success` of a player in each position, and the processor time of all decisions, `seconds`.
 
     Args:
         entries: The positions.
@@ -141,7 +141,7 @@ def evaluate(entries: Sequence[Mapping[str, Any]], player: str, samples: int) ->
 
 
 def measure(path: Path, output: Path, players: Sequence[str], samples: int) -> dict[str, Any]:
-    """Measures the players without scores, and writes the scores of each as soon as it is measured.
+    """Measures the players that have no scores yet, and writes the scores of each as soon as they are known.
 
     Returns:
         The content of `output`: `machine`, `samples`, `rules` (of each position), and `scores` by player.
@@ -185,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--make", action="store_true", help="play the games and write the set")
     parser.add_argument("--set", type=Path, default=SET, help="the positions, JSON (default: %(default)s)")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="the scores, JSON (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="errors of a stroke (default: %(default)s)")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="errors for each stroke (default: %(default)s)")
     args = parser.parse_args(arguments)
     with errors_in_one_line():
         if args.make:

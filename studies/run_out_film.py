@@ -1,8 +1,8 @@
 """Draws a film of a run-out of the planner, `docs/images/run_out.gif`: `python -m studies.run_out_film`.
 
-The planner breaks a rack of nine ball and plays until it has won. The window shows its plan before each shot: the aim,
+The planner breaks a rack of nine ball and plays until it has won. The film shows its plan before each shot: the aim,
 the paths of the cue ball and of the object ball, and the probability that the shot keeps the turn. Each stroke has
-random errors. The racks of the seeds 0, 1, ... are played until one of them is a run-out.
+random errors. The command plays racks with the seeds 0, 1, ... until one of them is a run-out.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ SHOTS, MAX_SPEED = 3000, 8.0
 """Simulated shots of a decision, and the speed of the fastest shot, m/s."""
 
 WIDTH, PACE, FRAME, SHOWN = 480, 3.0, 0.1, 1.5
-"""The width of the film, pixels; the speed of a shot over real time; and the times of a frame and of a plan, s."""
+"""The width of the film, pixels; the playback speed; and how long the film shows a frame and a plan, s."""
 
 
 def run_out(seed: int, shots: int) -> list[tuple[Model, str]] | None:
-    """Returns the models with a plan, each with its text, and the model at the end; None if the rack is no run-out."""
+    """Returns a model and a text for each plan, and for the end of the rack; None if the rack is not a run-out."""
     rng = np.random.default_rng(seed)
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model, found = begin(History(setup, opening(setup, rng), ()), ("planner", "planner"), MAX_SPEED, 1 / 60, PACE), []
@@ -55,7 +55,7 @@ def run_out(seed: int, shots: int) -> list[tuple[Model, str]] | None:
 
 
 def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, float]]:
-    """Yields the images of a film and their times, s: each plan, and the shot that follows."""
+    """Yields the images of a film and their durations, s: each plan, and the shot that follows."""
     view = View(models[0][0].setup.scene, WIDTH)
     for (model, text), (following, _) in itertools.pairwise(models):
         yield Image.fromarray(pixels(view.draw(model, text))), SHOWN
@@ -69,7 +69,7 @@ def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, f
 def write(path: Path, models: Sequence[tuple[Model, str]]) -> None:
     """Writes a film, .gif, completely or not at all."""
     target, images = check_path(path, ".gif"), list(frames(models))
-    # All balls are in the first image. An octree keeps their colours, which have few pixels.
+    # All balls are in the first image. They have few pixels, and an octree keeps their colours.
     palette = images[0][0].quantize(96, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in images)
     times = [round(1000 * seconds) for _, seconds in images]

@@ -35,7 +35,7 @@ ONLY: dict[str, tuple[str, ...]] = {
     "aim": ("Pot1-v0", "Carom-v0", "ThreeCushion-v0", "SumToThree-v0"),
     "planner:300": tuple(name for name, task in FROZEN.items() if task.arguments["task"] in RULES_OF_TASKS),
 }
-"""The tasks of the players that do not play all of them. In others "aim" takes many times as long as a search."""
+"""The tasks of players that play only some. "aim" takes many times as long as a search in the other tasks."""
 
 
 def measure(output: Path) -> dict[str, Any]:

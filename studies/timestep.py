@@ -71,7 +71,7 @@ GAMES: dict[str, tuple[dict[str, Any], str]] = {
         f"--shots {SHOTS_OF_GAMES} --rate 4e-3 --envs 2048 --minibatch 512 --aim layout --points 8 --hidden 192",
     ),
 }
-"""Other games: their arguments of `gym.make`, and options of `examples/ppo.py`, by the name of the part."""
+"""Other games, by the name of the part: arguments of `gym.make`, and options of `examples/ppo.py`."""
 
 WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
 
@@ -143,7 +143,9 @@ def play(actions: Floats, positions: Floats, envs: Mapping[str, Any]) -> dict[st
 def direct_pots(
     actions: Floats, positions: Floats, scene: Scene, max_speed: float, world: Mapping[str, Any]
 ) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-    """Returns which shots pot the ball without a cushion or a scratch, (m,), and the pockets nearest to its end, (m,).
+    """Returns which shots are direct pots without a scratch, (m,), and the pockets nearest to the ball's end, (m,).
+
+    In a direct pot neither the cue ball before the hit nor the object ball touches a cushion.
 
     Args:
         actions: (m, 2) shots of the cue ball.
@@ -160,12 +162,12 @@ def direct_pots(
 
 
 class Aims(NamedTuple):
-    """m shots, seen as direct pots into one pocket each.
+    """m shots as direct pots, each into one pocket.
 
     The *ghost ball* of a pocket is the position of the cue ball at a hit that sends the object ball to the pocket.
 
     Attributes:
-        error: (m,) m, the distance of the line of the shot from the ghost ball; positive if the hit is too thin.
+        error: (m,) m, the distance between the line of the shot and the ghost ball; positive if the hit is too thin.
         predicted: (m,) m, the error that compensates for a timestep on average, see `aims`.
         cut: (m,) degrees, the cut angle of the ghost ball.
         distance: (m,) m, between the cue ball and the object ball.
@@ -182,7 +184,7 @@ class Aims(NamedTuple):
 def aims(
     actions: Floats, positions: Floats, pockets: NDArray[np.intp], scene: Scene, max_speed: float, dt: float
 ) -> Aims:
-    """Returns how shots (m, 2) of the cue ball aim at pockets (m,), on tables with positions (m, 2, 2).
+    """Returns the `Aims` of shots (m, 2) of the cue ball at pockets (m,), on tables with positions (m, 2, 2).
 
     An engine with a timestep finds the contact late: the cue ball has gone on by s, which is between 0 and v dt. At the
     cut angle a this turns the line of centres by s sin(a) / (2 R) towards a thinner hit. A line that is shifted by
@@ -218,7 +220,7 @@ def _speed_after(speed: Floats, path: Floats, scene: Scene) -> Floats:
 
 
 def aims_by_group(aimed: Aims) -> dict[str, list[list[float]]]:
-    """Returns the number of shots, the mean of their error and of its prediction, mm, for each of `GROUPS`."""
+    """Returns the number of shots, their mean error and the mean of its prediction, mm, for each of `GROUPS`."""
     found: dict[str, list[list[float]]] = {}
     for (name, (_, edges)), values in zip(GROUPS.items(), (aimed.cut, aimed.distance, aimed.speed), strict=True):
         found[name] = []
@@ -267,8 +269,9 @@ def compare(policy: ppo.Policy, own_world: dict[str, Any], layouts: int) -> dict
         layouts: The number of layouts.
 
     Returns:
-        `success`, the number of successes in each world; `own`, the number in the own world; and `false_successes` and
-        `false_failures`, the numbers of shots that succeed only in the own world and only in the exact one.
+        `success`, the number of successes in each world; `own`, the number in the policy's own world; and
+        `false_successes` and `false_failures`, the numbers of shots that succeed only in its own world and only in the
+        exact world.
     """
     envs = make_worlds(layouts, {**WORLDS, "own": own_world})
     observations, _ = envs["exact"].reset(seed=evaluation_seeds(LAYOUT_SEED, layouts).tolist())

@@ -83,7 +83,7 @@ def points(a: Floats, b: Floats) -> str:
 
 
 def mean_errors(runs: Sequence[Mapping[str, Any]], group: str) -> Floats:
-    """Returns the mean error of the aim and its prediction for each group, mm, (groups, 2), over the shots of runs."""
+    """Returns the mean error of the aim and its mean prediction, mm, over all shots of runs: (groups, 2)."""
     found = np.array([run["aim"][group] for run in runs])
     return (found[..., :1] * found[..., 1:]).sum(0) / np.maximum(found[..., :1].sum(0), 1)
 
@@ -159,7 +159,7 @@ def _aim(main: Mapping[str, list[dict[str, Any]]], group: str) -> str:
 
 
 def _new_seeds(main: Mapping[str, list[dict[str, Any]]]) -> str:
-    """Returns how far the measured errors of the aim are from the predicted ones, for each half of the seeds."""
+    """Returns a table that compares the measured and predicted errors of the aim, for each half of the seeds."""
     worlds = [world for world in main if world != EXACT]
     seeds = sorted(run["seed"] for run in main[EXACT])
     rows = []

@@ -119,10 +119,10 @@ _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
 
 
 class Shots(NamedTuple):
-    """Recorded shots, as an argument of an entry point: a plain tuple with these fields.
+    """Recorded shots. An entry point takes them as a plain tuple of these fields.
 
     Attributes:
-        first: The first shot of the log.
+        first: The number of the first shot in the log.
         scene: The `SceneArrays`, as a plain tuple.
         is_sphere: Whether the balls are spheres.
         events: `Log.events`.
@@ -143,7 +143,7 @@ class Marks(NamedTuple):
 
     Attributes:
         values: (k, 3) float64.
-        used: Whether one of them is not zero.
+        used: Whether any of them is not zero.
     """
 
     values: Any
@@ -449,9 +449,9 @@ def push_lanes(begin, end, shots, times, inputs, results):
         shots: The `Shots`, as a plain tuple.
         times: (m, q) float64, ascending, s; not later than the end of the shot.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
-        results: Three arrays, written: (m, q, k, n, 7) float64, the changes of the outputs at these times;
-            (m, k, l, 3) float64, the changes of time and place of the first l events up to the last of these times, and
-            zeros; (m, 2) int64, the results of `trace`.
+        results: Three output arrays: (m, q, k, n, 7) float64, the changes of the outputs at these times;
+            (m, k, l, 3) float64, the changes of time and place of the first l events, zero for events after the last of
+            these times; (m, 2) int64, the results of `trace`.
     """
     shots, (outputs, at_events, found) = Shots(*shots), results
     is_sphere = shots.is_sphere
@@ -623,7 +623,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results)
         outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
         at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
         constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
-        results: Two arrays, written: (m, k, 9 n + 14) float64, the products; (m, 2) int64, the results of `trace`.
+        results: Two output arrays: (m, k, 9 n + 14) float64, the products; (m, 2) int64, the results of `trace`.
     """
     shots, (inputs, found) = Shots(*shots), results
     is_sphere = shots.is_sphere

@@ -104,11 +104,11 @@ class Found(NamedTuple):
 
 
 class Pair(NamedTuple):
-    """A ball and a body.
+    """A ball and a body that it may touch: another ball, a pocket or a cushion.
 
     Attributes:
         ball: The ball.
-        other: The ball that is the body; -1 for a pocket or a cushion.
+        other: The other ball; -1 if the body is a pocket or a cushion.
         column: The column of the body in `Found`.
     """
 
@@ -506,7 +506,7 @@ def push_margins(begin, end, shots, times, inputs, wanted, results):
         times: (m,) float64, s: only the shot until then counts.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
         wanted: (n, q) bool, the margins to compute; of two balls, those of the lower number to the higher.
-        results: Three float64 arrays, written, see `Found`: the margins (m, n, q), minus infinity for the others; the
+        results: Three float64 output arrays, see `Found`: the margins (m, n, q), minus infinity where not wanted; the
             times (m, n, q); the slopes (m, k, n, q).
     """
     shots, (margins, nearest, slopes) = Shots(*shots), results

@@ -46,7 +46,7 @@ class _KernelLibrary(_Library):
 
 
 class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of an inlined kernel, which only its callers optimise. Saves 2 s with `_Library`."""
+    """The LLVM code of an inlined kernel, which only its callers optimise."""
 
     def _optimize_final_module(self) -> None:
         pass

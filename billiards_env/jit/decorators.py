@@ -30,7 +30,7 @@ GENERIC = "generic", ""  # NUMBA_CPU_NAME and the CPU features of the code in th
 
 
 class _Locator(UserProvidedCacheLocator):
-    """The folder of the files of a function, a part of `_Cache`. The folder may be missing."""
+    """The folder of the files of a `_Cache`. The folder may be missing."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._py_file, self._lineno = py_file, py_func.__code__.co_firstlineno
@@ -83,7 +83,7 @@ class _Cache(FunctionCache):
 
 
 class EntryPoint(CPUDispatcher):
-    """A function that Python calls. It has a `_Cache` if there is a folder for it, which saves 18 s."""
+    """A function that Python calls. It has a `_Cache` if there is a folder for it."""
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, targetoptions, ShortCompiler)
@@ -135,8 +135,8 @@ def allocating_entry_point(function: F) -> F:
 def specialised(function: Callable[..., Any], **kernels: Callable[..., Any]) -> Callable[..., Any]:
     """Compiles a function that Python calls, with kernels in place of some of its global names.
 
-    The machine code holds these kernels alone, so a scene compiles only the kernels that it needs. Its name on disk has
-    the names of the kernels, because numba's cache does not check global names.
+    The machine code contains only these kernels, so a scene compiles only the kernels that it needs. The name of the
+    function on disk includes the names of the kernels, because numba's cache does not check global names.
 
     Args:
         function: A function of a module, without a decorator.

@@ -195,10 +195,11 @@ LAWS = tuple(dict.fromkeys(cushion.law for cushion in CUSHIONS.values()))
 
 
 def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[..., Any]:
-    """Returns a kernel that calls one of some kernels, those of the `LAWS` in their order.
+    """Returns a kernel that calls one of the given kernels, that of the scene's law.
 
-    Its arguments are `SceneArrays.cushion` and a tuple with the arguments of the kernel. Numba compiles only the kernel
-    that it calls.
+    The given kernels are in the order of `LAWS`, one for each law. The arguments of the returned kernel are
+    `SceneArrays.cushion` and a tuple with the arguments of the given kernel. Numba compiles only the kernel that is
+    called.
     """
     others_by_law: Any = by_law(*others) if others else None
 

@@ -305,10 +305,10 @@ def _friction_lane(change, d_e, law, table):
 
 @kernel
 def _tabulated_friction(motion, slip, sin, cos, e, table, numbers):
-    """Writes the derivative of `mathavan.integrate_impact` by differences of fourth order; returns no `Friction`.
+    """Writes the derivative of `mathavan.integrate_impact` to `table` and returns a `Friction` of zeros.
 
-    The columns are its velocities, `sin`, the two coefficients of friction and the restitution. The relative error is
-    about 1e-4.
+    The columns are its velocities, `sin`, the two coefficients of friction and the restitution. The derivative is
+    computed by differences of fourth order; its relative error is about 1e-4.
     """
     vn, vt, un, ut, rwz = motion
     for c in range(9):
@@ -365,7 +365,7 @@ def _table_lane(change, d_e, law, table):
 
 @inlined
 def _rigid_squeeze(normal, friction, vn, slip, x, sin, cos, numbers):
-    """Returns the normal impulse that stops the ball, per mass, its `Friction`, and True; see `cushion.han2005`."""
+    """Returns the normal impulse per mass that stops the ball, the `Friction`, and True; see `cushion.han2005`."""
     resistance = cos + numbers.mu_cushion * sin * x
     most = vn / resistance if resistance > 0.0 else math.inf
     if slip * (2.0 / 7.0) <= numbers.mu_cushion * most:
@@ -384,9 +384,9 @@ class CushionDerivative(NamedTuple):
 
     Attributes:
         friction: Returns the `Friction`.
-        squeeze: Returns the normal impulse and the `Friction` of a ball that would not leave the cushion by itself, and
-            whether they are raised.
-        lane: Implements `cushion_lane`, with the change of the restitution.
+        squeeze: For a ball that would otherwise not leave the cushion, returns the normal impulse, the `Friction`, and
+            whether the law raises them.
+        lane: Implements `cushion_lane`; it also takes the change of the restitution.
     """
 
     friction: Callable[..., Any]

@@ -5,7 +5,7 @@ DX, DY, DVX, DVY, DUX, DUY, DWZ = range(7)
 BALL_WIDTH = 7
 D_RADIUS = 14  # of both balls
 D_INV_MASS = 16
-# Numbers of the scene, with their names in `Numbers`: those of flights, of impacts of balls, and of cushions
+# Numbers of the scene, named as in `Numbers`: those of flights, of impacts of balls, and of cushions
 D_SLIDE, D_ROLL, D_SPIN_DECAY = 18, 19, 20
 D_E_BALL, D_MU_LIMIT, D_MU_DROP, D_MU_RATE = 21, 22, 23, 24
 D_E_CUSHION, D_E_CUSHION_LOSS, D_E_CUSHION_ONSET, D_E_CUSHION_FLOOR = 25, 26, 27, 28
@@ -19,6 +19,6 @@ LANE_WIDTH = 35
 FLIGHT_NUMBERS = (D_SLIDE, D_E_BALL)
 """The columns of the numbers of a flight: the first and one past the last."""
 PAIR_NUMBERS = (D_E_BALL, D_E_CUSHION)
-"""The same of an impact of two balls."""
+"""The same for an impact of two balls."""
 CUSHION_NUMBERS = (D_E_CUSHION, END_NUMBERS)
-"""The same of a cushion."""
+"""The same for a cushion."""

@@ -80,7 +80,7 @@ class Numbers(NamedTuple):
         cushion_rubs: 1 if cushions have friction, otherwise 0.
         e_cushion: Restitution of a cushion at low speeds.
         e_cushion_loss: Loss of this restitution with the speed, s/m.
-        e_cushion_onset: Speed from which on the restitution falls, m/s.
+        e_cushion_onset: Speed above which the restitution falls, m/s.
         e_cushion_floor: Least restitution.
         mu_cushion: Friction of a cushion.
         cushion_frequency_ratio: Frequency ratio of "stronge" cushions.
@@ -136,7 +136,7 @@ class SceneArrays(NamedTuple):
         outline: The `walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
         ball_friction: True for balls with friction; None for others.
-        cushion: For each of `cushion.LAWS`, True if it is that of the cushions; None for the others.
+        cushion: For each of `cushion.LAWS`, True if the cushions have this law; None for the others.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.

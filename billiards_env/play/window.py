@@ -76,7 +76,7 @@ GRIP = 14
 
 
 class _Work(Future[T]):
-    """The result of a function that runs in a thread. The window need not wait for it when it closes."""
+    """The result of a function that runs in a thread. The window can close before the function ends."""
 
     def __init__(self, work: Callable[[], T]) -> None:
         super().__init__()
@@ -90,13 +90,13 @@ class _Work(Future[T]):
             self.set_exception(error)
 
     def stop(self) -> None:
-        """Raises SystemExit in the thread, which ends it after the present call of compiled code."""
+        """Raises SystemExit in the thread. A call of compiled code that is running ends first."""
         number = ctypes.c_ulong(self._thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
 
 
 class _Thought(NamedTuple):
-    """The stroke that a program computes in a state of the game, begun at a time of `time.monotonic`."""
+    """The stroke that a program computes in a state of the game. `start` is a time of `time.monotonic`."""
 
     game: GameState
     stroke: _Work[Stroke]
@@ -104,7 +104,7 @@ class _Thought(NamedTuple):
 
 
 class _Hint(NamedTuple):
-    """The shot for a state of the game that a thread computes: the velocity for a pot, or the plan of the best shot."""
+    """A shot that a thread computes for a state of the game: the velocity for a pot, or the plan of the best shot."""
 
     game: GameState
     shot: _Work[NDArray[np.float64] | None] | _Work[Plan]
@@ -248,7 +248,7 @@ class GameWindow:
         return _Thought(model.game, stroke, time.monotonic())
 
     def _executed(self, stroke: Stroke) -> Stroke:
-        """Returns the stroke that is played: that of a level has errors, which the window does not show before."""
+        """Returns the stroke that is played. That of a level has errors, which the window does not show in advance."""
         player = self._players[self.model.game.state.player]
         if not isinstance(player, LevelPlayer):
             return stroke

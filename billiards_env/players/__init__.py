@@ -9,6 +9,6 @@ Modules:
     paths: The path of a ball that meets no other ball.
     env_player: The strategies in `Billiards-v0`.
     planner: The player that plans under execution noise.
-    levels: Its levels of strength, by errors and budget.
+    levels: Levels of strength of the planner, by errors and budget.
     game_player: The strategies and other players in games, found by name.
 """

@@ -68,7 +68,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
 
     Args:
         env: The environment.
-        argument: The budget of the player, such as "100ms", or one of `players.levels.LEVELS`.
+        argument: The budget of the player, such as "100ms", or the name of a level in `players.levels.LEVELS`.
         noise: The execution noise that it expects, see `planner.plan`.
         rng: The generator to draw from.
 

@@ -5,8 +5,8 @@ speed of the fastest shot in m/s and a random generator. A maker of players is a
 `find_player` accepts
 
 * "random", "geometric", "search" and "aim", the strategies of `billiards_env.players.strategies`;
-* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s"; a
-  level (`billiards_env.players.levels`) also makes errors: "planner:club";
+* "planner", which plans under execution noise (`billiards_env.players.planner`): "planner:100ms", "planner:1s";
+* a level of the planner, whose strokes have errors (`billiards_env.players.levels`): "planner:club";
 * a name among the makers that the caller passes, such as "policy" in the window;
 * the name of an entry point in the group `billiards_env.players` of an installed package; it loads a maker;
 * "module:function", any other maker.
@@ -108,7 +108,7 @@ def _check_call(text: str, function: Any, arguments: tuple[Any, ...], what: str)
 
 
 def _planner(setup: Setup, argument: str, noise: tuple[float, float]) -> Player:
-    """Returns the planner with a budget or of a level."""
+    """Returns the planner for a budget or a level."""
     level = level_of(argument)
     found = expected(noise, level)
     return LevelPlayer(planner(setup, level.budget, found if any(found) else NOISE), level.noise)

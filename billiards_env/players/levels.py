@@ -1,7 +1,7 @@
-"""Levels of the player "planner": "planner:club" plays as well as a club player.
+"""Levels of the player "planner", such as "planner:club".
 
-The strokes of a level have random errors, and the planner expects them. Its budget is a number of simulated shots, so a
-seed repeats its games.
+The strokes of a level have random errors, and the planner expects errors of this size. The budget of a level is a
+number of simulated shots, so games with the same seed are the same.
 
 Example:
     >>> level_of("club").noise, level_of("100ms")
@@ -24,8 +24,8 @@ class Level(NamedTuple):
     """The strength of a planner.
 
     Attributes:
-        budget: The argument of the planner: a time or a number of shots.
-        noise: Standard deviations of the errors of its strokes: of the direction, degrees, and of the speed, m/s.
+        budget: The budget of the planner, such as "100ms" or a number of simulated shots.
+        noise: Standard deviations of the errors of its strokes: direction, degrees, and speed, m/s.
     """
 
     budget: str
@@ -38,7 +38,7 @@ LEVELS = {
     "league": Level("1000", (0.4, 0.1)),
     "pro": Level("4000", (0.1, 0.05)),
 }
-"""The levels by name, the weakest first."""
+"""The levels by name, weakest first."""
 
 
 class LevelPlayer(NamedTuple):
@@ -58,7 +58,7 @@ class LevelPlayer(NamedTuple):
 
 
 def level_of(argument: str) -> Level:
-    """Returns the level of an argument of the planner; a budget that is no level has no errors.
+    """Returns the level for an argument of the planner. If the argument is a budget, the level has no errors.
 
     Raises:
         ValueError: If the argument is neither a level nor a budget.
@@ -73,7 +73,7 @@ def level_of(argument: str) -> Level:
 
 
 def expected(noise: Noise, level: Level) -> Noise:
-    """Returns the noise of the environment and the errors of a level together."""
+    """Returns the standard deviations of the noise of the environment and the errors of a level together."""
     return math.hypot(noise[0], level.noise[0]), math.hypot(noise[1], level.noise[1])
 
 

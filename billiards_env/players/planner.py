@@ -172,7 +172,7 @@ def plan(
         run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
             is won by points the expected points of the turn.
         english: Whether to try offsets of the tip, in a scene with spin.
-        values: A function that returns the value (m,) of each of m shots; None for that of `Plan.value`.
+        values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots

@@ -154,7 +154,7 @@ def find_pots(
 
 
 def pot_shots(table: Tables) -> PotShots:
-    """Returns the pots of one table at several speeds. Its positions are (n, 2) and its `off_table` is (n,)."""
+    """Returns the pots of one table at several speeds. `table.positions` is (n, 2) and `table.off_table` is (n,)."""
     pots = find_pots(table._replace(positions=table.positions[None], off_table=table.off_table[None]))
     count, s = int(pots.count[0]), len(SPEEDS)
     rows, shots = pots.rows[0, :count].repeat(s, axis=0), pots.shots[0, :count].reshape(-1, SHOT_WIDTH)

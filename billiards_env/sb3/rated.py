@@ -1,13 +1,12 @@
 """A policy that rates candidate shots with a network and plays the best one.
 
-A candidate is a hit of the cue ball on an object ball. The network learns from random candidates: each shot is one
-example. Without a goal it learns the chance of a point. With a goal it learns the chance that the shot touches or pots
-a ball, and where the cue ball comes to rest. The goal is not an input, so one shot teaches about all goals.
+A candidate is a hit of the cue ball on an object ball. Each shot that is played is one example. Without a goal the
+network learns the probability of a point. With a goal it learns the probability that the shot touches or pots a ball,
+and where the cue ball comes to rest. The goal is not an input, so one shot is an example for all goals.
 
-The inputs are numbers that a player can estimate without a simulation: the places and directions of both balls at the
-hit, the speed of the cue ball and its direction once it rolls, and the straight lines that it then follows between
-cushions, with a rule of thumb for the speed after a cushion. The lines ignore that the cue ball slides after a cushion,
-other balls and pockets.
+The inputs need no simulation: the places and directions of both balls at the hit, the speed and the direction of the
+cue ball once it rolls, and the straight lines that it then follows between cushions. A rule of thumb gives the speed
+after a cushion. The lines ignore english, other balls, pockets, and a cushion that the cue ball meets while it slides.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ RATED_HEADS = ("rated_hits", "rated_pots")
 """The kinds of candidates.
 
 * "rated_hits": hits on each ball, from thin on one side to thin on the other, at several speeds.
-* "rated_pots": pots that geometry finds, with several turns of the direction and at several speeds.
+* "rated_pots": pots that geometry finds, with several small turns of the direction and at several speeds.
 """
 
 _SPEEDS, _SPEEDS_TO_GOAL = 12, 24  # candidates with the same direction
@@ -49,13 +48,13 @@ class Candidates(NamedTuple):
     """c candidate shots.
 
     Attributes:
-        layout: (c,) the layout.
+        layout: (c,) the number of the layout.
         ball: (c,) the object ball that the cue ball hits.
         direction: (c, 2) direction of the cue ball.
         speed: (c, 1) m/s.
         of_pot: (c, 7) for pots: the turn to the left over the tolerance, the logarithms of the tolerance and of the
-            mouth, the way of the ball, the gap to other balls, whether it is a bank, and the least speed. (c, 0) for
-            hits.
+            mouth, the length of the ball's path, the gap to other balls, whether it is a bank, and the least speed.
+            (c, 0) for hits.
     """
 
     layout: Tensor
@@ -87,15 +86,15 @@ class RatedPolicy(BasePolicy):
         env: Arguments of `gym.make("Billiards-v0", ...)`.
         head: One of `RATED_HEADS`.
         components: The number of hits on each ball, or the largest number of pots.
-        speeds: The smallest and the largest speed of a hit, over the largest speed of the environment. Pots use the
-            second alone: they begin with the least speed at which the ball reaches the pocket.
+        speeds: The smallest and the largest speed of a hit, over the largest speed of the environment. Pots use only
+            the largest one; their smallest speed is the least at which the ball reaches the pocket.
         banks: Whether to find banks also on tables with a direct pot.
         net_arch: The number of units of each hidden layer.
         activation_fn: The class of the activation function.
 
     Raises:
-        ValueError: If the environment does not fit: if actions are strikes, the task has too many balls for hits, or it
-            is not one of `POT_TASKS` for pots.
+        ValueError: If actions are strikes, if "rated_hits" has more than two object balls, or if "rated_pots" has a
+            task that is not one of `POT_TASKS`.
     """
 
     def __init__(
@@ -122,15 +121,16 @@ class RatedPolicy(BasePolicy):
         self.rating = nn.Sequential(*layers, nn.Linear(widths[-1], 1 if self.radius is None else 4))
 
     def draw(self, observations: Tensor, drawn: int, kept: int) -> tuple[Tensor, Inputs]:
-        """Returns random candidates, and among them those with the best ratings.
+        """Draws random candidates and returns some of them.
 
         Args:
             observations: (m, size).
             drawn: The number of random candidates of each layout.
-            kept: The number of them that are returned, an even number: the best half of them, and random ones.
+            kept: The number of returned candidates of each layout, even. One half is random; the other half are those
+                with the best ratings among the rest.
 
         Returns:
-            The actions (m * kept, 2) and the inputs of the network, those of the same layout one after the other.
+            The actions (m * kept, 2) and the inputs of the network, grouped by layout.
         """
         with torch.no_grad():
             positions, candidates = self._random(observations, drawn)
@@ -147,9 +147,9 @@ class RatedPolicy(BasePolicy):
 
         Args:
             inputs: As returned by `draw`.
-            reached: (m,) whether the shot scores a point or, in a task with a goal, whether it touches or pots a ball
-                and keeps the cue ball on the table.
-            rest: (m, 2) m, the places where the cue balls come to rest. Tasks without a goal ignore them.
+            reached: (m,) whether the shot is a success. In a task with a goal: whether it touches or pots a ball and
+                keeps the cue ball on the table.
+            rest: (m, 2) m, the places where the cue balls come to rest. They have no effect in tasks without a goal.
         """
         found, wanted = self.rating(inputs.columns), reached.float()
         loss = functional.binary_cross_entropy_with_logits(found[:, 0], wanted)
@@ -165,7 +165,7 @@ class RatedPolicy(BasePolicy):
         return torch.cat([self._best(part) for part in observation.split(_LAYOUTS)])
 
     def _best(self, observations: Tensor) -> Tensor:
-        """Returns the best action of each layout, (m, 2): that of a grid, or one between those of the grid."""
+        """Returns the best action of each layout, (m, 2), found on a grid and then near its best points."""
         m, positions, rows = len(observations), _points(self.game, observations)[0], torch.arange(len(observations))
         found = self._find_pots(positions) if self.head == "rated_pots" else None
         grid, steps = self._grid()
@@ -218,12 +218,12 @@ class RatedPolicy(BasePolicy):
         return _points(self.game, observations)[1][:, 0].repeat_interleave(times, 0)
 
     def _ratings(self, inputs: Inputs, goals: Tensor | None) -> Tensor:
-        """Returns the logarithms (c,) of the chances of success, up to a constant factor of the places."""
+        """Returns the logarithms (c,) of the estimated probabilities of success."""
         found = self.rating(inputs.columns)
         chance = functional.logsigmoid(found[:, 0])
         if self.radius is None or goals is None:
             return chance
-        # A Gaussian around the place, and another one instead of the disc around the goal
+        # A Gaussian around the predicted place. A Gaussian with the same variance replaces the disc around the goal.
         variance = torch.exp(2.0 * found[:, 3]) + 0.25 * self.radius**2
         errors = ((inputs.end + found[:, 1:3]) * inputs.signs - goals).square().sum(1)
         return chance - 0.5 * errors / variance + torch.log(0.5 * self.radius**2 / variance).clamp(max=0.0)
@@ -232,7 +232,7 @@ class RatedPolicy(BasePolicy):
         return candidates.direction * candidates.speed / self.game.max_speed
 
     def _random(self, observations: Tensor, drawn: int = 1) -> tuple[Tensor, Candidates]:
-        """Returns the positions (m, n, 2) and `drawn` random candidates of each layout, one layout after the other."""
+        """Returns the positions (m, n, 2) and `drawn` random candidates of each layout, grouped by layout."""
         positions, which = _points(self.game, observations)[0], torch.arange(len(observations)).repeat_interleave(drawn)
         found, share, pace = None, 2.0 * torch.rand(len(which)) - 1.0, torch.rand(len(which))
         if self.head == "rated_hits":
@@ -250,7 +250,11 @@ class RatedPolicy(BasePolicy):
         return self.speeds[1] * self.game.max_speed
 
     def _hits(self, positions: Tensor, which: Tensor, ball: Tensor, share: Tensor, pace: Tensor) -> Candidates:
-        """Returns hits whose sine of the cut angle is `share` (c, 1), at speeds in a geometric series with `pace`."""
+        """Returns hits on the balls `ball` (c,) of the layouts `which` (c,).
+
+        `share` (c, 1) is the sine of the cut angle. `pace` (c, 1) is 0 for the smallest speed and 1 for the largest;
+        between them the speed is interpolated geometrically.
+        """
         reach = float(self.game.scene.balls.contact_distances(0)[1])
         way = positions[which, ball] - positions[which, 0]
         distance = _length(way)
@@ -262,7 +266,7 @@ class RatedPolicy(BasePolicy):
         return Candidates(which, ball, direction, speed, torch.empty(len(which), 0))
 
     def _find_pots(self, positions: Tensor) -> pots.Pots:
-        """Returns the pots of all layouts. A layout without a pot has a full hit on the nearest ball instead."""
+        """Returns the pots of all layouts; for a layout without a pot, a full hit on the nearest target."""
         game, places = self.game, positions.double().numpy()
         potted = (positions.abs() >= self._half()).any(2).numpy()
         tables = pots.Tables(game.scene, game.targets, places, potted, game.max_speed)
@@ -306,9 +310,9 @@ def _pot_candidates(
     Args:
         found: The pots of all layouts.
         which: (c,) the layouts.
-        chosen: (c,) the pots. One that does not exist counts as the first of its layout.
+        chosen: (c,) the pots. The first pot of the layout replaces one that does not exist.
         turn: (c, 1) the turns to the left, over the tolerance.
-        pace: (c, 1) 0 for the least speed, 1 for `most`; a geometric series between them.
+        pace: (c, 1) 0 for the least speed, 1 for `most`; between them the speed is interpolated geometrically.
         most: m/s, the largest speed.
     """
     chosen = torch.where(chosen < torch.as_tensor(found.count)[which], chosen, 0)
@@ -395,8 +399,9 @@ def _lines(
 ) -> tuple[list[Tensor], Tensor]:
     """Returns the inputs about the straight lines of a rolling ball between cushions, and their end (c, 2).
 
-    The shares of the speed after a cushion, across it and along it, are linear in the sine of the angle between the
-    path and the cushion. The numbers are a fit to the cushions of the scene "pool" after the ball rolls again.
+    After a cushion the ball keeps a share of its speed across the cushion and another share along it. Both are linear
+    in the sine of the angle between the path and the cushion. The shares that the ball has once it rolls again are a
+    fit to the cushions of the scene "pool".
 
     Args:
         place: (c, 2) m, where the ball begins to roll.
@@ -435,12 +440,12 @@ def _seen(way: Tensor, ahead: Tensor) -> tuple[Tensor, ...]:
 
 
 def _squashed(x: Tensor, unit: float) -> Tensor:
-    """Returns numbers between -1 and 1; those of the size `unit` become 0.5."""
+    """Maps numbers to the range from -1 to 1; `unit` becomes 0.5."""
     return x / (x.abs() + unit)
 
 
 def _log_length(velocity: Tensor, roll: float) -> Tensor:
-    """Returns half the logarithm of the way of a rolling ball."""
+    """Returns half the logarithm of the distance that a ball rolls."""
     return 0.5 * torch.log(_dot(velocity, velocity).clamp(min=1e-6) / (2.0 * roll))
 
 

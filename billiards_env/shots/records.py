@@ -204,7 +204,7 @@ def write(path: str | os.PathLike[str], text: str) -> None:
 def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game") -> T:
     """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold."""
     place = Path(path)
-    if not place.is_file():  # reading a pipe could take forever
+    if not place.is_file():  # reading a pipe could block forever
         kind, why = OSError, "is not a regular file"
         if place.is_dir():
             kind, why = IsADirectoryError, "is a folder"

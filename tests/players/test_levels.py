@@ -1,4 +1,4 @@
-"""Levels of the planner: stronger ones pot more balls, and a window shows what they intend."""
+"""Levels of the planner: stronger ones pot more balls, and a window shows the planned shot without its error."""
 
 import gymnasium as gym
 import numpy as np

@@ -1,4 +1,4 @@
-"""The policy that a search is distilled into."""
+"""The policy that is distilled from a search."""
 
 from __future__ import annotations
 
