@@ -110,6 +110,18 @@ def set_std(policy: ActorCriticPolicy, config: Config, timesteps: int) -> None:
             policy.log_std.requires_grad_(False).copy_(torch.tensor(std).log())
 
 
+def make_ppo_policy(config: Config) -> ActorCriticPolicy:
+    """Returns an untrained policy that PPO can train.
+
+    Raises:
+        ValueError: If the head is one of `agents.config.RATED_HEADS`.
+    """
+    policy = make_policy(config)
+    if not isinstance(policy, ActorCriticPolicy):
+        raise ValueError(f"policy.head = {config.policy.head!r}: expected a head that PPO trains")
+    return policy
+
+
 def load_policy(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
     """Returns the configuration and the trained policy of a run.
 

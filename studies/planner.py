@@ -35,7 +35,8 @@ from billiards_env.files import write_json
 from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.game_player import Player, find_player
-from billiards_env.players.planner import parse_budget, plan, with_errors
+from billiards_env.players.levels import with_noise
+from billiards_env.players.planner import parse_budget, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, errors_in_one_line
 
@@ -104,17 +105,10 @@ CELLS: tuple[Cell, ...] = (
 """The cells of the tables, those of most interest first."""
 
 
-def noisy(stroke: Stroke, noise: tuple[float, float], max_speed: float, rng: np.random.Generator) -> Stroke:
-    """Returns a stroke with random errors of the direction, degrees, and of the speed, m/s."""
-    errors = rng.standard_normal((1, 2)) * (math.radians(noise[0]), noise[1])
-    (velocity,), (spin,) = with_errors(np.array([stroke.velocity]), np.array([stroke.spin]), errors, max_speed)
-    return stroke._replace(velocity=tuple(velocity.tolist()), spin=tuple(spin.tolist()))
-
-
 def shoot(setup: Setup, game: GameState, player: Player, noise: tuple[float, float], rngs: Sequence[Any]) -> PlayedShot:
     """Plays one shot with noise; `rngs` are the generators of the player and of the noise."""
     stroke = player(setup, game, MAX_SPEED, rngs[0])
-    return play(setup, game, noisy(stroke, noise, MAX_SPEED, rngs[1]))
+    return play(setup, game, with_noise(stroke, noise, MAX_SPEED, rngs[1]))
 
 
 def run_out(
@@ -139,7 +133,7 @@ def run_out(
         chosen = _for_one_turn(player, noise, chances, english=scene != "pool")
     while not game.state.over and game.state.player == 0:
         if fixed_break and strokes == 0:
-            game = play(setup, game, noisy(fixed_break, noise, MAX_SPEED, rngs[1])).game
+            game = play(setup, game, with_noise(fixed_break, noise, MAX_SPEED, rngs[1])).game
         else:
             game = shoot(setup, game, chosen, noise, rngs).game
         strokes += 1

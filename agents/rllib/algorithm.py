@@ -28,7 +28,7 @@ from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
 from agents.config import ENV_ID, Config
-from agents.ppo import make_env, make_policy, set_std, training_seed
+from agents.ppo import make_env, make_ppo_policy, set_std, training_seed
 from agents.rllib.rollouts import Rollouts, compile_engine
 from agents.rllib.settings import Settings
 
@@ -50,7 +50,7 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):
         config = Config.from_dict(self.model_config["recipe"])
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(config.seed)
-            self.policy = make_policy(config)
+            self.policy = make_ppo_policy(config)
         set_std(self.policy, config, 0)
 
     def _forward(self, batch: dict[str, Any], **kwargs: Any) -> dict[str, Any]:

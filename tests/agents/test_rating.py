@@ -7,7 +7,7 @@ import torch
 
 from agents.config import Config
 from agents.evaluate import evaluate
-from agents.ppo import load_policy
+from agents.ppo import load_policy, make_ppo_policy
 from agents.train import learning_curve, open_run, train
 from billiards_env.sb3.rated import RatedPolicy
 from tests.helpers.training import trained_run
@@ -86,3 +86,8 @@ def test_pots_with_execution_noise(tmp_path):
 def test_impossible_settings_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         Config.from_dict({**SETTINGS, **changes})
+
+
+def test_ppo_does_not_train_ratings():
+    with pytest.raises(ValueError, match="expected a head that PPO trains"):
+        make_ppo_policy(Config.from_dict(SETTINGS))

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from agents.config import Config
-from agents.ppo import make_policy, make_vector, set_std, training_seed
+from agents.ppo import make_ppo_policy, make_vector, set_std, training_seed
 from agents.rllib.rollouts import Rollouts, advantages
 
 
@@ -23,7 +23,7 @@ def config(**changes):
 
 def rollouts(settings, n_envs=8, first=0):
     torch.manual_seed(0)
-    return Rollouts(settings, make_policy(settings), n_envs, first)
+    return Rollouts(settings, make_ppo_policy(settings), n_envs, first)
 
 
 def test_runners_play_the_layouts_of_one_vector_environment():

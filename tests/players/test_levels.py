@@ -1,5 +1,7 @@
 """Levels of the planner: stronger ones pot more balls, and a window shows the planned shot without its error."""
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -33,7 +35,7 @@ def test_the_errors_have_the_size_of_the_level():
 def test_a_game_and_an_environment_accept_a_level():
     game = setup("straight", 2)
     table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])
-    player = find_player("planner:beginner", game)
+    player: Any = find_player("planner:beginner", game)
     assert player(game, table, 4.0, RNG(0)) == player(game, table, 4.0, RNG(0))
     assert player(game, table, 4.0, RNG(0)) != player.intend(game, table, 4.0, RNG(0))
     env = gym.make("Billiards/Pot1-v0")

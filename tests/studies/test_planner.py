@@ -3,12 +3,10 @@
 import functools
 import json
 
-import numpy as np
 import pytest
 
-from billiards_env.games import Stroke
 from studies import planner
-from studies.planner import CELLS, Cell, blocks, main, noisy
+from studies.planner import CELLS, Cell, blocks, main
 
 NOISE = (0.125, 0.075)
 TINY = (
@@ -54,17 +52,6 @@ def test_the_times_of_the_decisions_are_printed(monkeypatch, capsys):
     monkeypatch.setattr(planner, "times", functools.partial(planner.times, 1))
     main(["--times"])
     assert [line.partition(": ")[0] for line in capsys.readouterr().out.splitlines()] == ["planner:60", "search:2"]
-
-
-def test_the_noise_turns_a_stroke_and_changes_its_speed():
-    rng, strokes = np.random.default_rng(0), []
-    for _ in range(400):
-        strokes.append(noisy(Stroke((2.0, 0.0), spin=(0.0, 10.0, 5.0)), (0.5, 0.1), 8.0, rng))
-    velocities, spins = np.array([s.velocity for s in strokes]), np.array([s.spin for s in strokes])
-    speeds, angles = np.hypot(*velocities.T), np.degrees(np.arctan2(velocities[:, 1], velocities[:, 0]))
-    np.testing.assert_allclose((speeds.std(), angles.std()), (0.1, 0.5), rtol=0.15)
-    np.testing.assert_allclose(spins[:, 2], 2.5 * speeds)
-    np.testing.assert_allclose((spins[:, :2] * velocities).sum(axis=1), 0.0, atol=1e-12)
 
 
 def test_a_file_that_cannot_be_read_is_reported(tmp_path):
