@@ -152,7 +152,7 @@ def test_the_configurations_of_the_project_fit_their_environments(path):
 
 
 @pytest.mark.parametrize(
-    "name", ["ppo/pot", "ppo/three_cushion", "prior_knowledge/gaussian", "prior_knowledge/mixture"]
+    "name", ["ppo/pot", "ppo/sum_to_three", "prior_knowledge/gaussian", "prior_knowledge/mixture"]
 )
 def test_a_configuration_with_each_head_trains(name):
     config = load(FOLDER / f"{name}.yaml")
