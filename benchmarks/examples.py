@@ -1,7 +1,8 @@
 """Steps per second of the programs in `examples`: `python -m benchmarks.examples`.
 
 Each program runs a few steps, which load its packages and the engine, and then a larger number, which is measured.
-Everything runs on one thread of PyTorch. A program whose package is not installed is left out.
+Everything runs on one thread of PyTorch. A program whose package is not installed keeps its former measurement: no
+environment has all packages, because RLlib needs its own.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+import json
 import logging
 import time
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 from benchmarks import Count, machine, machine_line, parser_of, report, table
@@ -21,19 +24,26 @@ STEPS = {
     "optuna_sweep": ("Optuna: two trials of this PPO, with their evaluation", 8192, {}),
     "torchrl_collector": ("TorchRL: collector of random shots on 64 tables", 16384, {}),
     "pixels": ("one table, observation of 84 x 84 pixels", 256, {}),
+    "rllib_ppo": ("PPO of RLlib with its own runner on 256 tables, with training", 16384, {}),
     "self_play": ("PettingZoo: straight pool against a frozen copy, with training", 4096, {}),
     "dataset_cloning": ("Minari: shots of the geometric player, written and cloned", 5000, {}),
 }
 """By the name of a program: what runs, the number of steps, and arguments of its function `run`."""
 
 
-def measure(scale: int) -> dict[str, Any]:
-    """Returns the steps per second of each program, or None without its package. `scale` divides the steps."""
+def measure(scale: int, before: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the steps per second of each program.
+
+    Args:
+        scale: Divisor of the numbers of steps.
+        before: A former result of this function. It has the numbers of programs without their package here, or None.
+    """
+    former = {row["example"]: row["per_second"] for row in before.get("rows", ())}
     importlib.import_module("torch").set_num_threads(1)
     on, rows, made = machine(), [], {}
     logging.disable(logging.INFO)
     for name, (what, steps, options) in STEPS.items():
-        per_second = None
+        per_second = former.get(name)
         with contextlib.suppress(ModuleNotFoundError), contextlib.redirect_stdout(io.StringIO()):
             program = importlib.import_module(f"examples.{name}")
             with warnings.catch_warnings():
@@ -44,7 +54,11 @@ def measure(scale: int) -> dict[str, Any]:
             per_second = steps // scale / (time.perf_counter() - begin)
         rows.append({"example": name, "what": what, "per_second": per_second})
     logging.disable(logging.NOTSET)
-    return {"machine": on, "rows": rows, "clone_and_teacher": made.get("dataset_cloning")}
+    return {
+        "machine": on,
+        "rows": rows,
+        "clone_and_teacher": made.get("dataset_cloning", before.get("clone_and_teacher")),
+    }
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -65,7 +79,8 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.examples --help`."""
     scale = Count(1, "divisor of the numbers of steps")
     args = parser_of("examples", "Measure the programs in examples.", scale=scale).parse_args(arguments)
-    report(measure(args.scale), blocks, args.output)
+    before = json.loads(args.output.read_text(encoding="utf-8")) if args.output.exists() else {}
+    report(measure(args.scale, before), blocks, args.output)
 
 
 if __name__ == "__main__":

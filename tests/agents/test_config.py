@@ -151,9 +151,7 @@ def test_the_configurations_of_the_project_fit_their_environments(path):
     envs.close()
 
 
-@pytest.mark.parametrize(
-    "name", ["ppo/pot", "ppo/sum_to_three", "prior_knowledge/gaussian", "prior_knowledge/mixture"]
-)
+@pytest.mark.parametrize("name", ["ppo/pot", "ppo/sum_to_three", "prior_knowledge/gaussian", "prior_knowledge/mixture"])
 def test_a_configuration_with_each_head_trains(name):
     config = load(FOLDER / f"{name}.yaml")
     short = dataclasses.replace(config, n_envs=8, ppo=dataclasses.replace(config.ppo, n_steps=4, batch_size=16))

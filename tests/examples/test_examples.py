@@ -67,6 +67,10 @@ def test_pixels_show_the_balls():
     assert program["run"](2).shape == (84, 84)
 
 
+def test_rllib_trains():
+    assert -0.3 < load("rllib_ppo", "ray")["run"](2048, num_envs=32) < 0.3
+
+
 def test_self_play_aims_at_the_nearest_ball_and_trains():
     program = load("self_play", "pettingzoo")
     torch = pytest.importorskip("torch")
