@@ -38,7 +38,7 @@ NOISE = (0.057, 0.02)
 SHOTS, MAX_SPEED = 3000, 8.0
 """Simulated shots of a decision, and the speed of the fastest shot, m/s."""
 
-WIDTH, PACE, FRAME, SHOWN = 480, 3.0, 0.1, 1.5
+WIDTH, PACE, FRAME, SHOWN = 480, 3.0, 0.12, 1.5
 """The width of the film, pixels; the playback speed; and how long the film shows a frame and a plan, s."""
 
 
