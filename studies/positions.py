@@ -1,6 +1,6 @@
 """A fixed set of positions, and the success of a player's strokes in them: `python -m studies.positions PLAYER ...`.
 
-The set, `studies/results/position_set.json`, has positions of nine ball and of eight ball on `real_pool` with the
+The set, `studies/position_set.json`, has positions of nine ball and of eight ball on `real_pool` with the
 stroke that the planner chooses. They come from games of the planner against itself under execution noise, after the
 break. `--make` plays these games again and writes the set.
 
@@ -38,7 +38,7 @@ from billiards_env.scene import Scene
 from studies import RESULTS, errors_in_one_line
 from studies.planner import MAX_SPEED, OLYMPIAD, shoot
 
-SET = RESULTS / "position_set.json"
+SET = Path(__file__).with_name("position_set.json")
 OUTPUT = RESULTS / "positions.json"
 PLAYERS = ("planner:1000", "search:200", "geometric")
 COUNTS = {"nine_ball": 100, "eight_ball": 100}
