@@ -7,6 +7,7 @@ outside english for these cuts, and `roll` is 1 for a rolling ball.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +25,10 @@ INSTANT = 1e-9  # s; the least duration of a shot, far too short for the cloth t
 SPEEDS = {"slow": 0.447, "medium": 1.341, "fast": 3.129}
 """m/s: 1, 3 and 7 miles per hour, the speeds of TP A.14."""
 
-FRICTIONAL = Physics(ball_ball="frictional")
-ELASTIC = Physics(ball_ball="frictional", e_ball=1.0)
+# No ball reaches a cushion. With this table and these cushions the scenes need no engine but those of "real_pool".
+TABLE = Table.named("pool_9ft")
+FRICTIONAL = Physics(ball_ball="frictional", cushion="stronge")
+ELASTIC = dataclasses.replace(FRICTIONAL, e_ball=1.0)
 
 # Measurements
 
@@ -67,7 +70,7 @@ SNOOKER = (
     SnookerShot(0.942, 18.05, (0.365, 0.581, 29.86, 18.05), (0.383, 0.579, 29.47, 17.15)),
 )
 SNOOKER_RADIUS, SNOOKER_MASS = 0.02625, 0.1406
-SNOOKER_PHYSICS = Physics(ball_ball="frictional", mu_ball=0.05, e_ball=0.89, mu_slide=0.21)
+SNOOKER_PHYSICS = dataclasses.replace(FRICTIONAL, mu_ball=0.05, e_ball=0.89, mu_slide=0.21)
 """The constants of Mathavan, Jackson and Parkin (2014)."""
 
 DOMENECH_SPEED, DOMENECH_FRICTION = 0.80, 0.125
@@ -99,7 +102,7 @@ def impact(
 ) -> After:
     """Returns the balls right after impacts of a cue ball on a resting ball; the arguments broadcast."""
     speed, cut, side, roll = (np.ravel(a) for a in np.broadcast_arrays(speed, np.radians(cut), side, roll))
-    scene = Scene(Balls.uniform(2, radius), Table(4.0, 4.0), physics)
+    scene = Scene(Balls.uniform(2, radius), TABLE, physics)
     positions, spins = np.zeros((len(speed), 2, 2)), np.zeros((len(speed), 3))
     positions[:, 1] = 2 * radius * np.stack([np.cos(cut), np.sin(cut)], axis=-1)
     spins[:, 1], spins[:, 2] = roll * speed / radius, side * speed / radius
@@ -142,13 +145,13 @@ def frozen(speed: float) -> Floats:
     The cue keeps the balls together while it pushes, so the impact is plastic.
     """
     stroke = np.array([angle for angle, _ in FROZEN if 0 < angle < 90], float)
-    after = impact(Physics(ball_ball="frictional", e_ball=0.0), speed, stroke)
+    after = impact(dataclasses.replace(FRICTIONAL, e_ball=0.0), speed, stroke)
     return stroke - direction(after.velocities[:, 0])
 
 
 def frozen_pair(speed: float) -> float:
     """Returns the throw of the second ball of a frozen pair, if a full hit drives the first one at 45 degrees to it."""
-    scene = Scene(Balls.uniform(3), Table(4.0, 4.0), FRICTIONAL)
+    scene = Scene(Balls.uniform(3), TABLE, FRICTIONAL)
     d = 2 * POOL_RADIUS
     positions = [[-d, 0.0], [0.0, 0.0], [d * np.sqrt(0.5), d * np.sqrt(0.5)]]
     batch = simulate_batch(scene, [positions], [[speed, 0.0]], max_time=INSTANT)
@@ -181,7 +184,7 @@ def scatter(physics: Physics, speed: float, cut: ArrayLike) -> Floats:
 
 def domenech(friction: float | None, e_ball: float) -> tuple[Physics, dict[str, float]]:
     """Returns physics with a friction and a restitution, and the root mean squares of the differences, degrees."""
-    physics = Physics(ball_ball="frictional", mu_ball=friction, e_ball=e_ball)
+    physics = dataclasses.replace(FRICTIONAL, mu_ball=friction, e_ball=e_ball)
     cut, measured = np.array(DOMENECH_THROW).T
     throws = throw(physics, DOMENECH_SPEED, cut, roll=1.0) - measured
     cut, measured = np.array(DOMENECH_SCATTER).T

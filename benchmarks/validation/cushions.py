@@ -6,6 +6,7 @@ m/s. The side spin R omega / v is positive counter-clockwise as seen from above.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from benchmarks import table
 from benchmarks.validation.collisions import INSTANT, direction
 from billiards_env.scene import Balls, Physics, Scene
+from billiards_env.scene.outline import Corner
 from billiards_env.scene.table import POOL_LENGTH, POOL_RADIUS, POOL_WIDTH, Table
 from billiards_env.shots.simulation import simulate, simulate_batch
 
@@ -21,10 +23,10 @@ Floats = NDArray[np.float64]
 
 # Measurements and reference outputs
 
-PAPER_RADIUS, PAPER_HEIGHT = 0.02625, 1.4
-"""m, and the height of the cushion over the radius: Mathavan, Jackson and Parkin (2010)."""
+PAPER_RADIUS = 0.02625
+"""m: Mathavan, Jackson and Parkin (2010). The table "snooker_12ft" has the height of their cushion."""
 
-PAPER = Physics(cushion="mathavan2010", mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
+PAPER = Physics(ball_ball="frictional", cushion="mathavan2010", mu_slide=0.212, mu_cushion=0.14, e_cushion=0.98)
 """The constants of Mathavan, Jackson and Parkin (2010)."""
 
 FIGURE_7A = (
@@ -44,17 +46,21 @@ DIAMOND = POOL_LENGTH / 8
 MODELS = {
     "mathavan2010, e = 0.98": PAPER,
     "mathavan2010, e(v)": Scene.named("snooker").physics,
-    "stronge, e = 0.85": Physics(cushion="stronge"),
+    "stronge, e = 0.85": Scene.named("real_pool").physics,
 }
 """The physics of rolling snooker balls in figure 7a, by name."""
 
 BANK_LAWS = {
-    **{law: Physics(cushion=law) for law in ("restitution", "han2005", "stronge")},
+    **{law: Physics(cushion=law) for law in ("restitution", "han2005")},
+    "stronge": Scene.named("real_pool").physics,
     "mathavan2010, snooker": Scene.named("snooker").physics,
 }
 """The physics of the banks: the default constants of each law."""
 
 # Impacts
+
+# Two more balls are out of play, so the engines are those of "carom", "real_carom", "real_pool" and "snooker".
+IN_PLAY = (True, False, False)
 
 
 def bounce(physics: Physics, angle: ArrayLike, speed: ArrayLike = 1.0) -> tuple[Floats, Floats]:
@@ -62,12 +68,23 @@ def bounce(physics: Physics, angle: ArrayLike, speed: ArrayLike = 1.0) -> tuple[
     angle, speed = (np.ravel(a) for a in np.broadcast_arrays(np.radians(angle), speed))
     vx, vy = speed * np.where(angle == np.pi / 2, 0.0, np.cos(angle)), speed * np.sin(angle)
     spins = np.stack([-vy, vx, np.zeros_like(vx)], -1) / PAPER_RADIUS
-    scene = Scene(Balls.uniform(1, PAPER_RADIUS), Table(4.0, 4.0, PAPER_HEIGHT * PAPER_RADIUS), physics)
-    positions = np.zeros((len(speed), 1, 2))
-    positions[:, 0, 1] = 2.0 - PAPER_RADIUS
-    batch = simulate_batch(scene, positions, np.stack([vx, vy], -1), spins=spins, max_time=INSTANT)
+    board = Table.named("snooker_12ft")
+    scene = Scene(Balls.uniform(len(IN_PLAY), PAPER_RADIUS), board, physics)
+    positions = np.zeros((len(speed), len(IN_PLAY), 2))
+    positions[:, 0] = board.length / 4, board.width / 2 - PAPER_RADIUS
+    batch = simulate_batch(scene, positions, np.stack([vx, vy], -1), spins=spins, in_play=IN_PLAY, max_time=INSTANT)
     velocities = batch.velocities[:, 0]
     return np.hypot(*velocities.T), -direction(velocities)
+
+
+def long_table(physics: Physics) -> Table:
+    """Returns a table on which no banked ball reaches an end. With the law of "snooker" it has an outline as well."""
+    rectangle = Table(4 * POOL_LENGTH, POOL_WIDTH)
+    if physics.cushion != "mathavan2010":
+        return rectangle
+    x, y = rectangle.length / 2, rectangle.width / 2
+    corners = Corner(-x, -y), Corner(x, -y), Corner(x, y), Corner(-x, y)
+    return dataclasses.replace(rectangle, outline=corners)
 
 
 def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Floats:
@@ -77,14 +94,15 @@ def bank(physics: Physics, start: ArrayLike, aim: ArrayLike, speed: float) -> Fl
     diamond `start` (m,) on the line of contacts meets the far cushion at the diamond `aim` (m,), at `speed`, m/s.
     """
     start, aim = np.ravel(start), np.ravel(aim)
-    scene = Scene(Balls.uniform(1), Table(4 * POOL_LENGTH, POOL_WIDTH), physics)
+    scene = Scene(Balls.uniform(len(IN_PLAY)), long_table(physics), physics)
     reach = POOL_WIDTH / 2 - POOL_RADIUS
     way = np.stack([(aim - start) * DIAMOND, np.full(len(aim), 2 * reach)], -1)
-    positions = np.stack([aim * DIAMOND, np.full(len(aim), reach)], -1)[:, None]
+    positions = np.zeros((len(aim), len(IN_PLAY), 2))
+    positions[:, 0, 0], positions[:, 0, 1] = aim * DIAMOND, reach
     velocities = speed * way / np.hypot(*way.T)[:, None]
     found = []
     for position, velocity in zip(positions, velocities, strict=True):
-        shot = simulate(scene, position, velocity, record=True)
+        shot = simulate(scene, position, velocity, in_play=IN_PLAY, record=True)
         assert shot.events is not None
         contacts = shot.events[shot.events["kind"] == "cushion"]
         found.append(contacts["x"][1] / DIAMOND if len(contacts) > 1 else np.nan)

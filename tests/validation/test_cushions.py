@@ -67,6 +67,6 @@ def test_banks_of_han_agree_with_twice_plus_tenths():
 
 def test_compliant_cushions_bank_short():
     start, aim = np.array(c.BANKS).T
-    off = c.bank(Physics(cushion="stronge"), start, aim, c.BANK_SPEED)
+    off = c.bank(c.BANK_LAWS["stronge"], start, aim, c.BANK_SPEED)
     assert (off > 0.2).all()
     assert (off < 0.65).all()
