@@ -79,7 +79,8 @@ def test_the_seed_determines_the_rack():
 
 
 def test_a_window_is_opened(frames, capsys):
-    main(["--rules", "nine_ball", "--players", "human,random", "--max-speed", "3", "--speed", "0.5", "--choices"])
+    options = ["--max-speed", "3", "--speed", "0.5", "--choices"]
+    main(["--rules", "nine_ball", "--scene", "pool", "--players", "human,random", *options])
     (shown,) = frames
     assert shown.count == 3
     assert (shown.model.max_speed, shown.model.pace, shown.model.players) == (3.0, 0.5, ("human", "random"))
@@ -132,7 +133,7 @@ def test_a_saved_game_is_continued_and_saved_again(frames, saved, tmp_path, caps
 
 
 def test_spaces_between_players_are_ignored(frames):
-    main(["--players", "human, geometric", "--seed", "1"])
+    main(["--scene", "pool", "--players", "human, geometric", "--seed", "1"])
     assert len(frames) > 0
 
 
@@ -167,7 +168,7 @@ def test_the_engines_are_compiled_before_the_window_opens(monkeypatch, dt):
         (["--rules", "carom", "--palette", "realist"], "palette = 'realist': expected one of 'colour_blind'"),
         (["--load", "SAVED", "--players", "human,human,human"], "players = human, human, human: expected 2"),
         (["--load", "SHOT"], "holds a shot: expected a game"),
-        (["--width", "3"], "width = 3"),
+        (["--scene", "pool", "--width", "3"], "width = 3"),
         (["--seed", "-3"], "--seed = -3: expected a whole number >= 0"),
     ],
 )
