@@ -575,8 +575,8 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
     for begin in range(0, m, step):
         some = slice(begin, begin + step)
         part = _shots(record, begin, min(begin + step, m))
-        inputs = np.broadcast_to(lanes, (len(part.time), *lanes.shape))
-        outputs, *_ = _push(part, times[some], np.ascontiguousarray(inputs), 0, threads)
+        inputs = np.repeat(lanes[None], len(part.time), axis=0)  # not read-only: numba would compile `push_lanes` again
+        outputs, *_ = _push(part, times[some], inputs, 0, threads)
         found[some] = outputs[..., :2]
     return found
 
