@@ -14,7 +14,7 @@ from tests.helpers.derivatives import aimed
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")  # of torch itself
 
-SCENES = {"ideal": Scene.named("ideal", 2), "pool": Scene.named("pool", 2), "real_carom": Scene.named("real_carom", 2)}
+SCENES = {"ideal": Scene.named("ideal", 2), "pool": Scene.named("pool", 2), "real_pool": Scene.named("real_pool", 2)}
 OUTPUTS = ("positions", "velocities", "spins")
 
 
@@ -48,7 +48,7 @@ def test_gradcheck_passes_for_margins():
 
 
 def test_the_outputs_are_those_of_a_batch():
-    scene = SCENES["real_carom"]
+    scene = SCENES["real_pool"]
     given = start(scene, 3, spins=True)
     arrays = [tensor.detach().numpy() for tensor in given]
     batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7, record=True)

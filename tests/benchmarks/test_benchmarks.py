@@ -88,6 +88,8 @@ def test_gradients_writes_and_prints_all_ratios(tmp_path, monkeypatch, capsys):
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
     pytest.importorskip("scipy")
     monkeypatch.setattr(benchmarks, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(calibration, "SCENE", "real_pool")  # its derivatives are compiled for other tests
+    monkeypatch.setattr(calibration, "SHOTS", 4)
     path = tmp_path / "calibration.json"
     calibration.main(["--repeats", "2", "--workers", "1", "--output", str(path)])
     written = json.loads(path.read_text())

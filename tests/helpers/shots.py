@@ -13,6 +13,7 @@ from billiards_env.physics import state as columns
 from billiards_env.scene import Balls, Physics, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots import simulation
+from tests.helpers.outlines import with_corners
 
 simulate: Any = simulation.simulate  # untyped, because `events` may be None by its type
 
@@ -45,9 +46,12 @@ def world(n, physics, table=SQUARE, mass=None, **changes):
 
 
 def real(name, n, **physics):
-    """Returns a named scene with friction between the balls, compliant cushions and other constants."""
-    physics = {"ball_ball": "frictional", "cushion": "stronge", **physics}
-    return dataclasses.replace(Scene.named(name, n), physics=Physics(**physics))
+    """Returns a named scene with friction between the balls, compliant cushions and other constants.
+
+    Its table is an outline, so the compiled engines are those of "real_pool".
+    """
+    scene, physics = Scene.named(name, n), {"ball_ball": "frictional", "cushion": "stronge", **physics}
+    return dataclasses.replace(scene, table=with_corners(scene.table), physics=Physics(**physics))
 
 
 def kinds(shot):

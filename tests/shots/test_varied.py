@@ -16,7 +16,7 @@ from billiards_env.shots import records
 from billiards_env.shots.gradients import physics_inputs
 from tests.helpers.shots import check_batch, draw_starts
 
-SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_carom", "snooker", "uk_pool")}
+SCENES: dict[str, Any] = {name: Scene.named(name, 2) for name in ("pool", "ideal", "real_pool", "snooker", "uk_pool")}
 SCENES["rolling"] = dataclasses.replace(
     SCENES["pool"], physics=dataclasses.replace(SCENES["pool"].physics, motion="rolling", cushion="restitution")
 )
