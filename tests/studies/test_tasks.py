@@ -41,6 +41,7 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
 def test_each_id_has_a_page(name):
     page, task = tasks.page(name), FROZEN[name]
     picture = re.search(r"\]\(\.\./(images/tasks/\w+\.jpg)\)", page)
+    assert picture
     assert (tasks.IMAGES.parent / picture[1]).exists()
     assert f'gym.make("Billiards/{name}")' in page
     assert all(f"\n- {part}: " in page for part in ("Observation", "Action", "Reward", "Episode"))
@@ -58,10 +59,17 @@ def test_the_text_about_a_task_fits_it():
     assert "- Episode: 5 shots." in tasks.page("SumToThree-v0")
 
 
-def test_a_learned_policy_is_one_of_the_same_task():
-    assert tasks.learned("Pot1Noise-v0").policy == "pot_noise"
-    assert tasks.learned("Pot3Noise-v0") is None  # trained without noise only
-    assert tasks.learned("SumToThree-v0") is None  # trained with another layout
-    assert tasks.learned("PositionStrike-v0").policy == "strike"
-    assert tasks.learned("NineBall-v0").page == "leaderboard.md"
-    assert tasks.learned("Pot1-v0").success > 0.98
+@pytest.mark.parametrize(
+    ("name", "policy"),
+    [
+        ("Pot1Noise-v0", "pot_noise"),
+        ("Pot3Noise-v0", None),  # trained without noise only
+        ("SumToThree-v0", None),  # trained with another layout
+        ("PositionStrike-v0", "strike"),
+        ("NineBall-v0", "distilled"),
+    ],
+)
+def test_a_learned_policy_is_one_of_the_same_task(name, policy):
+    found = tasks.learned(name)
+    assert (found and found.policy) == policy
+    assert found is None or 0.1 < found.success < 1
