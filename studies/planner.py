@@ -31,7 +31,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
+from benchmarks import machine, machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
@@ -368,8 +368,10 @@ _BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
 def draw(found: Mapping[str, Any]) -> Figure:
     """Returns the picture of the run-outs of nine ball against the time of a decision."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    use_own_font()
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
     axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(False)
     for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
         axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.6, label=label, linewidth=0)
     for noise, players in found["results"]["run-outs"].items():
@@ -387,7 +389,7 @@ def draw(found: Mapping[str, Any]) -> Figure:
     axes.set_xticks(_BUDGETS, [str(budget) for budget in _BUDGETS], minor=False)
     axes.minorticks_off()
     axes.set(xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
     return figure
 
 
