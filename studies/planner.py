@@ -36,7 +36,7 @@ from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_ope
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import with_noise
-from billiards_env.players.planner import parse_budget, plan
+from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, errors_in_one_line
 
@@ -152,7 +152,7 @@ def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float],
     seconds, shots = parse_budget(player.partition(":")[2])
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        found = plan(setup, game, max_speed, rng, seconds, shots, noise, run_out=True, english=english)
+        found = plan(setup, game, max_speed, rng, seconds, shots, noise, Options(run_out=True, english=english))
         chances.append(found.probability)
         return found.stroke
 

@@ -27,7 +27,7 @@ from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import Model, aim_like, begin, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.players.levels import with_noise
-from billiards_env.players.planner import plan
+from billiards_env.players.planner import Options, plan
 from billiards_env.scene import Scene
 from studies import errors_in_one_line
 
@@ -48,7 +48,7 @@ def run_out(seed: int, shots: int) -> list[tuple[Model, str]] | None:
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model, found = begin(History(setup, opening(setup, rng), ()), ("planner", "planner"), MAX_SPEED, 1 / 60, PACE), []
     while not model.game.state.over and model.game.state.player == 0:
-        best = plan(setup, model.game, MAX_SPEED, rng, math.inf, shots, NOISE, run_out=True)
+        best = plan(setup, model.game, MAX_SPEED, rng, math.inf, shots, NOISE, Options(run_out=True))
         found.append((aim_like(model, best.stroke), f"keeps the turn with probability {best.probability:.2f}"))
         model = tick(shoot(model, with_noise(best.stroke, NOISE, MAX_SPEED, rng)), math.inf)
     return [*found, (model, "")] if model.game.state.winner == 0 else None

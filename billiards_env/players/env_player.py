@@ -24,7 +24,7 @@ from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.levels import expected, level_of, with_noise
-from billiards_env.players.planner import NOISE, parse_budget, plan
+from billiards_env.players.planner import NOISE, Options, parse_budget, plan
 from billiards_env.players.strategies import Situation
 from billiards_env.shots.strikes import level_strike, strike
 
@@ -89,7 +89,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     both = expected(noise, level)
     english = env.action == "strike"
     errors = both if any(both) else NOISE
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, run_out, english).stroke
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, Options(run_out, english)).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed
