@@ -5,7 +5,7 @@
 * Fixed break: the same with one stroke as the break. Without english: the same on `pool`. Eight ball: the same in this
   game.
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
-* Straight pool, snooker, three-cushion: the points of one turn from random positions.
+* Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
@@ -32,7 +32,7 @@ from tqdm import tqdm
 from benchmarks import machine, machine_line, table
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
-from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import with_noise
@@ -43,7 +43,7 @@ from studies import RESULTS, errors_in_one_line
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 60
 MAX_POINTS = 150
-"""A turn of straight pool or snooker ends after this number of shots."""
+"""A turn ends after this number of shots. It is also the target of straight pool, so that balls are racked again."""
 
 ONE_BALL = 10
 """Episodes that count as one rack."""
@@ -125,7 +125,7 @@ def run_out(
         `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
         probability of each shot after the break, as the planner expects it.
     """
-    setup = Setup(rules, Scene.named(scene, 9 if rules == "nine_ball" else 15))
+    setup = Setup(rules, Scene.named(scene, RULES[rules].n_object_balls[1]))
     game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
     chances: list[float] = []
     chosen = find_player(player, setup, noise=noise)
@@ -160,10 +160,16 @@ def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float],
 
 
 def turn(
-    player: str, noise: tuple[float, float], rng: np.random.Generator, rules: str, balls: int, scene: str
+    player: str,
+    noise: tuple[float, float],
+    rng: np.random.Generator,
+    rules: str,
+    balls: int,
+    scene: str,
+    target: int | None = None,
 ) -> dict[str, Any]:
     """Plays one turn from random positions of all balls. Returns `points` and `strokes`."""
-    setup = Setup(rules, Scene.named(scene, balls))
+    setup = Setup(rules, Scene.named(scene, balls), target=target)
     game, rngs, strokes = opening(setup, rng, "random"), rng.spawn(2), 0
     chosen = _for_one_turn(player, noise, [])
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
@@ -196,7 +202,7 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
     "eight ball": functools.partial(run_out, rules="eight_ball"),
     "matches": match,
     "one ball": one_ball,
-    "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool"),
+    "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool", target=MAX_POINTS),
     "snooker": functools.partial(turn, rules="snooker", balls=21, scene="snooker"),
     "three-cushion": functools.partial(turn, rules="three_cushion", balls=2, scene="real_carom"),
 }

@@ -27,7 +27,7 @@ from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.files import write_json
-from billiards_env.games import Call, GameState, Setup, Stroke, custom_opening, opening
+from billiards_env.games import RULES, Call, GameState, Setup, Stroke, custom_opening, opening
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
@@ -52,7 +52,7 @@ SAMPLES, SEED = 1000, 40
 
 def setup_of(rules: str) -> Setup:
     """Returns the setup of the positions of a game."""
-    return Setup(rules, Scene.named("real_pool", {"nine_ball": 9, "eight_ball": 15}[rules]))
+    return Setup(rules, Scene.named("real_pool", RULES[rules].n_object_balls[1]))
 
 
 def make(path: Path) -> None:
