@@ -15,10 +15,8 @@ the results depend on the machine.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import itertools
-import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +27,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
+from benchmarks import machine_line, table
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
@@ -38,7 +36,7 @@ from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 60
@@ -218,10 +216,7 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = {"seed": SEED, "max_speed": MAX_SPEED}
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("settings") != settings:
-        found = {"machine": machine(), "settings": settings, "results": {}}
+    found = resumed(output, {"seed": SEED, "max_speed": MAX_SPEED}, results={})
     with tqdm(total=sum(math.ceil(racks * cell.share) for cell in CELLS), unit="rack") as bar:
         for rack, cell in itertools.product(range(racks), CELLS):
             experiment, noise, player, share = cell
@@ -382,21 +377,26 @@ def draw(found: Mapping[str, Any]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.planner --help`."""
-    parser = argparse.ArgumentParser(prog="python -m studies.planner", description="Measure the planner under noise.")
-    parser.add_argument("--racks", type=int, default=RACKS, help="racks of the main cells (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of(
+        "planner",
+        "Measure the planner under noise.",
+        racks=(RACKS, "racks of the main cells"),
+        output=(OUTPUT, "JSON file"),
+        times=(False, "only print the time of decisions of the matches"),
+    )
     parser.add_argument("--picture", type=Path, help="SVG file to draw")
-    parser.add_argument("--times", action="store_true", help="only print the time of decisions of the matches")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
-        if args.times:
-            print("\n".join(f"{name}: {1e3 * seconds:.0f} ms" for name, seconds in times().items()))
-            return
+    if args.times:
+        print("\n".join(f"{name}: {1e3 * seconds:.0f} ms" for name, seconds in times().items()))
+        return
+
+    def work() -> dict[str, Any]:
         found = measure(args.output, args.racks)
         if args.picture:
             draw(found).savefig(args.picture)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+        return found
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ scores are in `studies/results/positions.json`.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import json
@@ -35,7 +34,7 @@ from billiards_env.intervals import mean_interval
 from billiards_env.players.game_player import find_player
 from billiards_env.players.planner import plan, with_errors
 from billiards_env.scene import Scene
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report
 from studies.planner import MAX_SPEED, OLYMPIAD, shoot
 
 SET = Path(__file__).with_name("position_set.json")
@@ -178,21 +177,23 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.positions --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.positions", description="Measure the strokes of players in a fixed set of positions."
+    parser = parser_of(
+        "positions",
+        "Measure the strokes of players in a fixed set of positions.",
+        make=(False, "play the games and write the set"),
+        set=(SET, "the positions, JSON"),
+        output=(OUTPUT, "the scores, JSON"),
+        samples=(SAMPLES, "errors for each stroke"),
     )
     parser.add_argument("players", nargs="*", help=f"players of games (default: answers, {', '.join(PLAYERS)})")
-    parser.add_argument("--make", action="store_true", help="play the games and write the set")
-    parser.add_argument("--set", type=Path, default=SET, help="the positions, JSON (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="the scores, JSON (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="errors for each stroke (default: %(default)s)")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+
+    def work() -> dict[str, Any]:
         if args.make:
             make(args.set)
-        found = measure(args.set, args.output, args.players or ("answers", *PLAYERS), args.samples)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+        return measure(args.set, args.output, args.players or ("answers", *PLAYERS), args.samples)
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

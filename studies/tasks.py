@@ -143,9 +143,8 @@ def picture() -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    parser = parser_of("tasks", "Measure players without training in the frozen tasks.", OUTPUT)
-    parser.add_argument("--figure", type=Path, default=FIGURE, help="the picture, .png (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    files = {"output": (OUTPUT, "JSON file"), "figure": (FIGURE, "the picture, .png")}
+    args = parser_of("tasks", "Measure players without training in the frozen tasks.", **files).parse_args(arguments)
 
     def work() -> dict[str, Any]:
         save(picture(), args.figure)
