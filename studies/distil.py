@@ -33,7 +33,7 @@ from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import opening_state
-from billiards_env.intervals import wilson_interval
+from billiards_env.intervals import success_rate
 from billiards_env.players.planner import NOISE, Values, turn
 from billiards_env.players.pots import (
     BALL_GAP,
@@ -293,8 +293,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
     rows = []
     for number, one in enumerate(found["rounds"]):
-        low, high = (100 * end for end in wilson_interval(one["successes"], found["episodes"]))
-        share = f"{one['successes'] / found['episodes']:.1%} ({low:.1f} to {high:.1f})"
+        share = success_rate(one["successes"], found["episodes"])
         rows.append((str(number + 1), f"{one['candidates']:,}", share, f"{one['ms_per_decision']:.1f} ms"))
     head = ("round", "candidates up to now", "success", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}

@@ -31,7 +31,7 @@ from benchmarks import machine_line, table
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
-from billiards_env.intervals import mean_interval, wilson_interval
+from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import with_noise
 from billiards_env.players.planner import Options, parse_budget, plan
@@ -289,7 +289,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> str:
     """Returns a sentence about the success that a shot needs under the largest errors."""
-    noise = max((name for name, players in noises.items() if PLANNER in players), default="", key=_degrees)
+    measured = (name for name, players in noises.items() if PLANNER in players)
+    noise = max(measured, default="", key=lambda name: float(name.partition(" ")[0]))
     played = noises.get(noise, {}).get(PLANNER, ())
     chances = [chance for rack in played for chance in rack.get("chances", ())]
     kept = np.mean([rack["break"] != "lost" for rack in played]) if played else 0.0
@@ -301,10 +302,6 @@ def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> s
         f"racks, each of the {_POTS} shots after it has to succeed with {need:.0%}. The planner expects "
         f"{expected:.0%} for a shot."
     )
-
-
-def _degrees(noise: str) -> float:
-    return float(noise.partition(" ")[0])
 
 
 def _order(player: str) -> tuple[bool, float]:
@@ -332,8 +329,7 @@ def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...
 def _share(played: Sequence[Mapping[str, Any]], of: int = 1) -> tuple[str, str]:
     """Returns the number of attempts, `of` in each entry, and the share of successes with its interval."""
     won, count = sum(rack["success"] for rack in played), len(played) * of
-    low, high = (100 * end for end in wilson_interval(won, count))
-    return str(count), f"{won / count:.1%} ({low:.1f} to {high:.1f})"
+    return str(count), success_rate(won, count)
 
 
 PUBLISHED = (

@@ -30,7 +30,7 @@ from billiards_env.games import RULES, Call, GameState, Setup, Stroke, custom_op
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
-from billiards_env.intervals import mean_interval
+from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.game_player import find_player
 from billiards_env.players.planner import plan, with_errors
 from billiards_env.scene import Scene
@@ -167,10 +167,10 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     rows = []
     for player, score in found["scores"].items():
         success = np.array(score["success"])
-        low, high = mean_interval(score["success"]) or (math.nan, math.nan)
+        share = as_percent({"mean": success.mean(), "interval": mean_interval(score["success"])})
         parts = (f"{success[rules == one].mean():.1%}" for one in COUNTS)
         taken = "-" if player == "answers" else f"{1e3 * score['seconds'] / len(success):.0f} ms"
-        rows.append((player, *parts, f"{success.mean():.1%} ({100 * low:.1f} to {100 * high:.1f})", taken))
+        rows.append((player, *parts, share, taken))
     head = ("player", *(rules.replace("_", " ") for rules in COUNTS), "all positions", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
 
