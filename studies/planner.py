@@ -5,7 +5,7 @@
 * Fixed break: the same with one stroke as the break. Without english: the same on `pool`. Eight ball: the same in this
   game.
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
-* Straight pool, snooker, three-cushion: the points of one turn from random positions.
+* Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
 * Levels: the levels of the planner, such as "planner:club", each in one-ball shots and in matches against the level
   below it. The errors are those of the levels.
@@ -17,10 +17,8 @@ the results depend on the machine.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import itertools
-import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -31,21 +29,21 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table, use_own_font
+from benchmarks import machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
-from billiards_env.games import GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
-from billiards_env.intervals import mean_interval, wilson_interval
+from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
+from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player, find_player
 from billiards_env.players.levels import LEVELS, with_noise
-from billiards_env.players.planner import parse_budget, plan
+from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 200
 MAX_POINTS = 150
-"""A turn of straight pool or snooker ends after this number of shots."""
+"""A turn ends after this number of shots. It is also the target of straight pool, so that balls are racked again."""
 
 ONE_BALL = 10
 """Episodes that count as one rack."""
@@ -129,7 +127,7 @@ def run_out(
         `success`, `strokes`, `break` ("nine", "kept" or "lost"; a nine ball on the break wins), and `chances`: the
         probability of each shot after the break, as the planner expects it.
     """
-    setup = Setup(rules, Scene.named(scene, 9 if rules == "nine_ball" else 15))
+    setup = Setup(rules, Scene.named(scene, RULES[rules].n_object_balls[1]))
     game, rngs, strokes, after_break = opening(setup, rng), rng.spawn(2), 0, ""
     chances: list[float] = []
     chosen = find_player(player, setup, noise=noise)
@@ -156,7 +154,7 @@ def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float],
     seconds, shots = parse_budget(player.partition(":")[2])
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
-        found = plan(setup, game, max_speed, rng, seconds, shots, noise, run_out=True, english=english)
+        found = plan(setup, game, max_speed, rng, seconds, shots, noise, Options(run_out=True, english=english))
         chances.append(found.probability)
         return found.stroke
 
@@ -164,10 +162,16 @@ def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float],
 
 
 def turn(
-    player: str, noise: tuple[float, float], rng: np.random.Generator, rules: str, balls: int, scene: str
+    player: str,
+    noise: tuple[float, float],
+    rng: np.random.Generator,
+    rules: str,
+    balls: int,
+    scene: str,
+    target: int | None = None,
 ) -> dict[str, Any]:
     """Plays one turn from random positions of all balls. Returns `points` and `strokes`."""
-    setup = Setup(rules, Scene.named(scene, balls))
+    setup = Setup(rules, Scene.named(scene, balls), target=target)
     game, rngs, strokes = opening(setup, rng, "random"), rng.spawn(2), 0
     chosen = _for_one_turn(player, noise, [])
     while not game.state.over and game.state.player == 0 and strokes < MAX_POINTS:
@@ -175,9 +179,7 @@ def turn(
     return {"points": game.state.scores[0], "strokes": strokes}
 
 
-def match(
-    opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER
-) -> dict[str, Any]:
+def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER) -> dict[str, Any]:
     """Plays one rack of eight ball; who breaks is drawn. Returns `success`, of `player`, and `strokes`."""
     setup = Setup("eight_ball", Scene.named("real_pool", 15))
     names = [player, opponent]
@@ -209,7 +211,7 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
     "matches": match,
     "one ball": one_ball,
     "levels": level_match,
-    "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool"),
+    "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool", target=MAX_POINTS),
     "snooker": functools.partial(turn, rules="snooker", balls=21, scene="snooker"),
     "three-cushion": functools.partial(turn, rules="three_cushion", balls=2, scene="real_carom"),
 }
@@ -225,10 +227,7 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = {"seed": SEED, "max_speed": MAX_SPEED}
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("settings") != settings:
-        found = {"machine": machine(), "settings": settings, "results": {}}
+    found = resumed(output, {"seed": SEED, "max_speed": MAX_SPEED}, results={})
     with tqdm(total=sum(math.ceil(racks * cell.share) for cell in CELLS), unit="rack") as bar:
         for rack, cell in itertools.product(range(racks), CELLS):
             experiment, noise, player, share = cell
@@ -303,7 +302,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> str:
     """Returns a sentence about the success that a shot needs under the largest errors."""
-    noise = max((name for name, players in noises.items() if PLANNER in players), default="", key=_degrees)
+    measured = (name for name, players in noises.items() if PLANNER in players)
+    noise = max(measured, default="", key=lambda name: float(name.partition(" ")[0]))
     played = noises.get(noise, {}).get(PLANNER, ())
     chances = [chance for rack in played for chance in rack.get("chances", ())]
     kept = np.mean([rack["break"] != "lost" for rack in played]) if played else 0.0
@@ -315,10 +315,6 @@ def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> s
         f"racks, each of the {_POTS} shots after it has to succeed with {need:.0%}. The planner expects "
         f"{expected:.0%} for a shot."
     )
-
-
-def _degrees(noise: str) -> float:
-    return float(noise.partition(" ")[0])
 
 
 def _order(player: str) -> tuple[bool, float]:
@@ -348,8 +344,7 @@ def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...
 def _share(played: Sequence[Mapping[str, Any]], of: int = 1) -> tuple[str, str]:
     """Returns the number of attempts, `of` in each entry, and the share of successes with its interval."""
     won, count = sum(rack["success"] for rack in played), len(played) * of
-    low, high = (100 * end for end in wilson_interval(won, count))
-    return str(count), f"{won / count:.1%} ({low:.1f} to {high:.1f})"
+    return str(count), success_rate(won, count)
 
 
 PUBLISHED = (
@@ -395,21 +390,26 @@ def draw(found: Mapping[str, Any]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.planner --help`."""
-    parser = argparse.ArgumentParser(prog="python -m studies.planner", description="Measure the planner under noise.")
-    parser.add_argument("--racks", type=int, default=RACKS, help="racks of the main cells (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of(
+        "planner",
+        "Measure the planner under noise.",
+        racks=(RACKS, "racks of the main cells"),
+        output=(OUTPUT, "JSON file"),
+        times=(False, "only print the time of decisions of the matches"),
+    )
     parser.add_argument("--picture", type=Path, help="SVG file to draw")
-    parser.add_argument("--times", action="store_true", help="only print the time of decisions of the matches")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
-        if args.times:
-            print("\n".join(f"{name}: {1e3 * seconds:.0f} ms" for name, seconds in times().items()))
-            return
+    if args.times:
+        print("\n".join(f"{name}: {1e3 * seconds:.0f} ms" for name, seconds in times().items()))
+        return
+
+    def work() -> dict[str, Any]:
         found = measure(args.output, args.racks)
         if args.picture:
             draw(found).savefig(args.picture)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+        return found
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -199,9 +199,8 @@ def draw(folder: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    parser = parser_of("tasks", "Measure players without training in the frozen tasks.", OUTPUT)
-    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the pictures (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    files = {"output": (OUTPUT, "JSON file"), "images": (IMAGES, "folder of the pictures")}
+    args = parser_of("tasks", "Measure players without training in the frozen tasks.", **files).parse_args(arguments)
 
     def work() -> dict[str, Any]:
         draw(args.images)
