@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import WORKERS, Count, machine, machine_line, parser_of, report, run_kinds, table
-from billiards_env.intervals import wilson_interval
+from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.calibration import calibrate
 from billiards_env.shots.simulation import simulate
@@ -89,8 +89,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     repeats, rows = result["repeats"], []
     for row in result["numbers"]:
-        low, high = wilson_interval(row["covered"], repeats)
-        share = f"{100 * row['covered'] / repeats:.1f}% ({100 * low:.1f} to {100 * high:.1f})"
+        share = success_rate(row["covered"], repeats)
         numbers = f"{row['truth']:.5g}", f"{row['mean']:.5g}", f"{row['std']:.2g}", f"{row['half']:.2g}"
         rows.append((f"`{row['number']}`", *numbers, share))
     return {

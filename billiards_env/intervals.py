@@ -120,6 +120,16 @@ def bootstrap(statistic: Callable[..., Any], *groups: ArrayLike, resamples: int 
     return float(low), float(high)
 
 
+def success_rate(successes: int, episodes: int) -> str:
+    """Returns a success rate and its interval as text.
+
+    Example:
+        >>> success_rate(15, 100)
+        '15.0% (9.3 to 23.3)'
+    """
+    return as_percent({"mean": successes / episodes, "interval": wilson_interval(successes, episodes)})
+
+
 def as_percent(value: Mapping[str, Any]) -> str:
     """Returns a share and its interval, from `over_seeds`, as text. The interval is limited to 0 to 100%.
 

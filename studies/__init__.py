@@ -33,17 +33,21 @@ RUNS = RESULTS.parents[1] / "runs"
 """The folder of training runs; git ignores it."""
 
 
-def parser_of(name: str, description: str, output: Path) -> argparse.ArgumentParser:
-    """Returns the parser of a command that writes a JSON file."""
+def parser_of(name: str, description: str, **options: tuple[Any, str]) -> argparse.ArgumentParser:
+    """Returns the parser of a command. Each option has a default value of its type and a help; a switch has False."""
     parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
-    parser.add_argument("--output", type=Path, default=output, help="JSON file (default: %(default)s)")
+    for option, (default, text) in options.items():
+        if default is False:
+            parser.add_argument(f"--{option}", action="store_true", help=text)
+        else:
+            kind = type(default)
+            parser.add_argument(f"--{option}", type=kind, default=default, help=f"{text} (default: %(default)s)")
     return parser
 
 
 def parser_of_runs(name: str, description: str) -> argparse.ArgumentParser:
     """Returns the parser of a command that trains, with its options for runs and files."""
-    parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
-    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: %(default)s)")
+    parser = parser_of(name, description, jobs=(2, "runs at a time"))
     parser.add_argument("--address", help='address of a Ray cluster that trains, e.g. "auto" (default: this machine)')
     parser.add_argument("--folder", type=Path, help=f"folder of all files (default: see `studies.{name}`)")
     return parser
@@ -73,9 +77,9 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
     return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
 
 
-def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], output: Path) -> None:
-    """Runs the work of a command and prints its blocks and the name of its output. An error prints one line."""
+def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:
+    """Runs the work of a command and prints its blocks and the names of its outputs. An error prints one line."""
     with errors_in_one_line():
         found = measure()
     print("\n\n".join(blocks(found).values()))
-    print(f"\nin {output}")
+    print("\nin", " and ".join(map(str, outputs)))

@@ -12,7 +12,6 @@ plays them. The results are in `studies/results/distil.json`.
 
 from __future__ import annotations
 
-import argparse
 import functools
 import math
 import time
@@ -34,7 +33,7 @@ from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import opening_state
-from billiards_env.intervals import wilson_interval
+from billiards_env.intervals import success_rate
 from billiards_env.players.planner import NOISE, Values, turn
 from billiards_env.players.pots import (
     BALL_GAP,
@@ -56,7 +55,7 @@ from billiards_env.players.pots import (
     find_pots,
 )
 from billiards_env.scene import Scene
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report
 
 Floats = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]
@@ -294,8 +293,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     """Returns the table for the page, by name."""
     rows = []
     for number, one in enumerate(found["rounds"]):
-        low, high = (100 * end for end in wilson_interval(one["successes"], found["episodes"]))
-        share = f"{one['successes'] / found['episodes']:.1%} ({low:.1f} to {high:.1f})"
+        share = success_rate(one["successes"], found["episodes"])
         rows.append((str(number + 1), f"{one['candidates']:,}", share, f"{one['ms_per_decision']:.1f} ms"))
     head = ("round", "candidates up to now", "success", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
@@ -303,15 +301,10 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.distil --help`."""
-    parser = argparse.ArgumentParser(prog="python -m studies.distil", description="Distil a search into a policy.")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
-    parser.add_argument("--policy", type=Path, default=POLICY, help="weights, .npz (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    files = {"output": (OUTPUT, "JSON file"), "policy": (POLICY, "weights, .npz")}
+    args = parser_of("distil", "Distil a search into a policy.", **files).parse_args(arguments)
     torch.set_num_threads(1)
-    with errors_in_one_line():
-        found = measure(args.output, args.policy)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output} and {args.policy}")
+    report(lambda: measure(args.output, args.policy), blocks, args.output, args.policy)
 
 
 if __name__ == "__main__":

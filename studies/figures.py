@@ -6,7 +6,6 @@ receives keyboard and mouse events on a dummy display.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import io
 import math
@@ -38,6 +37,7 @@ from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
 from billiards_env.shots.strike_map import strike_map
 from billiards_env.shots.strikes import strike
+from studies import parser_of
 from studies.failures import FAILURES, Failure
 
 WINDOW: dict[str, Any] = {"seed": 3, "width": 1080, "english": (-0.25, 0.2)}
@@ -263,9 +263,8 @@ def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.figures --help`."""
-    parser = argparse.ArgumentParser(prog="python -m studies.figures", description="Draw the pictures in docs/images.")
-    parser.add_argument("--folder", type=Path, default=IMAGES, help="output folder (default: docs/images)")
-    args = parser.parse_args(arguments)
+    folder = (IMAGES, "output folder")
+    args = parser_of("figures", "Draw the pictures in docs/images.", folder=folder).parse_args(arguments)
     use_own_font()
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)

@@ -303,9 +303,8 @@ def draw_reason(path: Path) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.gradient_timestep --help`."""
-    parser = parser_of("gradient_timestep", "Measure derivatives through a timestep.", OUTPUT)
-    parser.add_argument("--images", type=Path, default=IMAGES, help="folder of the pictures (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    files = {"output": (OUTPUT, "JSON file"), "images": (IMAGES, "folder of the pictures")}
+    args = parser_of("gradient_timestep", "Measure derivatives through a timestep.", **files).parse_args(arguments)
 
     def work() -> dict[str, Any]:
         found = measure(args.output)

@@ -6,7 +6,6 @@ An entry is a file of `billiards bench` with the public layouts and those of a s
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from billiards_env import bench
 from billiards_env.files import write_json
 from billiards_env.frozen import BENCH_TASKS
 from billiards_env.intervals import interquartile_mean
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, errors_in_one_line, parser_of
 
 OUTPUT = RESULTS / "leaderboard.json"
 ROOT = Path(__file__).resolve().parent.parent
@@ -124,13 +123,14 @@ def picture(found: Mapping[str, Any]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.leaderboard --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.leaderboard", description="Verify the files of the leaderboard and make its page."
+    parser = parser_of(
+        "leaderboard",
+        "Verify the files of the leaderboard and make its page.",
+        folder=(FOLDER, "the files"),
+        output=(OUTPUT, "JSON file"),
+        figure=(FIGURE, "the picture, .png"),
+        check=(False, "verify the files and write nothing"),
     )
-    parser.add_argument("--folder", type=Path, default=FOLDER, help="the files (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
-    parser.add_argument("--figure", type=Path, default=FIGURE, help="the picture, .png (default: %(default)s)")
-    parser.add_argument("--check", action="store_true", help="verify the files and write nothing")
     args = parser.parse_args(arguments)
     with errors_in_one_line():
         found = entries(args.folder)

@@ -13,11 +13,8 @@ the weights of the first run to `POLICY`; `billiards bench studies.learn_by_grad
 
 from __future__ import annotations
 
-import argparse
 import functools
-import json
 import math
-import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,14 +26,14 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from benchmarks import machine, machine_line, table
+from benchmarks import machine_line, table
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
 from billiards_env.files import replacing, write_json
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Scene
 from billiards_env.torch import pot_margins
-from studies import RESULTS
+from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "learn_by_gradient.json"
 RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
@@ -230,10 +227,7 @@ def measure(output: Path, policy: Path) -> dict[str, Any]:
         OSError: If the file cannot be read or written.
         ValueError: If the file is not JSON.
     """
-    settings = {"episodes": EPISODES, "speeds": list(SPEEDS)}
-    found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
-    if found.get("settings") != settings:
-        found = {"machine": machine(), "settings": settings, "results": {}}
+    found = resumed(output, {"episodes": EPISODES, "speeds": SPEEDS}, results={})
     for shots, seeds in RUNS.items():
         runs = found["results"].setdefault(str(shots), {})
         for seed in seeds:
@@ -261,23 +255,11 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.learn_by_gradient --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.learn_by_gradient",
-        description="Measure a network that learns by the gradient of its shots.",
-    )
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
-    parser.add_argument("--policy", type=Path, default=POLICY, help="weights, .npz (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    files = {"output": (OUTPUT, "JSON file"), "policy": (POLICY, "weights, .npz")}
+    description = "Measure a network that learns by the gradient of its shots."
+    args = parser_of("learn_by_gradient", description, **files).parse_args(arguments)
     torch.set_num_threads(1)
-    try:
-        found = measure(args.output, args.policy)
-    except (OSError, ValueError) as error:
-        sys.exit(f"error: {error}")
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command continues", file=sys.stderr)
-        sys.exit(130)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output} and {args.policy}")
+    report(lambda: measure(args.output, args.policy), blocks, args.output, args.policy)
 
 
 if __name__ == "__main__":

@@ -106,7 +106,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.plain --help`."""
-    args = parser_of("plain", "Measure Stable-Baselines3 with its defaults.", OUTPUT).parse_args(arguments)
+    parser = parser_of("plain", "Measure Stable-Baselines3 with its defaults.", output=(OUTPUT, "JSON file"))
+    args = parser.parse_args(arguments)
     torch.set_num_threads(1)
     report(lambda: measure(args.output), blocks, args.output)
 

@@ -11,7 +11,6 @@ scores are in `studies/results/positions.json`.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
 import json
@@ -27,15 +26,15 @@ from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.files import write_json
-from billiards_env.games import Call, GameState, Setup, Stroke, custom_opening, opening
+from billiards_env.games import RULES, Call, GameState, Setup, Stroke, custom_opening, opening
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import STATE_FIELDS
 from billiards_env.games.placement import cue_ball_point
-from billiards_env.intervals import mean_interval
+from billiards_env.intervals import as_percent, mean_interval
 from billiards_env.players.game_player import find_player
 from billiards_env.players.planner import plan, with_errors
 from billiards_env.scene import Scene
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report
 from studies.planner import MAX_SPEED, OLYMPIAD, shoot
 
 SET = Path(__file__).with_name("position_set.json")
@@ -52,7 +51,7 @@ SAMPLES, SEED = 1000, 40
 
 def setup_of(rules: str) -> Setup:
     """Returns the setup of the positions of a game."""
-    return Setup(rules, Scene.named("real_pool", {"nine_ball": 9, "eight_ball": 15}[rules]))
+    return Setup(rules, Scene.named("real_pool", RULES[rules].n_object_balls[1]))
 
 
 def make(path: Path) -> None:
@@ -168,31 +167,33 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     rows = []
     for player, score in found["scores"].items():
         success = np.array(score["success"])
-        low, high = mean_interval(score["success"]) or (math.nan, math.nan)
+        share = as_percent({"mean": success.mean(), "interval": mean_interval(score["success"])})
         parts = (f"{success[rules == one].mean():.1%}" for one in COUNTS)
         taken = "-" if player == "answers" else f"{1e3 * score['seconds'] / len(success):.0f} ms"
-        rows.append((player, *parts, f"{success.mean():.1%} ({100 * low:.1f} to {100 * high:.1f})", taken))
+        rows.append((player, *parts, share, taken))
     head = ("player", *(rules.replace("_", " ") for rules in COUNTS), "all positions", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.positions --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.positions", description="Measure the strokes of players in a fixed set of positions."
+    parser = parser_of(
+        "positions",
+        "Measure the strokes of players in a fixed set of positions.",
+        make=(False, "play the games and write the set"),
+        set=(SET, "the positions, JSON"),
+        output=(OUTPUT, "the scores, JSON"),
+        samples=(SAMPLES, "errors for each stroke"),
     )
     parser.add_argument("players", nargs="*", help=f"players of games (default: answers, {', '.join(PLAYERS)})")
-    parser.add_argument("--make", action="store_true", help="play the games and write the set")
-    parser.add_argument("--set", type=Path, default=SET, help="the positions, JSON (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="the scores, JSON (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="errors for each stroke (default: %(default)s)")
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
+
+    def work() -> dict[str, Any]:
         if args.make:
             make(args.set)
-        found = measure(args.set, args.output, args.players or ("answers", *PLAYERS), args.samples)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+        return measure(args.set, args.output, args.players or ("answers", *PLAYERS), args.samples)
+
+    report(work, blocks, args.output)
 
 
 if __name__ == "__main__":

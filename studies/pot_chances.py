@@ -7,7 +7,6 @@ many simulated shots with errors. The results are in `studies/results/pot_chance
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from billiards_env.players.planner import with_errors
 from billiards_env.players.pots import DX, DY, SHOT_WIDTH, SPEED, Tables, find_pots
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
-from studies import RESULTS, errors_in_one_line
+from studies import RESULTS, parser_of, report
 from studies.planner import OLYMPIAD
 
 OUTPUT = RESULTS / "pot_chances.json"
@@ -61,8 +60,8 @@ def sampled(scene: Scene, positions: Floats, velocity: Floats, samples: int, rng
     return float((potted[:, 1] & ~potted[:, 0]).mean())
 
 
-def measure(layouts: int, samples: int) -> dict[str, Any]:
-    """Returns `machine`, `settings`, and `results[scene]`.
+def measure(layouts: int, samples: int, output: Path) -> dict[str, Any]:
+    """Writes and returns `machine`, `settings`, and `results[scene]`.
 
     Those are the absolute errors of each layout to first order, `first_order`, and with `FEW` samples, `sampled`, and
     the processor times of a layout, `times`, s, of both.
@@ -87,7 +86,9 @@ def measure(layouts: int, samples: int) -> dict[str, Any]:
             "times": [seconds / layouts for seconds in taken],
         }
     settings = {"seed": SEED, "layouts": layouts, "samples": samples}
-    return {"machine": machine(), "settings": settings, "results": results}
+    found = {"machine": machine(), "settings": settings, "results": results}
+    write_json(output, found)
+    return found
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
@@ -106,17 +107,15 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.pot_chances --help`."""
-    description = "Compare the probability of a pot to first order with samples."
-    parser = argparse.ArgumentParser(prog="python -m studies.pot_chances", description=description)
-    parser.add_argument("--layouts", type=int, default=LAYOUTS, help="layouts of each scene (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="samples of a layout (default: %(default)s)")
-    parser.add_argument("--output", type=Path, default=OUTPUT, help="JSON file (default: %(default)s)")
+    parser = parser_of(
+        "pot_chances",
+        "Compare the probability of a pot to first order with samples.",
+        layouts=(LAYOUTS, "layouts of each scene"),
+        samples=(SAMPLES, "samples of a layout"),
+        output=(OUTPUT, "JSON file"),
+    )
     args = parser.parse_args(arguments)
-    with errors_in_one_line():
-        found = measure(args.layouts, args.samples)
-        write_json(args.output, found)
-    print("\n\n".join(blocks(found).values()))
-    print(f"\nin {args.output}")
+    report(lambda: measure(args.layouts, args.samples, args.output), blocks, args.output)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,10 @@ text outside of the markers does not change. `--check` writes nothing and fails 
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +33,11 @@ from billiards_env.files import write_whole
 from release import dist
 from studies import (
     distil,
+    errors_in_one_line,
     gradient_timestep,
     leaderboard,
     learn_by_gradient,
+    parser_of,
     plain,
     planner,
     positions,
@@ -134,17 +135,12 @@ def fill(text: str, root: Path = ROOT) -> str:
     return "\n".join(out) + "\n"
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.readme --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.readme", description="Write the measured tables into README.md and docs."
-    )
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a page is not up to date")
-    args = parser.parse_args(arguments)
-    try:
+    check = (False, "write nothing; exit 1 if a page is not up to date")
+    args = parser_of("readme", "Write the measured tables into README.md and docs.", check=check).parse_args(arguments)
+    with errors_in_one_line():
         pages = {path: fill(path.read_text(encoding="utf-8")) for path in PAGES}
-    except ValueError as error:
-        sys.exit(f"error: {error}")
     old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
     if args.check:
         if old:

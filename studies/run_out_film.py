@@ -7,7 +7,6 @@ random errors. The command plays racks with the seeds 0, 1, ... until one of the
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import itertools
 import math
@@ -27,9 +26,9 @@ from billiards_env.games import History, Setup, opening
 from billiards_env.play.model import Model, aim_like, begin, shoot, tick
 from billiards_env.play.view import View
 from billiards_env.players.levels import with_noise
-from billiards_env.players.planner import plan
+from billiards_env.players.planner import Options, plan
 from billiards_env.scene import Scene
-from studies import errors_in_one_line
+from studies import errors_in_one_line, parser_of
 
 FILE = IMAGES / "run_out.gif"
 NOISE = (0.057, 0.02)
@@ -48,7 +47,7 @@ def run_out(seed: int, shots: int) -> list[tuple[Model, str]] | None:
     setup = Setup("nine_ball", Scene.named("real_pool", 9))
     model, found = begin(History(setup, opening(setup, rng), ()), ("planner", "planner"), MAX_SPEED, 1 / 60, PACE), []
     while not model.game.state.over and model.game.state.player == 0:
-        best = plan(setup, model.game, MAX_SPEED, rng, math.inf, shots, NOISE, run_out=True)
+        best = plan(setup, model.game, MAX_SPEED, rng, math.inf, shots, NOISE, Options(run_out=True))
         found.append((aim_like(model, best.stroke), f"keeps the turn with probability {best.probability:.2f}"))
         model = tick(shoot(model, with_noise(best.stroke, NOISE, MAX_SPEED, rng)), math.inf)
     return [*found, (model, "")] if model.game.state.winner == 0 else None
@@ -79,12 +78,8 @@ def write(path: Path, models: Sequence[tuple[Model, str]]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.run_out_film --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.run_out_film", description="Draw a run-out of the planner."
-    )
-    parser.add_argument("--output", type=Path, default=FILE, help="the film, .gif (default: %(default)s)")
-    parser.add_argument("--shots", type=int, default=SHOTS, help="simulated shots of a decision (default: %(default)s)")
-    args = parser.parse_args(arguments)
+    options = {"output": (FILE, "the film, .gif"), "shots": (SHOTS, "simulated shots of a decision")}
+    args = parser_of("run_out_film", "Draw a run-out of the planner.", **options).parse_args(arguments)
     with errors_in_one_line():
         seed, models = next((seed, found) for seed in itertools.count() if (found := run_out(seed, args.shots)))
         write(args.output, models)

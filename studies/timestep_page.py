@@ -6,7 +6,6 @@ the exact one. The page is a single HTML file; its slider chooses the timestep o
 
 from __future__ import annotations
 
-import argparse
 import json
 from importlib import resources
 from pathlib import Path
@@ -22,7 +21,7 @@ from billiards_env.files import check_path, write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from examples import ppo
-from studies import errors_in_one_line
+from studies import errors_in_one_line, parser_of
 from studies.timestep import (
     LAYOUT_SEED,
     SEEDS,
@@ -101,10 +100,8 @@ def _shot(scene: Scene, positions: NDArray[np.float64], strike: Any, engine: dic
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.timestep_page --help`."""
-    parser = argparse.ArgumentParser(
-        prog="python -m studies.timestep_page", description="Write the page with the shots of the policies."
-    )
-    parser.add_argument("--output", type=Path, default=PAGE, help="HTML file (default: %(default)s)")
+    page = (PAGE, "HTML file")
+    parser = parser_of("timestep_page", "Write the page with the shots of the policies.", output=page)
     args = parser.parse_args(arguments)
     with errors_in_one_line():
         write_whole(check_path(args.output, ".html"), make_page(places(None).policies).encode())

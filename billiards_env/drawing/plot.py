@@ -84,7 +84,7 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
         figure.legend(handles=legend_handles(), loc="outside lower center", ncols=7, frameon=False, fontsize=8)
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
-    fastest = max((_fastest(recording, i) for i in _in_play(recording)), default=0.0)
+    fastest = max((recording.speeds(i, recording.corners(i)).max() for i in _in_play(recording)), default=0.0)
     turns = turning(recording, error=VISIBLE)
     if compare is not None:
         for i in _in_play(compare):
@@ -139,11 +139,6 @@ def legend_handles() -> list[Line2D]:
 
 def _in_play(recording: Recording) -> Sequence[int]:
     return np.flatnonzero(recording.gone > 0).tolist()
-
-
-def _fastest(recording: Recording, ball: int) -> float:
-    """Returns the highest speed of a ball, m/s."""
-    return float(recording.speeds(ball, recording.corners(ball)).max())
 
 
 def _draw_path(

@@ -54,40 +54,36 @@ SHADOW, SHADOW_REACH, SHADOW_DARK = (0.22, -0.28), (0.7, 1.3), 0.5
 POTTED = "potted"
 """The label of the tray."""
 
-_POOL = ("#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#009e73", "#882255", "#1c1c1c")
-_PATHS = {
-    "#0072b2": "#6cbcf0",
-    "#d55e00": "#ff8f4d",
-    "#cc79a7": "#eba6cb",
-    "#009e73": "#4fd6ac",
-    "#882255": "#c9a0dc",
-    "#1c1c1c": "#b8bfbc",
-    "#7a4a1e": "#d9a066",
-    "#c0281c": "#ff8a80",
-    "#1d4fb4": "#7fb2f5",
-    "#5b2a91": "#c3a1e8",
-    "#ee7623": "#ff9d5c",
-    "#0b6b3a": "#5fdca0",
-    "#7c1d2b": "#dd95a2",
+# The fill of each colour of a ball, and the colour of its path.
+_COLOUR_BLIND = {
+    "yellow": ("#f0e442", "#f0e442"),
+    "blue": ("#0072b2", "#6cbcf0"),
+    "vermilion": ("#d55e00", "#ff8f4d"),
+    "purple": ("#cc79a7", "#eba6cb"),
+    "orange": ("#e69f00", "#e69f00"),
+    "green": ("#009e73", "#4fd6ac"),
+    "wine": ("#882255", "#c9a0dc"),
+    "black": ("#1c1c1c", "#b8bfbc"),
+    "brown": ("#7a4a1e", "#d9a066"),
+    "pink": ("#eba6cb", "#eba6cb"),
+    "red": ("#c0281c", "#ff8a80"),
+    "grey": (GREY, GREY),
 }
-_SNOOKER = ("#f0e442", "#009e73", "#7a4a1e", "#0072b2", "#eba6cb", "#1c1c1c")
-_RED, _YELLOW, _BLACK = "#c0281c", "#f0e442", "#1c1c1c"
-_CAROM = (_RED, _YELLOW)
-PALETTES: dict[str, dict[str, str]] = {
-    "colour_blind": {},
-    "realistic": {
-        "#f0e442": "#f6c714",
-        "#0072b2": "#1d4fb4",
-        "#d55e00": "#c0281c",
-        "#cc79a7": "#5b2a91",
-        "#e69f00": "#ee7623",
-        "#009e73": "#0b6b3a",
-        "#882255": "#7c1d2b",
-    },
+_REALISTIC = {
+    "yellow": ("#f6c714", "#f6c714"),
+    "blue": ("#1d4fb4", "#7fb2f5"),
+    "vermilion": ("#c0281c", "#ff8a80"),
+    "purple": ("#5b2a91", "#c3a1e8"),
+    "orange": ("#ee7623", "#ff9d5c"),
+    "green": ("#0b6b3a", "#5fdca0"),
+    "wine": ("#7c1d2b", "#dd95a2"),
 }
-"""The colours of the balls by palette, in place of those of "colour_blind"."""
+PALETTES = {"colour_blind": _COLOUR_BLIND, "realistic": _COLOUR_BLIND | _REALISTIC}
+"""The colours of the balls, by palette and by name."""
 
-_DARK = ("#0072b2", "#882255", "#1c1c1c", "#7a4a1e", "#c0281c", GREY)
+_POOL = ("yellow", "blue", "vermilion", "purple", "orange", "green", "wine", "black")
+_SNOOKER = ("yellow", "green", "brown", "blue", "pink", "black")
+_DARK = ("blue", "wine", "black", "brown", "red", "grey")
 
 KINDS = {
     "ball_ball": "hits ball",
@@ -140,32 +136,40 @@ class Look(NamedTuple):
     dot: float = 0.0
 
 
+def colour_names(scene: Scene) -> tuple[str, ...]:
+    """Returns the name of the colour of each ball, see `Balls.colours`."""
+    n = scene.n_balls - 1
+    names = {
+        "snooker": ("red",) * (n - 6) + _SNOOKER[-n:],
+        "uk": ("red",) * 7 + ("black",) + ("yellow",) * n,
+        "pool": ("red", "yellow") if _is_carom(scene) else _POOL * n,
+    }
+    return ("white", *names[scene.balls.colours][:n])
+
+
+def _is_carom(scene: Scene) -> bool:
+    return scene.balls.colours == "pool" and not scene.table.pockets and scene.n_balls <= 3
+
+
 def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
-    """Returns the look of each ball in one of `PALETTES`, see `Balls.colours`; fixed balls are grey."""
+    """Returns the look of each ball in one of `PALETTES`; fixed balls are grey."""
     one_of("palette", palette, tuple(PALETTES))
-    n, colours = scene.n_balls - 1, scene.balls.colours
-    carom = colours == "pool" and not scene.table.pockets and n <= 2
-    if colours == "snooker":
-        fills = [_RED] * (n - 6) + list(_SNOOKER)[-n:]
-    elif colours == "uk":
-        fills = [_RED] * 7 + [_BLACK] + [_YELLOW] * n
-    else:
-        fills = list(_CAROM if carom else _POOL) * n
-    balls = [Look(CHALK, INK, "#d2dbd6", False, "", _RED, DOT)]
-    for i, fill in enumerate(fills[:n], start=1):
-        fill = GREY if math.isinf(scene.balls.mass[i]) else fill
-        striped = fill != GREY and colours == "pool" and not carom and i % 16 > 8
-        ink = CHALK if fill in _DARK else INK
-        plain = colours == "snooker" or (colours == "uk" and fill != _BLACK)
+    colours, carom = scene.balls.colours, _is_carom(scene)
+    dot_red, _ = _COLOUR_BLIND["red"]
+    balls = [Look(CHALK, INK, "#d2dbd6", False, "", dot_red, DOT)]
+    for i, name in enumerate(colour_names(scene)[1:], start=1):
+        name = "grey" if math.isinf(scene.balls.mass[i]) else name
+        fill, path = PALETTES[palette][name]
+        striped = name != "grey" and colours == "pool" and not carom and i % 16 > 8
+        plain = colours == "snooker" or (colours == "uk" and name != "black")
         dots = (
-            (_RED if fill == _YELLOW else CHALK, DOT)
+            (dot_red if name == "yellow" else CHALK, DOT)
             if carom
-            else (INK if fill == _YELLOW else CHALK, SPOT)
+            else (INK if name == "yellow" else CHALK, SPOT)
             if plain
             else ("", 0.0)
         )
-        fill = PALETTES[palette].get(fill, fill)
-        balls.append(Look(fill, ink, _PATHS.get(fill, fill), striped, str(i), *dots))
+        balls.append(Look(fill, CHALK if name in _DARK else INK, path, striped, str(i), *dots))
     return tuple(balls)
 
 

@@ -37,6 +37,7 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.cushion import CushionMotion
 from billiards_env.physics.cushion_derivatives import TABLE, cushion_law
 from billiards_env.physics.derivatives import (
+    Jump,
     apply_push,
     end_lane,
     flight_lane,
@@ -224,6 +225,15 @@ def _rates(segments, piece, state, scene, tape):
 
 
 @inlined
+def _jump(i, piece, segments, scene, tape):
+    """Returns the `Jump` of ball i at the beginning of a piece."""
+    before, after = tape.before[piece], tape.after[piece]
+    before_rates = _rates(segments, tape.previous[piece], before, scene, tape)
+    after_rates = _rates(segments, piece, after, scene, tape)
+    return Jump(before, after, before_rates, after_rates, scene.radius[i], scene.inv_mass[i])
+
+
+@inlined
 def _is_joint(events, e):
     """Returns whether event e is one of several impacts of balls at one instant."""
     if events[e, KIND] != BALL_BALL:
@@ -328,18 +338,14 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
     numbers, lanes, piece = scene.numbers, tape.lanes, tape.first[e]
     kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
     i, other = int(events[e, BALL]), int(events[e, OTHER])
-    before, after = tape.before[piece], tape.after[piece]
-    last, phase = tape.previous[piece], int(segments[piece, SEGMENT_PHASE])
-    flight = flight_until(segments, last, now, scene)
-    after_rates = _rates(segments, piece, after, scene, tape)
+    before, phase = tape.before[piece], int(segments[piece, SEGMENT_PHASE])
+    flight = flight_until(segments, tape.previous[piece], now, scene)
     if kind == BALL_BALL:
-        a, b = before, tape.before[piece + 1]
         second = flight_until(segments, tape.previous[piece + 1], now, scene)
-        impact = impact_of(a, b, i, other, is_sphere, scene)
+        impact = impact_of(before, tape.before[piece + 1], i, other, is_sphere, scene)
         push = push_of(scene.ball_friction, impact)
-        before_i = _rates(segments, last, a, scene, tape)
-        before_j = _rates(segments, tape.previous[piece + 1], b, scene, tape)
-        after_j = _rates(segments, piece + 1, tape.after[piece + 1], scene, tape)
+        one = _jump(i, piece, segments, scene, tape)
+        two = _jump(other, piece + 1, segments, scene, tape)
         other_phase = int(segments[piece + 1, SEGMENT_PHASE])
         meets = impact.wn < 0.0
         for c in range(count):
@@ -347,7 +353,7 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
             flight_lane(lane, 0, flight)
             flight_lane(lane, BALL_WIDTH, second)
             if meets:
-                pair_lane(lane, impact, push, i, other, a, b, before_i, before_j, after_rates, after_j, scene)
+                pair_lane(lane, impact, push, one, two, scene)
             else:
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
@@ -364,13 +370,14 @@ def apply_event(e, count, events, segments, scene, is_sphere, tape):
             radius * before[DWZ],
         )
         law = cushion_law(motion, radius, tape.table, scene)
-        before_rates = _rates(segments, last, before, scene, tape)
+        jump = _jump(i, piece, segments, scene, tape)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)
-            wall_lane(lane, wall, before, after, before_rates, after_rates, radius, law, tape.table, scene)
+            wall_lane(lane, wall, jump, law, tape.table, scene)
             settle_lane(lane, 0, phase, numbers)
     else:
+        after_rates = _rates(segments, piece, tape.after[piece], scene, tape)
         for c in range(count):
             lane = lanes[c]
             flight_lane(lane, 0, flight)

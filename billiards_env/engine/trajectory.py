@@ -96,9 +96,4 @@ class Trajectory(NamedTuple):
         rows = self.rows[pieces]
         since = (times - rows[:, T0]) - rows[:, T0_LO]
         t = np.where(self.moving[pieces], np.clip(since, 0.0, rows[:, LASTS]), 0.0)[:, None]
-        return position_after(rows, t)
-
-
-def position_after(rows: Floats, t: Floats | float) -> Floats:
-    """Returns the positions t seconds after the times of rows of motion, (..., 2) m; t is (..., 1) or a number."""
-    return rows[..., [X, Y]] + t * (rows[..., [VX, VY]] + 0.5 * t * rows[..., [AX, AY]])
+        return rows[:, [X, Y]] + t * (rows[:, [VX, VY]] + 0.5 * t * rows[:, [AX, AY]])

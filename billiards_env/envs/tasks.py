@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.rules.arrays import NO_FOUL, SHOT, CallNumbers, StateNumbers, size
-from billiards_env.rules.carom import is_carom
+from billiards_env.rules.carom import CUSHIONS, is_carom
 from billiards_env.rules.facts import Counts, facts_of_shot
 from billiards_env.rules.pool import EIGHT, SOLIDS, STRIPES, chosen_group, eight_ball, group_left, nine_ball
 from billiards_env.scene import Scene
@@ -63,7 +63,7 @@ def judge_three_cushion(k, numbers, arrays):
 
     The other rules are those of `judge_carom`. Several contacts with the same cushion count.
     """
-    return judge_cushions(k, numbers, arrays, 3)
+    return judge_cushions(k, numbers, arrays, CUSHIONS)
 
 
 @inlined
@@ -234,6 +234,8 @@ class Task:
             shot, as a set of balls. 0 for other tasks.
         breaks: The layouts whose first shot is a break with the legal balls `break_opening`.
         break_opening: See `breaks`.
+        cushions: For a carom: the cushion contacts that the cue ball needs before the last ball; None for other tasks.
+        rules: The game whose rules the player "planner" follows; empty if it cannot play the task.
     """
 
     judge: Callable[..., Any]
@@ -247,18 +249,20 @@ class Task:
     opening: int = 0
     breaks: tuple[str, ...] = ()
     break_opening: int = 0
+    cushions: int | None = None
+    rules: str = ""
 
 
 TASKS = {
-    "pot": Task(judge=judge_pot, layout="random", pockets=True, pots_any_ball=True),
-    "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom"),
-    "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom"),
+    "pot": Task(judge=judge_pot, layout="random", pockets=True, pots_any_ball=True, rules="straight"),
+    "carom": Task(judge=judge_carom, layout="carom_opening", scene="carom", cushions=0),
+    "three_cushion": Task(judge=judge_three_cushion, layout="carom_opening", scene="carom", cushions=CUSHIONS),
     "sum_to_three": Task(
         judge=judge_sum_to_three, layout="line", scene="sum_to_three", n_object_balls=(1, 1), pockets=False
     ),
     "place": Task(judge=judge_place, layout="random", n_object_balls=(0, None), goal_radius=0.15),
     "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, pots_any_ball=True),
-    "clear": Task(judge=judge_clear, layout="random", pockets=True, pots_any_ball=True),
+    "clear": Task(judge=judge_clear, layout="random", pockets=True, pots_any_ball=True, rules="straight"),
     "nine_ball": Task(
         judge=judge_nine_ball,
         layout="nine_ball",
@@ -266,6 +270,7 @@ TASKS = {
         pockets=True,
         max_shots=30,
         opening=1 << 1,
+        rules="nine_ball",
     ),
     "eight_ball": Task(
         judge=judge_eight_ball,
@@ -276,6 +281,7 @@ TASKS = {
         opening=SOLIDS | STRIPES,
         breaks=("eight_ball", "rack", "tight_rack"),
         break_opening=SOLIDS | EIGHT | STRIPES,
+        rules="eight_ball",
     ),
 }
 

@@ -292,6 +292,26 @@ def pocket_lane(lane, state, pocket):
     lane[D_PLACE_X] = lane[D_PLACE_Y] = 0.0
 
 
+class Jump(NamedTuple):
+    """A ball in an impact.
+
+    Attributes:
+        before: (7,) its state before the impact.
+        after: (7,) its state after it.
+        before_rates: The `Rates` before.
+        after_rates: The `Rates` after.
+        radius: m.
+        inv_mass: 1/kg.
+    """
+
+    before: Any
+    after: Any
+    before_rates: Any
+    after_rates: Any
+    radius: Any
+    inv_mass: Any
+
+
 class Wall(NamedTuple):
     """A cushion at the place where a ball touches it.
 
@@ -328,26 +348,22 @@ def _outline_wall(state, wall, radius, outline):
 
 
 @inlined
-def wall_lane(lane, wall, state, after, before_rates, after_rates, radius, law, table, scene):
+def wall_lane(lane, wall, jump, law, table, scene):
     """Changes a lane by an impact on a cushion.
 
     Args:
         lane: The lane.
         wall: The `Wall`.
-        state: (7,) the state before the impact.
-        after: (7,) the state after it.
-        before_rates: The `Rates` before.
-        after_rates: The `Rates` after.
-        radius: m.
+        jump: The `Jump`.
         law: The coefficients of `cushion_derivatives.cushion_law`.
         table: Its table.
         scene: The `SceneArrays`.
     """
-    nx, ny, numbers = wall.nx, wall.ny, scene.numbers
+    nx, ny, state, after = wall.nx, wall.ny, jump.before, jump.after
     speed = nx * state[DVX] + ny * state[DVY]
     more = lane[D_RADIUS]
     dt = -(nx * lane[DX] + ny * lane[DY] + more) / speed if speed != 0.0 else 0.0
-    _end_phase(lane, dt, before_rates)
+    _end_phase(lane, dt, jump.before_rates)
     turn = -wall.curvature * (nx * lane[DY] - ny * lane[DX])  # at a tip the normal turns with the point of contact
     vt, un, ut = nx * state[DVY] - ny * state[DVX], nx * state[DUX] + ny * state[DUY], nx * state[DUY] - ny * state[DUX]
     change = CushionChange(
@@ -355,7 +371,7 @@ def wall_lane(lane, wall, state, after, before_rates, after_rates, radius, law, 
         nx * lane[DVY] - ny * lane[DVX] - speed * turn,
         nx * lane[DUX] + ny * lane[DUY] + ut * turn,
         nx * lane[DUY] - ny * lane[DUX] - un * turn,
-        radius * lane[DWZ] + state[DWZ] * more,
+        jump.radius * lane[DWZ] + state[DWZ] * more,
         more,
         lane,
     )
@@ -363,12 +379,12 @@ def wall_lane(lane, wall, state, after, before_rates, after_rates, radius, law, 
     dvn -= (nx * after[DVY] - ny * after[DVX]) * turn
     dvt += (nx * after[DVX] + ny * after[DVY]) * turn
     lane[DVX], lane[DVY] = nx * dvn - ny * dvt, ny * dvn + nx * dvt
-    if numbers.motion == SLIDING_AND_ROLLING:
+    if scene.numbers.motion == SLIDING_AND_ROLLING:
         dun -= (nx * after[DUY] - ny * after[DUX]) * turn
         dut += (nx * after[DUX] + ny * after[DUY]) * turn
         lane[DUX], lane[DUY] = nx * dun - ny * dut, ny * dun + nx * dut
-        lane[DWZ] = (drwz - after[DWZ] * more) / radius
-    _shift(lane, 0, after_rates, -dt)
+        lane[DWZ] = (drwz - after[DWZ] * more) / jump.radius
+    _shift(lane, 0, jump.after_rates, -dt)
 
 
 class Impact(NamedTuple):
@@ -585,21 +601,15 @@ def apply_push(state, sign, push, impact, inverse, radius, numbers):
 
 
 @inlined
-def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after_j, scene):
+def pair_lane(lane, impact, push, one, two, scene):
     """Changes a lane by the impact of its two balls.
 
     Args:
         lane: The lane.
         impact: The `Impact`.
         push: Its `Push`.
-        i: The first ball.
-        j: The second ball.
-        a: (7,) the state of the first ball before the impact.
-        b: (7,) that of the second.
-        before_i: The `Rates` of the first ball before the impact.
-        before_j: Those of the second.
-        after_i: The `Rates` of the first ball after it.
-        after_j: Those of the second.
+        one: The `Jump` of the first ball.
+        two: That of the second.
         scene: The `SceneArrays`.
     """
     hx, hy, second = impact.hx, impact.hy, BALL_WIDTH
@@ -608,18 +618,18 @@ def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after
     apart = hx * (lane[second + DX] - lane[DX]) + hy * (lane[second + DY] - lane[DY])
     late = impact.reach_i * more_i + impact.reach_j * more_j - apart
     dt = late / impact.wn if impact.wn != 0.0 else 0.0
-    _end_phase(lane, dt, before_i)
-    _shift(lane, second, before_j, dt)
+    _end_phase(lane, dt, one.before_rates)
+    _shift(lane, second, two.before_rates, dt)
     dx, dy = lane[second + DX] - lane[DX], lane[second + DY] - lane[DY]
     turn = (hx * dy - hy * dx) / impact.distance  # of h and t
     wx, wy = lane[second + DVX] - lane[DVX], lane[second + DVY] - lane[DVY]
     rx = lane[DUX] - lane[DVX] + lane[second + DUX] - lane[second + DVX]
     ry = lane[DUY] - lane[DVY] + lane[second + DUY] - lane[second + DVY]
-    ri, rj = scene.radius[i], scene.radius[j]
+    ri, rj = one.radius, two.radius
     change = PairChange(
         hx * wx + hy * wy + impact.wt * turn,
         hx * wy - hy * wx - impact.wn * turn,
-        ri * lane[DWZ] + rj * lane[second + DWZ] + a[DWZ] * more_i + b[DWZ] * more_j,
+        ri * lane[DWZ] + rj * lane[second + DWZ] + one.before[DWZ] * more_i + two.before[DWZ] * more_j,
         hx * rx + hy * ry + impact.roll_t * turn,
         hx * ry - hy * rx - impact.roll_n * turn,
         more_i,
@@ -636,7 +646,7 @@ def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after
         d_push.spin,
     )
     first, last = lane[:second], lane[second:]
-    mi, mj, numbers = scene.inv_mass[i], scene.inv_mass[j], scene.numbers
+    mi, mj, numbers = one.inv_mass, two.inv_mass, scene.numbers
     apply_push(first, 1.0, turned, impact, mi, ri, numbers)
     apply_push(last, -1.0, turned, impact, mj, rj, numbers)
     apply_push(first, 1.0, push, impact, light_i, ri, numbers)
@@ -644,5 +654,5 @@ def pair_lane(lane, impact, push, i, j, a, b, before_i, before_j, after_i, after
     if numbers.motion == SLIDING_AND_ROLLING:
         first[DWZ] -= 2.5 * mi * push.spin / (ri * ri) * more_i
         last[DWZ] -= 2.5 * mj * push.spin / (rj * rj) * more_j
-    _shift(lane, 0, after_i, -dt)
-    _shift(lane, second, after_j, -dt)
+    _shift(lane, 0, one.after_rates, -dt)
+    _shift(lane, second, two.after_rates, -dt)

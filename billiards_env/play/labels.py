@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from billiards_env.drawing.style import colour_names
 from billiards_env.play.model import HUMAN, Model
 from billiards_env.players.levels import LEVELS
 from billiards_env.scene import Scene
@@ -23,8 +24,6 @@ _HINTS = {
     "replaying": "continue: space   again: R   ghost: G   slower, faster: - +   keys: H",
     "over": "new game: N   undo, redo: U Y   replay: R   save: S   quit: Q   keys: H",
 }
-
-_SNOOKER = ("yellow", "green", "brown", "blue", "pink", "black")
 
 
 def key_hint(model: Model) -> str:
@@ -67,11 +66,8 @@ def player_name(model: Model, player: int) -> str:
 
 def ball_name(scene: Scene, ball: int) -> str:
     """Returns the colour of a ball, or its number if it shows one."""
-    if scene.balls.colours == "snooker":
-        return _SNOOKER[ball - scene.n_balls] if ball >= scene.n_balls - 6 else "red"
-    if scene.balls.colours == "uk":
-        return "red" if ball < 8 else "yellow" if ball > 8 else "black"
-    return str(ball) if scene.table.pockets else ("white", "red", "yellow")[ball]
+    numbered = scene.balls.colours == "pool" and scene.table.pockets
+    return str(ball) if numbered else colour_names(scene)[ball]
 
 
 def status(model: Model) -> str:
@@ -104,8 +100,9 @@ def on(model: Model) -> str:
     scene, legal = setup.scene, sorted(setup.game_rules.legal(state, state.player))
     first = ball_name(scene, legal[0])
     if not setup.game_rules.pockets:
+        needed = setup.game_rules.cushions
         balls = " and ".join(ball_name(scene, ball) for ball in legal) + " first" * (len(legal) == 1)
-        return f"{ball_name(scene, model.cue)} cue ball, {balls}{', three cushions' * (setup.rules == 'three_cushion')}"
+        return f"{ball_name(scene, model.cue)} cue ball, {balls}{f', {needed} cushions' * (needed > 0)}"
     if setup.game_rules.has_spots:
         chosen = f": {ball_name(scene, model.call.ball)}" if model.call.ball >= 0 else ""
         if state.free_ball:
@@ -115,7 +112,7 @@ def on(model: Model) -> str:
         return "break"
     if len(legal) == 1:
         return f"on: the {first}"
-    if setup.rules != "eight_ball":
+    if not setup.game_rules.groups:
         return "any ball"
     if state.solids < 0:
         return f"open table: any ball but the {ball_name(scene, 8)}"
@@ -125,7 +122,7 @@ def on(model: Model) -> str:
 
 def cushions(model: Model, time: float = np.inf) -> str:
     """Returns how often the cue ball hits cushions before the second ball in three cushion, up to a time, s."""
-    if model.setup.rules != "three_cushion" or model.last_shot is None:
+    if not model.setup.game_rules.cushions or model.last_shot is None:
         return ""
     cue, events = model.games[-2].state.cue_balls[0], model.last_shot.shot.events
     assert events is not None

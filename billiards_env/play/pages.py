@@ -89,8 +89,8 @@ _RULES: dict[str, Page] = {
 }
 _CALLS = ("calls", "only the called ball in the called pocket counts; a safety ends the turn")
 _CHOICES = {
-    "nine_ball": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
-    "snooker": ("choice", "after a foul the next player may hand the shot back"),
+    "push_out": ("push out", "after the break: hit any ball or none; the next player may hand it back"),
+    "replace": ("choice", "after a foul the next player may hand the shot back"),
 }
 _MISS = ("miss", "if the ball on was not hit first, the balls may be replaced")
 
@@ -99,6 +99,6 @@ def rules_page(setup: Setup, choices: bool) -> Page:
     """Returns the rules of a game, with or without its choices other than a shot."""
     title = (setup.rules.replace("_", " ").capitalize(), f"to {setup.target} points" if setup.target else "")
     rows = (title, *_RULES.get(setup.rules, ()), *((_CALLS,) if setup.call_shot else ()))
-    if choices and setup.rules in _CHOICES:
-        rows += (_CHOICES[setup.rules],)
+    if choices:
+        rows += tuple(_CHOICES[choice] for choice in setup.game_rules.choices if choice in _CHOICES)
     return rows + ((_MISS,) if setup.miss else ())

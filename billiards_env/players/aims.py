@@ -67,7 +67,8 @@ def direct_aim(table, i, p):
     hit = hit_at(table, i, ghost_x, ghost_y)
     if not can_hit(table, hit, THINNEST):
         return NO_AIM
-    off = abs(_angle(mouth.dx, mouth.dy, hit.line_x, hit.line_y))
+    along = mouth.dx * hit.line_x + mouth.dy * hit.line_y
+    off = abs(math.atan2(cross(mouth.dx, mouth.dy, hit.line_x, hit.line_y), along))
     run = distance_to_rim(scene, p, x, y, hit.line_x, hit.line_y)
     end_x, end_y = x + run * hit.line_x, y + run * hit.line_y
     if off > mouth.half + _LEEWAY or enters_pocket(table, hit) or pocket_gap(scene.pockets, p, x, y, end_x, end_y) < 0:
@@ -201,9 +202,3 @@ def _off_cushion(a, b, ball_a, ball_b, room, reach):
     limit = math.copysign(room, a)
     half = half_chord(reach, limit - ball_a)
     return (limit, ball_b + math.copysign(half, b - ball_b)) if half >= 0.0 else (a, b)
-
-
-@inlined
-def _angle(ax, ay, bx, by):
-    """Returns the angle from one vector to another, radians."""
-    return math.atan2(cross(ax, ay, bx, by), ax * bx + ay * by)

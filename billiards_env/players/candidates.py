@@ -136,7 +136,7 @@ def _pots(
         parts.append((place, np.full(len(k), tip), target, pots.shots[place, k], tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
     if state.in_hand == "no" and setup.mode == "pic" and easiest < _SURE and most:
-        potted = np.arange(n) if setup.rules == "nine_ball" else np.flatnonzero(targets)
+        potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
         ways = find_indirect(setup, game, potted, max_speed, most)
         pots = ways.target[:, 0] >= 0
         share = len(tips) * (pots * success(ways.tolerance, error) + _LEAST_SHARE)

@@ -24,7 +24,7 @@ from billiards_env.games import GameState, Setup
 from billiards_env.games.game import opening_state
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.levels import expected, level_of, with_noise
-from billiards_env.players.planner import NOISE, parse_budget, plan
+from billiards_env.players.planner import NOISE, Options, parse_budget, plan
 from billiards_env.players.strategies import Situation
 from billiards_env.shots.strikes import level_strike, strike
 
@@ -48,18 +48,16 @@ def situation(env: BilliardsEnv) -> Situation:
 
 def _goals(env: BilliardsEnv, balls: list[int]) -> tuple[tuple[Goal, ...], ...]:
     """Returns the ways to score in the task of an environment, with the legal balls."""
-    task = env.task
-    if task in ("carom", "three_cushion"):
-        return carom_goals(balls, cushions=3 if task == "three_cushion" else 0)
-    leave = tuple(Leave((x, y), TASKS[task].goal_radius) for x, y in env.goals.tolist())
-    if task == "place":
-        return tuple((Touch(ball), *leave) for ball in balls) or (leave,)
-    if TASKS[task].pockets:
+    task = TASKS[env.task]
+    if task.cushions is not None:
+        return carom_goals(balls, task.cushions)
+    leave = tuple(Leave((x, y), task.goal_radius) for x, y in env.goals.tolist())
+    if task.pockets:
         return tuple((FirstTouch(ball), Pot(ball), *leave) for ball in balls)
-    return ()
+    return (tuple((Touch(ball), *leave) for ball in balls) or (leave,)) if leave else ()
 
 
-RULES_OF_TASKS = {"pot": "straight", "clear": "straight", "nine_ball": "nine_ball", "eight_ball": "eight_ball"}
+RULES_OF_TASKS = {name: task.rules for name, task in TASKS.items() if task.rules}
 """The tasks that the planner can play, with the games whose rules it follows."""
 
 
@@ -80,8 +78,8 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     seconds, shots = parse_budget(level.budget)
     setup, legal = Setup(RULES_OF_TASKS[env.task], env.episode_scene), set(np.flatnonzero(env.legal_balls).tolist())
     state = opening_state(setup)._replace(in_hand="no", on_table=frozenset(np.flatnonzero(~env.potted).tolist()))
-    state = state._replace(break_shot=env.task == "eight_ball" and {1, 8, 9} <= legal)
-    if env.task == "eight_ball" and not state.break_shot and not (min(legal) < 8 < max(legal)):
+    state = state._replace(break_shot=setup.game_rules.groups and {1, 8, 9} <= legal)
+    if setup.game_rules.groups and not state.break_shot and not (min(legal) < 8 < max(legal)):
         first = min(state.object_balls & legal)
         on_stripes = first > 8 or (first == 8 and any(ball < 8 for ball in state.object_balls))
         state = state._replace(solids=int(on_stripes))
@@ -89,7 +87,7 @@ def planned(env: BilliardsEnv, argument: str, noise: tuple[float, float], rng: n
     both = expected(noise, level)
     english = env.action == "strike"
     errors = both if any(both) else NOISE
-    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, run_out, english).stroke
+    stroke = plan(setup, game, env.max_speed, rng, seconds, shots, errors, Options(run_out, english)).stroke
     stroke = with_noise(stroke, level.noise, env.max_speed, rng)
     if not english:
         return np.array(stroke.velocity) / env.max_speed

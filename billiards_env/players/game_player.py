@@ -153,7 +153,7 @@ def situation(setup: Setup, game: GameState, max_speed: float) -> Situation:
         state.cue_balls[0],
     )
     targets = np.flatnonzero(found.targets & ~found.off_table).tolist()
-    goals = carom_goals(targets, cushions=3 if setup.rules == "three_cushion" else 0)
+    goals = carom_goals(targets, cushions=setup.game_rules.cushions)
     if setup.game_rules.pockets:
         goals = tuple((FirstTouch(ball), Pot(ball)) for ball in targets)
     return found._replace(tried_first=full_hit(found)[None], goals=goals)

@@ -92,6 +92,24 @@ def _line(plan: Plan) -> str:
     return ", ".join(parts)
 
 
+class Options(NamedTuple):
+    """What the planner plays for, and which strokes it may play.
+
+    Attributes:
+        run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
+            is won by points the expected points of the turn.
+        english: Whether to try offsets of the tip, in a scene with spin.
+        values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
+    """
+
+    run_out: bool = False
+    english: bool = True
+    values: Callable[[PlayedBatch], Floats] | None = None
+
+
+_USUAL = Options()
+
+
 class Budget:
     """The processor time or the number of simulated shots that a decision may use.
 
@@ -155,9 +173,7 @@ def plan(
     seconds: float = 0.1,
     shots: float = math.inf,
     noise: Noise = NOISE,
-    run_out: bool = False,
-    english: bool = True,
-    values: Callable[[PlayedBatch], Floats] | None = None,
+    options: Options = _USUAL,
 ) -> Plan:
     """Returns the best shot that the planner finds.
 
@@ -169,40 +185,28 @@ def plan(
         seconds: Processor time of the decision, s; infinite for no limit.
         shots: Number of shots to simulate; infinite for no limit.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
-        run_out: Whether only the present turn counts. The value is then the probability of a run-out, or in a game that
-            is won by points the expected points of the turn.
-        english: Whether to try offsets of the tip, in a scene with spin.
-        values: A function that returns the values (m,) of m simulated shots; None for those of `Plan.value`.
+        options: See `Options`.
     """
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    own = Values(setup, game, max_speed, errors[0], run_out)
-
-    def evaluate(played: PlayedBatch, push_out: NDArray[np.bool_]) -> Floats:
-        return own.of(played, push_out) if values is None else values(played)
+    own, values = Values(setup, game, max_speed, errors[0], options.run_out), options.values
+    evaluate = own.of if values is None else lambda played, _: values(played)
+    search = _Search(setup, game, max_speed, errors, evaluate, rng, budget)
 
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
-    tips = TIPS if english and setup.scene.physics.motion == "sliding" else TIPS[:1]
+    tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
     every = candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0], tips)
 
-    # Without errors. The calls of random shots are those of the pots that happen.
-    exact = np.empty(0)
-    while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
-        chunk = int(np.clip(0.1 * budget.left, *_CHUNK))
-        part = every.of(slice(len(exact), len(exact) + chunk))
-        played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
-        budget.used += len(part.velocities)
-        _set_targets(setup, game, part.targets, played)
-        exact = np.concatenate((exact, evaluate(played, part.push_out)))
+    exact = _without_errors(search, every)
     alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
 
     found = Sums(*np.zeros((3, len(alive.velocities))))
     while True:
         rounds = max(1, math.ceil(math.log2(len(found.samples) / FINALISTS)) + 1)
         samples = max(1, int(budget.left / rounds / len(found.samples)))
-        some, shifts = _sample(setup, game, alive, samples, errors, max_speed, evaluate, rng, budget)
+        some, shifts = _sample(search, alive, samples)
         found = Sums(*(before + new for before, new in zip(found, some, strict=True)))
         order = found.order()
         if rounds == 1 or budget.left < len(order):
@@ -230,7 +234,7 @@ def plan(
         value, probability = (float(sums[k] / found.samples[k]) for sums in found[:2])
         plans.append(Plan(stroke, value, probability, ball, pocket, leave, int(found.samples[k])))
     best = plans[0]
-    if "hand_back" in game.state.choices and best.value < 0.0 and not run_out:
+    if "hand_back" in game.state.choices and best.value < 0.0 and not options.run_out:
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
         return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
     return best._replace(alternatives=tuple(plans[1:]))
@@ -256,26 +260,51 @@ class Sums(NamedTuple):
         return sampled[np.argsort(means.std() / np.sqrt(self.samples[sampled]) - means, kind="stable")]
 
 
-def _sample(
-    setup: Setup,
-    game: GameState,
-    shots: Shots,
-    samples: int,
-    noise: Noise,
-    max_speed: float,
-    values: Callable[[PlayedBatch, NDArray[np.bool_]], Floats],
-    rng: np.random.Generator,
-    budget: Budget,
-) -> tuple[Sums, Floats]:
+class _Search(NamedTuple):
+    """What the simulations of a decision have in common.
+
+    Attributes:
+        setup: The game.
+        game: Its state.
+        max_speed: Speed of the fastest shot, m/s.
+        noise: Standard deviations of the direction, rad, and of the speed, m/s.
+        values: A function that returns the values (m,) of m simulated shots; its second argument is `Shots.push_out`.
+        rng: The generator to draw from.
+        budget: What is left for the decision.
+    """
+
+    setup: Setup
+    game: GameState
+    max_speed: float
+    noise: Noise
+    values: Callable[[PlayedBatch, NDArray[np.bool_]], Floats]
+    rng: np.random.Generator
+    budget: Budget
+
+
+def _without_errors(search: _Search, every: Shots) -> Floats:
+    """Returns the values of the first candidates without errors; the calls of random shots are the pots that happen."""
+    setup, game, budget, exact = search.setup, search.game, search.budget, np.empty(0)
+    while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
+        chunk = int(np.clip(0.1 * budget.left, *_CHUNK))
+        part = every.of(slice(len(exact), len(exact) + chunk))
+        played = play_batch(setup, game, part.velocities, part.spins, part.places, threads=1)
+        budget.used += len(part.velocities)
+        _set_targets(setup, game, part.targets, played)
+        exact = np.concatenate((exact, search.values(played, part.push_out)))
+    return exact
+
+
+def _sample(search: _Search, shots: Shots, samples: int) -> tuple[Sums, Floats]:
     """Simulates each of k candidates `samples` times with errors, fewer if the budget ends.
 
     Returns:
         The sums, and (k, 2) the mean error of the outcomes that are better than the mean of a candidate.
     """
-    k = len(shots.velocities)
-    errors = _errors(k, samples, noise, rng)
+    setup, game, budget, k = search.setup, search.game, search.budget, len(shots.velocities)
+    errors = _errors(k, samples, search.noise, search.rng)
     part = shots.of(np.repeat(np.arange(k), samples))
-    velocities, spins = with_errors(part.velocities, part.spins, errors, max_speed)
+    velocities, spins = with_errors(part.velocities, part.spins, errors, search.max_speed)
     found, kept = np.full(k * samples, np.nan), np.zeros(k * samples)
     end = 0
     while end < k * samples and (end == 0 or budget.left > 0):
@@ -285,7 +314,7 @@ def _sample(
             setup, game, velocities[some], spins[some], part.places[some], part.targets[some], threads=1
         )
         budget.used += len(played.verdicts)
-        found[some] = values(played, part.push_out[some])
+        found[some] = search.values(played, part.push_out[some])
         keeps = played.verdicts["continues"] | (played.verdicts["winner"] == game.state.player)
         kept[some] = keeps & ~part.push_out[some]
     done, found = ~np.isnan(found).reshape(k, samples), np.nan_to_num(found).reshape(k, samples)

@@ -26,7 +26,6 @@ _POTS = 3  # pots of a leave that count
 _NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
 _LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
-_POINTS = {"snooker": 8.0, "straight": 4.0}  # expected points after a sure pot
 _DEVIATIONS = np.linspace(0.0, 4.0, 401)
 _WITHIN = np.array([math.erf(x / math.sqrt(2.0)) for x in _DEVIATIONS])
 
@@ -63,7 +62,7 @@ class Values:
         ease = self.ease(played, legal)
         won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
         if self._setup.target is not None:
-            following = _POINTS.get(self._setup.rules, 1.0) * ease * (mine if self._run_out else sign)
+            following = self._setup.game_rules.sure_pot * ease * (mine if self._run_out else sign)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(verdicts["over"], 10.0 * won, following)
         left = self._left(states, legal)
@@ -76,7 +75,7 @@ class Values:
     def _left(self, states: NDArray[Any], legal: Ints) -> Floats:
         """Returns the number of balls that the next player has to pot."""
         counts = np.array([[bin(mask).count("1") for mask in row] for row in (states["object_balls"], legal)], float)
-        return np.minimum(counts[0], 8.0 if self._setup.rules == "eight_ball" else 15.0)
+        return np.minimum(counts[0], 8.0 if self._setup.game_rules.groups else 15.0)
 
     def ease(self, played: PlayedBatch, legal: Ints) -> Floats:
         """Returns the probability that the next player pots a ball, (m,), from the easiest pots."""

@@ -10,6 +10,8 @@ from billiards_env.jit import inlined
 from billiards_env.rules.arrays import game_over, verdict
 
 RED = 1 << 1
+CUSHIONS = 3
+"""The cushion contacts before the second ball in three-cushion carom."""
 
 
 @inlined
@@ -40,7 +42,7 @@ def carom(state, legal, facts, call):
 @inlined
 def three_cushion(state, legal, facts, call):
     """Judges a shot of three-cushion carom: three cushion contacts come before the second ball (UMB, art. 83)."""
-    return _carom(state, legal, facts, 3)
+    return _carom(state, legal, facts, CUSHIONS)
 
 
 @inlined

@@ -13,7 +13,7 @@ from billiards_env.checks import one_of
 from billiards_env.jit import specialised
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.rules.arrays import MOST_PLAYERS, VERDICT
-from billiards_env.rules.carom import carom, red_to_open, three_cushion
+from billiards_env.rules.carom import CUSHIONS, carom, red_to_open, three_cushion
 from billiards_env.rules.pool import any_ball, eight_ball, group_or_eight, lowest_ball, nine_ball, straight
 from billiards_env.rules.snooker import balls_on, snooker
 
@@ -41,6 +41,10 @@ class Game(NamedTuple):
         deciding_ball: The ball that stays on the table until the end of the game, -1 for the last; None for none.
         has_spots: Whether each colour returns to its own spot, as in snooker. Otherwise balls return to the foot spot.
         pockets: Whether the table has pockets.
+        groups: Whether each player has a group of seven balls and then the eight ball.
+        pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
+        cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
+        sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
     """
 
     name: str
@@ -58,6 +62,10 @@ class Game(NamedTuple):
     deciding_ball: int | None = None
     has_spots: bool = False
     pockets: bool = True
+    groups: bool = False
+    pots_any: bool = False
+    cushions: int = 0
+    sure_pot: float = 1.0
 
 
 _POOL = functools.partial(Game, scene="pool", layouts=("rack", "tight_rack", "random"))
@@ -76,7 +84,14 @@ GAMES = {
     game.name: game
     for game in (
         _POOL(
-            "straight", straight, any_ball, n_object_balls=(1, 15), target=0, call_kernel=any_ball, counts_fouls=True
+            "straight",
+            straight,
+            any_ball,
+            n_object_balls=(1, 15),
+            target=0,
+            call_kernel=any_ball,
+            counts_fouls=True,
+            sure_pot=4.0,
         ),
         _POOL(
             "eight_ball",
@@ -86,6 +101,7 @@ GAMES = {
             n_players=(2, 2),
             call_kernel=group_or_eight,
             deciding_ball=8,
+            groups=True,
         ),
         _POOL(
             "nine_ball",
@@ -95,6 +111,7 @@ GAMES = {
             choices=("push_out", "hand_back"),
             counts_fouls=True,
             deciding_ball=9,
+            pots_any=True,
         ),
         Game(
             "snooker",
@@ -108,9 +125,10 @@ GAMES = {
             choices=("hand_back", "replace"),
             deciding_ball=-1,
             has_spots=True,
+            sure_pot=8.0,
         ),
         _CAROM("carom", carom),
-        _CAROM("three_cushion", three_cushion),
+        _CAROM("three_cushion", three_cushion, cushions=CUSHIONS),
     )
 }
 

@@ -383,15 +383,12 @@ def _inputs(game: BilliardsEnv, positions: Tensor, candidates: Candidates) -> tu
     if candidates.of_pot.shape[1]:
         columns += [candidates.of_pot[:, :1] * hand, candidates.of_pot[:, 1:]]
     target = None
-    if game.task in _CAROMS and scene.n_balls == 3:
+    if TASKS[game.task].cushions is not None and scene.n_balls == 3:
         target = table[torch.arange(len(table)), 3 - candidates.ball] * signs
         columns += [target / half, *_seen(target - cue_ball, ahead), *_seen(target - hit, leaves)]
     lines, end = _lines(begin, rolled, half - scene.balls.radius[0], slide, roll, target)
     hits = (ball.abs() < half).all(1) & (arrival[:, 0] > 0.0)
     return Inputs(torch.cat((*columns, *lines, end / half), 1), signs, end), hits
-
-
-_CAROMS = ("carom", "three_cushion")
 
 
 def _lines(

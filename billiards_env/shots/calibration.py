@@ -234,11 +234,7 @@ def calibrate(
 
     check_scene(scene)
     real("noise", noise, _NOISE)
-    names = (free,) if isinstance(free, str) else tuple(free)
-    if not names or len(set(names)) < len(names):
-        raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
-    for name in names:
-        one_of("free", name, tuple(physics_inputs(scene.physics)))
+    names = _check_names(scene, free)
     tracks, n = check_tracks(scene, shots, 4 if velocities is None else 1), scene.n_balls
     rows = fit.rows_of(tracks, n)
     if velocities is not None:
@@ -264,11 +260,9 @@ def calibrate(
     starts, far = fit.guess(scene, rows, noise), ~rows.seen
     for number, cut in enumerate(CUTS):
         if number > 0:
-            size, far = _judged(scene, starts, rows, cut * scale)
-            off = np.sqrt(np.square(size).sum(axis=1) / (2.0 * rows.seen.sum(axis=1))) > _LOST * scale
-            again = np.flatnonzero(off | np.isfinite(leaves_at(rows, far)[0]) | (number in _AGAIN))
-            if again.size:
-                starts[again] = _better(scene, starts[again], rows.of(again), noise)
+            again = _lost(scene, starts, rows, cut * scale, scale) | (number in _AGAIN)
+            if again.any():
+                starts[again] = _better(scene, starts[again], rows.of(np.flatnonzero(again)), noise)
         far = _judged(scene, starts, rows, cut * scale)[1]
         before = rows.used
         rows = rows._replace(used=rows.seen & ~far & (rows.time < leaves_at(rows, far)[0][:, None]))
@@ -285,21 +279,42 @@ def calibrate(
             progress(f"round {number + 1}: {rows.used.sum()} of {rows.seen.sum()} rows, {text}")
     starts = fit.settle_sides(scene, starts, rows, "linear", noise)
     problem = fitted("linear", 10 * _EVALUATIONS)
-    starts = problem.starts
-    covariance, variance, freedom = _covariance(problem, numbers, rows, names)
+    far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
+    return _result(scene, begun, problem, tracks, rows, far)
+
+
+def _check_names(scene: Scene, free: Sequence[str]) -> tuple[str, ...]:
+    names = (free,) if isinstance(free, str) else tuple(free)
+    if not names or len(set(names)) < len(names):
+        raise ValueError(f"free = {list(names)}: expected names of numbers, each once")
+    for name in names:
+        one_of("free", name, tuple(physics_inputs(scene.physics)))
+    return names
+
+
+def _result(
+    scene: Scene,
+    begun: dict[str, float],
+    problem: fit.Projection,
+    tracks: list[Track],
+    rows: fit.Rows,
+    far: Floats,
+) -> Calibration:
+    """Returns the result of the last fit; `far` are the distances above which rows were left out, (m, r) m."""
+    starts, n, numbers = problem.starts, scene.n_balls, np.array([getattr(scene.physics, name) for name in begun])
+    covariance, variance, freedom = _covariance(problem, numbers, rows, tuple(begun))
     half = t_quantile(freedom) * np.sqrt(np.diag(covariance))
     batch = fit.run(scene, starts, rows)
     off = fit.modelled(batch._record("calibrate"), rows) - rows.positions
-    far = np.where(far, CUTS[-1] * scale, 0.0)  # the rows that the last round left out
     zero = np.array([track.times[0] for track in tracks])
     counts = [len(track.times) for track in tracks]
     return Calibration(
         scene=scene,
         start=begun,
-        values=dict(zip(names, numbers.tolist(), strict=True)),
+        values=dict(zip(begun, numbers.tolist(), strict=True)),
         covariance=covariance,
         intervals={
-            name: (float(value - h), float(value + h)) for name, value, h in zip(names, numbers, half, strict=True)
+            name: (float(value - h), float(value + h)) for name, value, h in zip(begun, numbers, half, strict=True)
         },
         noise=float(np.sqrt(variance)),
         freedom=freedom,
@@ -311,6 +326,13 @@ def calibrate(
         spins=starts[:, 2 * n + 2 :],
         problems=find_problems([track.name for track in tracks], zero, rows, batch, far),
     )
+
+
+def _lost(scene: Scene, starts: Floats, rows: fit.Rows, most: float, scale: float) -> fit.Bools:
+    """Returns whether the rows of each shot are far from its path, (m,), or leave it at a distance above `most`."""
+    size, far = _judged(scene, starts, rows, most)
+    off = np.sqrt(np.square(size).sum(axis=1) / (2.0 * rows.seen.sum(axis=1))) > _LOST * scale
+    return off | np.isfinite(leaves_at(rows, far)[0])
 
 
 def _judged(scene: Scene, starts: Floats, rows: fit.Rows, most: float) -> tuple[Floats, fit.Bools]:

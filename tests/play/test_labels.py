@@ -45,8 +45,8 @@ def test_a_level_of_the_planner_is_the_name_of_the_player(make_model):
         ("nine_ball", {"in_hand": "behind"}, "cue ball behind the line"),
         ("nine_ball", {"in_hand": "anywhere"}, "cue ball anywhere"),
         ("carom", {}, "white cue ball, red and yellow"),
-        ("three_cushion", {"cue_balls": [2, 0]}, "yellow cue ball, white and red, three cushions"),
-        ("three_cushion", {"break_shot": True}, "white cue ball, red first, three cushions"),
+        ("three_cushion", {"cue_balls": [2, 0]}, "yellow cue ball, white and red, 3 cushions"),
+        ("three_cushion", {"break_shot": True}, "white cue ball, red first, 3 cushions"),
     ],
 )
 def test_the_prompt_uses_the_words_of_the_game(rules, state, words, make_model):

@@ -10,7 +10,7 @@ from billiards_env.games import RULES, Setup, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.game_player import find_player
-from billiards_env.players.planner import _errors, parse_budget, plan, with_errors
+from billiards_env.players.planner import Options, _errors, parse_budget, plan, with_errors
 from billiards_env.players.values import Values, success
 from billiards_env.shots.strikes import strike
 from tests.helpers.games import setup
@@ -197,6 +197,6 @@ def test_an_evaluation_function_decides():
     def to_the_left(played):
         return -played.positions[:, 0, 0]
 
-    found = plan(game, table, 4.0, RNG(0), np.inf, 1000, NOISE, values=to_the_left)
+    found = plan(game, table, 4.0, RNG(0), np.inf, 1000, NOISE, Options(values=to_the_left))
     assert found.leave[0, 0] < -1.0
     assert -found.leave[0, 0] == pytest.approx(found.value, abs=0.15)

@@ -3,6 +3,7 @@
 import functools
 import json
 
+import numpy as np
 import pytest
 
 from studies import planner
@@ -17,6 +18,7 @@ TINY = (
     Cell("eight ball", NOISE, "planner:60", 0.5),
     Cell("matches", NOISE, "random", 1.0),
     Cell("one ball", NOISE, "planner:60", 1.0),
+    Cell("levels", (0.0, 0.0), "planner:club", 0.5),
     Cell("straight pool", NOISE, "planner:60", 0.5),
     Cell("snooker", NOISE, "planner:60", 0.5),
     Cell("three-cushion", NOISE, "planner:60", 0.5),
@@ -44,6 +46,12 @@ def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, mon
     before = output.read_text()
     main(["--racks", "2", "--output", str(output)])
     assert output.read_text() == before
+
+
+def test_a_turn_of_straight_pool_continues_with_a_new_rack(monkeypatch):
+    monkeypatch.setattr(planner, "MAX_POINTS", 6)
+    rng, turn = np.random.default_rng(0), functools.partial(planner.EXPERIMENTS["straight pool"], balls=2)
+    assert turn("planner:300", (0.01, 0.0), rng)["points"] > 2
 
 
 def test_the_times_of_the_decisions_are_printed(monkeypatch, capsys):
