@@ -274,6 +274,8 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
         by_number = shot.jacobian("positions", "mu_roll", t=t)[..., None]
         expected = np.concatenate((by_places, by_velocity, by_spin, by_number), axis=2)
         assert np.moveaxis(found[k, q], 0, 2) == pytest.approx(expected, abs=1e-12)
+    push_lanes: Any = gradients.push_lanes
+    assert all(types[4].mutable for types in push_lanes.signatures)  # a read-only array would compile it again
 
 
 def test_every_number_of_the_derivatives_has_a_range():
