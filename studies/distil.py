@@ -295,7 +295,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     for number, one in enumerate(found["rounds"]):
         share = success_rate(one["successes"], found["episodes"])
         rows.append((str(number + 1), f"{one['candidates']:,}", share, f"{one['ms_per_decision']:.1f} ms"))
-    head = ("round", "candidates up to now", "success", "decision")
+    head = ("round", "candidates so far", "success", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
 
 

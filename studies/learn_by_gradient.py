@@ -1,11 +1,12 @@
 """Measures a network that learns to pot a ball by the gradient of its shots: `python -m studies.learn_by_gradient`.
 
 The observation is that of `Billiards-v0`: the positions. For each pocket the network returns a point next to the
-object ball, at which the cue ball aims, and for each of some speeds the chance of success. The gradient of the shot
+object ball, at which the cue ball aims, and for each of several speeds the chance of success. The gradient of the shot
 teaches the point: the margin of the pot has a derivative by the action (see `billiards_env.torch.pot_margins`).
-Outcomes jump with the pocket and the speed, so these are sampled by their chances, which are learned from the outcomes
-(Suh et al. 2022 mix both). The mirror symmetry of the table makes one corner of four, and one side of two. The shots of
-the last batches are used again, with margins that are linear in the action, while the action is near.
+Outcomes jump with the pocket and the speed, so these are sampled by their chances, and the network learns the chances
+from the outcomes (Suh et al. 2022 combine gradients and samples). The table is symmetric, so the four corner pockets
+share one output, and the two side pockets share another one. The shots of the last batches are used again as long as
+the action is near; their margins are then taken as linear in the action.
 
 The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there. It writes
 the weights of the first run to `POLICY`; `billiards bench studies.learn_by_gradient:act` plays them.
@@ -105,7 +106,8 @@ class Network(nn.Module):
     def act(self, observations: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
         """Returns pockets (m,), speeds (m,) and actions (m, 2).
 
-        The pocket and the speed have the best chance or, with a share of random ones, are drawn by their odds.
+        If `explored` is 0, the pocket and the speed have the best chance. Otherwise they are drawn: this share of them
+        uniformly, the others by the softmax of their logits.
         """
         m, count = len(observations), len(self.signs)
         with torch.no_grad():
@@ -127,7 +129,7 @@ def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
 
 
 def loss_of(network: Network, played: Played) -> Tensor:
-    """Returns the loss of shots. Its gradient by an action is at most 1; that of an action far from the shot is 0."""
+    """Returns the loss of shots. Its gradient by an action has at most length 1, and is 0 far from the shot."""
     directions, logits = network(played.observations, played.pockets)
     actions = torch.tensor(SPEEDS)[played.speeds, None] * directions
     change = (actions - played.actions).detach()
