@@ -27,42 +27,31 @@ def _announce() -> None:
     print(f"{clear}billiards_env: compiling, up to a minute ...", file=sys.stderr, flush=True)
 
 
-class _Library(JITCodeLibrary):
-    """The LLVM code of a function, optimised once, not three times. This and `_InlinedLibrary` save 2 s together."""
-
-    def _optimize_functions(self, ll_module: Any) -> None:
-        ll_module.data_layout = self._codegen._data_layout
-
-    def _optimize_final_module(self) -> None:
-        manager, builder = self._codegen._module_pass_manager()
-        manager.run(self._final_module, builder)
-
-
-class _KernelLibrary(_Library):
-    """The LLVM code of a kernel, which only its callers translate to machine code. Saves 3 s."""
+class _KernelLibrary(JITCodeLibrary):
+    """The LLVM code of a kernel, which only its callers translate to machine code. Saves KK."""
 
     def _finalize_final_module(self) -> None:
         self._finalized = True
 
 
 class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of an inlined kernel, which only its callers optimise."""
+    """The LLVM code of an inlined kernel, which only its callers optimise. Saves II."""
 
     def _optimize_final_module(self) -> None:
         pass
 
 
 class ShortCompiler(Compiler):
-    """Numba's compiler with the libraries of this module, which save 5 s together."""
+    """Numba's compiler with the libraries of this module, and a message for the user."""
 
     def compile_extra(self, func: Any) -> Any:
         """Compiles a function. If Python calls it and this takes long, prints a line."""
         flags: Any = self.state.flags
-        flags.no_compile = flags.no_cpython_wrapper  # a kernel
-        library = (_InlinedLibrary if flags.forceinline else _KernelLibrary) if flags.no_compile else _Library
-        self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
-        self.state.library.enable_object_caching()
-        if flags.no_compile:
+        if flags.no_cpython_wrapper:  # a kernel
+            flags.no_compile = True
+            library = _InlinedLibrary if flags.forceinline else _KernelLibrary
+            self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
+            self.state.library.enable_object_caching()
             return super().compile_extra(func)
         timer = threading.Timer(LONG, _announce)
         timer.daemon = True
