@@ -12,6 +12,10 @@ import griffe
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
+from mkdocs.structure.files import File
+
+from billiards_env.frozen import FROZEN, NAMESPACE
+from studies.tasks import page as task_page
 
 _EM = 8.5  # points; smaller than the font size of 10, as the letters of Computer Modern are small
 # The output of pymdownx.arithmatex in its generic mode: <span> for $...$, <div> for $$...$$.
@@ -34,6 +38,20 @@ def formula(tex: str) -> str:
         data = base64.b64encode(_svg(figure, transparent=True).encode()).decode()
     style = f"height: {height / _EM:.3f}em; vertical-align: {-depth / _EM:.3f}em"
     return f'<img class="formula" alt="{html.escape(tex)}" style="{style}" src="data:image/svg+xml;base64,{data}">'
+
+
+def on_files(files: Any, config: Any) -> None:
+    """Adds a page for each frozen task; MkDocs calls this once."""
+    for name in FROZEN:
+        files.append(File.generated(config, f"tasks/{name}.md", content=task_page(name)))
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Links the ids in the table of frozen tasks to their pages; MkDocs calls this for each page."""
+    if page.file.src_uri != "tasks.md":
+        return markdown
+    row = re.compile(rf"^\| (`{NAMESPACE}(\S+)`)", re.MULTILINE)
+    return row.sub(r"| [\1](tasks/\2.md)", markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -7,6 +7,8 @@
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
+* Levels: the levels of the planner, such as "planner:club", each in one-ball shots and in matches against the level
+  below it. The errors are those of the levels.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
 each rack. The command continues after an interruption; with `--racks` it adds racks. A decision has a time limit, so
@@ -27,19 +29,19 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks import machine_line, table
+from benchmarks import machine_line, table, use_own_font
 from billiards_env.evaluation import measure as play_alone
 from billiards_env.files import write_json
 from billiards_env.games import RULES, GameState, PlayedShot, Setup, Stroke, custom_opening, opening, play
 from billiards_env.intervals import mean_interval, success_rate, wilson_interval
 from billiards_env.players.game_player import Player, find_player
-from billiards_env.players.levels import with_noise
+from billiards_env.players.levels import LEVELS, with_noise
 from billiards_env.players.planner import Options, parse_budget, plan
 from billiards_env.scene import Scene
 from studies import RESULTS, parser_of, report, resumed
 
 OUTPUT = RESULTS / "planner.json"
-RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 60
+RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 200
 MAX_POINTS = 150
 """A turn ends after this number of shots. It is also the target of straight pool, so that balls are racked again."""
 
@@ -99,6 +101,8 @@ CELLS: tuple[Cell, ...] = (
     ),
     *(Cell("run-outs", noise, "search:1000") for noise in ((0.03, 0.0), (0.057, 0.0), OLYMPIAD)),
     Cell("one ball", OLYMPIAD, "search:1000"),
+    *(Cell("one ball", (0.0, 0.0), f"planner:{level}") for level in LEVELS),
+    *(Cell("levels", (0.0, 0.0), f"planner:{level}", 0.2) for level in list(LEVELS)[1:]),
 )
 """The cells of the tables, those of most interest first."""
 
@@ -175,16 +179,22 @@ def turn(
     return {"points": game.state.scores[0], "strokes": strokes}
 
 
-def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
-    """Plays one rack of eight ball against a player; who breaks is drawn. Returns `success` and `strokes`."""
+def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER) -> dict[str, Any]:
+    """Plays one rack of eight ball; who breaks is drawn. Returns `success`, of `player`, and `strokes`."""
     setup = Setup("eight_ball", Scene.named("real_pool", 15))
-    names = [PLANNER, opponent]
+    names = [player, opponent]
     first = int(rng.integers(2))
     players = [find_player(names[(first + k) % 2], setup, noise=noise) for k in range(2)]
     game, rngs, strokes = opening(setup, rng), rng.spawn(2), 0
     while not game.state.over and strokes < MAX_SHOTS:
         game, strokes = shoot(setup, game, players[game.state.player], noise, rngs).game, strokes + 1
     return {"success": game.state.over and (first + game.state.winner) % 2 == 0, "strokes": strokes}
+
+
+def level_match(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
+    """Plays one rack of eight ball against the level below; see `match`."""
+    levels = [f"planner:{level}" for level in LEVELS]
+    return match(levels[levels.index(player) - 1], noise, rng, player)
 
 
 def one_ball(player: str, noise: tuple[float, float], rng: np.random.Generator) -> dict[str, Any]:
@@ -200,6 +210,7 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
     "eight ball": functools.partial(run_out, rules="eight_ball"),
     "matches": match,
     "one ball": one_ball,
+    "levels": level_match,
     "straight pool": functools.partial(turn, rules="straight", balls=15, scene="real_pool", target=MAX_POINTS),
     "snooker": functools.partial(turn, rules="snooker", balls=21, scene="snooker"),
     "three-cushion": functools.partial(turn, rules="three_cushion", balls=2, scene="real_carom"),
@@ -234,8 +245,9 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
 @functools.cache
 def _compile(experiment: str) -> None:
     """Plays a rack with few shots, because the decision in which kernels are compiled has no time left."""
-    player = "random" if experiment == "matches" else "planner:60"
-    EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
+    if experiment != "levels":  # their budgets are numbers of shots
+        player = "random" if experiment == "matches" else "planner:60"
+        EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
 
 
 def _name(noise: tuple[float, float]) -> str:
@@ -265,6 +277,7 @@ _HEADS = {
     "run-outs": ("racks", "run-outs", "turn kept after the break", "nine on the break", "strokes", "expected pot"),
     "matches": ("racks", "racks won by the planner", "strokes"),
     "one ball": ("shots", "pots"),
+    "levels": ("racks", "racks won against the level below", "strokes"),
     "turns": ("turns", "mean points", "most points", "strokes"),
 }
 _AIM, _POTS = 0.08, 7  # share of racks that is aimed at under the largest errors, and shots after a break
@@ -307,7 +320,9 @@ def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> s
 def _order(player: str) -> tuple[bool, float]:
     """Returns a key that sorts planners by their time, and then other players."""
     name, _, argument = player.partition(":")
-    return name != "planner", parse_budget(argument)[0] if name == "planner" else 0.0
+    if name != "planner":
+        return True, 0.0
+    return False, list(LEVELS).index(argument) if argument in LEVELS else parse_budget(argument)[0]
 
 
 def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -318,7 +333,7 @@ def _row(experiment: str, played: Sequence[Mapping[str, Any]]) -> tuple[str, ...
         return str(len(played)), f"{np.mean(points):.2f} ({low:.2f} to {high:.2f})", f"{max(points):.0f}", strokes
     share = _share(played, ONE_BALL if experiment == "one ball" else 1)
     if experiment not in _RUN_OUTS:
-        return (*share, strokes) if experiment == "matches" else share
+        return share if experiment == "one ball" else (*share, strokes)
     breaks = [rack["break"] for rack in played]
     kept, nine = 1 - breaks.count("lost") / len(played), breaks.count("nine") / len(played)
     chances = [chance for rack in played for chance in rack.get("chances", ())]
@@ -348,8 +363,10 @@ _BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
 def draw(found: Mapping[str, Any]) -> Figure:
     """Returns the picture of the run-outs of nine ball against the time of a decision."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    use_own_font()
+    figure = Figure(figsize=(8.0, 4.2), layout="constrained")
     axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(False)
     for (label, low, high), colour in zip(PUBLISHED, ("0.85", "0.6", "0.4"), strict=True):
         axes.axhspan(100 * low, 100 * high, color=colour, alpha=0.6, label=label, linewidth=0)
     for noise, players in found["results"]["run-outs"].items():
@@ -367,7 +384,7 @@ def draw(found: Mapping[str, Any]) -> Figure:
     axes.set_xticks(_BUDGETS, [str(budget) for budget in _BUDGETS], minor=False)
     axes.minorticks_off()
     axes.set(xlabel="processor time of a decision, ms", ylabel="break and run, %", ylim=(0, 100))
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
     return figure
 
 

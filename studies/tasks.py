@@ -8,26 +8,27 @@ an interruption. If the layouts of a task change, it measures the task again.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
+import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 from tqdm import tqdm
 
 from benchmarks import save, table, use_own_font
 from billiards_env import bench
 from billiards_env.evaluation import evaluation_seeds, find_player
 from billiards_env.files import write_json
-from billiards_env.frozen import FROZEN, NAMESPACE, Frozen
+from billiards_env.frozen import FROZEN, NAMESPACE, NOISE, Frozen
 from billiards_env.players.env_player import RULES_OF_TASKS
-from studies import parser_of, report
+from studies import RESULTS, parser_of, report
 
 OUTPUT = Path(bench.__file__).parent / "results" / "tasks.json"
 
-FIGURE = Path(__file__).resolve().parents[1] / "docs" / "images" / "tasks.png"
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 
 PLAYERS = ("random", "geometric", "search:200", "aim", "planner:300")
 
@@ -64,90 +65,145 @@ def measure(output: Path) -> dict[str, Any]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, and the text about each id, by name."""
-    head = ("id", "solved from", *PLAYERS)
-    rows = [
-        (f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *(_success(found, name, player) for player in PLAYERS))
-        for name, task in FROZEN.items()
-    ]
-    return {"table": table(head, rows), **{name: "\n\n".join(_section(name, found)) for name in families()}}
-
-
-def families() -> list[str]:
-    """Returns the names of the tasks, without strikes, noise and version."""
-    return [name.removesuffix("-v0") for name in FROZEN if not re.search("Strike|Noise", name)]
-
-
-def _success(found: Mapping[str, Any], name: str, player: str) -> str:
-    players = found.get(name, {}).get("players", {})
-    return f"{players[player]['success']:.1%}" if player in players else "-"
-
-
-def _section(family: str, found: Mapping[str, Any]) -> list[str]:
-    """Returns the paragraphs about the ids of a task."""
-    ids = {name: task for name, task in FROZEN.items() if name.startswith((f"{family}-", f"{family}N", f"{family}S"))}
-    first = ids[f"{family}-v0"]
+    """Returns a table of all tasks, under the name "table"."""
     rows = []
-    for name, task in ids.items():
-        known = found.get(name, {}).get("players", {})
-        returns = (f"{known[player]['return']:.3f}" if player in known else "-" for player in PLAYERS)
-        rows.append((f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *returns))
-    given = ", ".join(f"`{key}={value!r}`" for key, value in first.arguments.items())
-    history = [f"- `{name}`: {line}" for name, task in ids.items() for line in task.history]
-    return [
-        first.summary,
-        "\n".join(_spaces(first, len(ids) > 2)),
-        f"Arguments of `Billiards-v0`: {given}."
-        + (" The strikes have `scene='real_pool'` and `action='strike'`." if len(ids) > 2 else ""),
-        f"Mean returns:\n\n{table(('id', 'solved from', *PLAYERS), rows)}",
-        "\n".join(history),
+    for name, task in FROZEN.items():
+        known, policy = found.get(name, {}).get("players", {}), learned(name)
+        shares = [known[player]["success"] if player in known else None for player in PLAYERS]
+        cells = [_percent(share) for share in (*shares, policy and policy.success)]
+        rows.append((f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *cells))
+    return {"table": table(("id", "solved from", *PLAYERS, "best learned"), rows)}
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{share:.1%}"
+
+
+class Learned(NamedTuple):
+    """The success of a trained policy in a frozen task: its name, the share of successes, and the page about it."""
+
+    policy: str
+    success: float
+    page: str
+
+
+def learned(name: str) -> Learned | None:
+    """Returns the best trained policy in a frozen task, or None if none was measured.
+
+    The candidates are the entries of the leaderboard, and the recipes with the scene, the task, the action, the layout
+    and the noise of the id. The success of a recipe is the mean over its seeds, in layouts of its own evaluation.
+    """
+    entries = json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8")).values()
+    found = [
+        Learned(entry["player"], entry["scores"][name]["success"], "leaderboard.md")
+        for entry in entries
+        if entry["player"] not in PLAYERS and name in entry["scores"]
     ]
+    for source in ("recipes", "ratings", "english"):
+        for result in json.loads((RESULTS / f"{source}.json").read_text(encoding="utf-8"))["results"]:
+            if _same_task(result["config"], FROZEN[name]):
+                success = float(np.mean([run["policy"]["success_rate"] for run in result["runs"]]))
+                found.append(Learned(result["recipe"], success, "training.md"))
+    return max(found, key=lambda one: one.success, default=None)
 
 
-def _spaces(task: Frozen, strikes: bool) -> list[str]:
+def _same_task(config: Mapping[str, Any], task: Frozen) -> bool:
+    """Returns whether a policy was trained in a frozen task. The number of balls may be that of the scene."""
+    given = {"action": "velocity"} | config["env"]
+    fields = ("scene", "task", "action", "layout", "max_shots", "max_speed")
+    balls = given["n_object_balls"] in (None, task.arguments["n_object_balls"])
+    return balls and bool(config["noise"]) == task.noise and all(given[f] == task.arguments[f] for f in fields)
+
+
+def page(name: str) -> str:
+    """Returns the page of an id in the documentation, in Markdown. `docs/build.py` adds these pages to the site.
+
+    Args:
+        name: The id without `NAMESPACE`.
+    """
+    task, policy = FROZEN[name], learned(name)
+    known = json.loads(OUTPUT.read_text(encoding="utf-8")).get(name, {}).get("players", {})
+    rows = [
+        (f"`{one}`", _percent(known[one]["success"]), f"{known[one]['return']:.3f}") for one in PLAYERS if one in known
+    ]
+    if policy:
+        rows.append((f"best learned: [{policy.policy}](../{policy.page})", _percent(policy.success), ""))
+    given = ", ".join(f"`{key}={value!r}`" for key, value in task.arguments.items())
+    noise = ", ".join(f"`{key}={value!r}`" for key, value in NOISE.items())
+    parts = [
+        f"# {name.removesuffix('-v0')}",
+        task.summary,
+        f"![A shot of search:200 in the first public layout](../images/tasks/{_picture(name)}.jpg)",
+        f'```python\nimport gymnasium as gym\nimport billiards_env\n\nenv = gym.make("{NAMESPACE}{name}")\n```',
+        "\n".join(_spaces(task)),
+        f"The task counts as solved from a mean return of {task.threshold:g}, the `reward_threshold`.",
+        "## Scores",
+        table(("player", "success", "mean return"), rows),
+        "The players without training play the 1,000 public layouts of [`billiards bench`](../leaderboard.md).",
+        "## Arguments",
+        f"The id stands for `Billiards-v0` with these arguments: {given}."
+        + task.noise * f" [Execution noise](../environment.md#action-frames-and-noise): {noise}.",
+        "## Versions",
+        "\n".join(f"- {line}" for line in task.history),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _picture(name: str) -> str:
+    """Returns the name of the picture of an id. The ids with and without noise have the same."""
+    return name.removesuffix("-v0").replace("Noise", "")
+
+
+def _spaces(task: Frozen) -> list[str]:
     """Returns lines about the observation, the action, the reward and the length of an episode."""
     env: Any = gym.make("billiards_env:Billiards-v0", **task.arguments)
     observation, base = env.observation_space.shape[0], env.unwrapped
     parts = [f"x and y of {base.scene.n_balls} balls"]
     parts += ["x and y of the goal"] * len(base.goals) + ["the legal balls"] * bool(base.legal_balls.size)
     parts += ["the shots left"] * base.observe_shots_left
-    shots = base.max_shots
+    velocity = f"the velocity of the cue ball divided by {base.max_speed:g} m/s, 2 numbers from -1 to 1."
+    strike = "a [strike](../environment.md#strikes-as-actions), 5 numbers from -1 to 1."
+    shots = "one shot" if base.max_shots == 1 else f"{base.max_shots} shots"
+    limit = "at most " * (base.max_shots > 1 and base.task != "sum_to_three")
     return [
         f"- Observation: {observation} numbers: {', '.join(parts)}.",
-        f"- Action: the velocity of the cue ball divided by {base.max_speed:g} m/s, 2 numbers from -1 to 1."
-        + " A strike has 5." * strikes,
+        f"- Action: {strike if env.action_space.shape == (5,) else velocity}",
         f"- Reward: the points of the shot, minus {base.scratch_penalty:g} for a scratch. "
-        f"[The environment](environment.md#tasks) describes the points of `{base.task!r}`.".replace("'", '"'),
-        "- Episode: one shot."
-        if shots == 1
-        else f"- Episode: {'' if base.task == 'sum_to_three' else 'at most '}{shots} shots.",
+        f'[The environment](../environment.md#tasks) describes the points of `"{base.task}"`.',
+        f"- Episode: {limit}{shots}.",
     ]
 
 
-def picture() -> Figure:
-    """Returns a picture of each task: a shot of "search:200" in the first public layout."""
+def draw(folder: Path) -> None:
+    """Draws a shot of "search:200" in the first public layout of each task, and `tasks.png` with one of each kind."""
     use_own_font()
-    names = families()
-    figure = Figure(figsize=(8, 1.0 + 2.1 * ((len(names) + 1) // 2)), dpi=100, layout="constrained")
-    for k, name in enumerate(names):
+    pictures = {}
+    for name in dict.fromkeys(_picture(name) for name in FROZEN):
         env: Any = gym.make(f"{NAMESPACE}{name}-v0", render_mode="rgb_array")
         observation, _ = env.reset(seed=int(evaluation_seeds(bench.SEED, 1)[0]))
         env.step(find_player("search:200", env, seed=0)(observation))
-        ax = figure.add_subplot((len(names) + 1) // 2, 2, k + 1)
-        ax.imshow(env.render())
+        pictures[name] = env.render()
+        env.close()
+    (folder / "tasks").mkdir(parents=True, exist_ok=True)
+    for name, image in pictures.items():
+        imsave(folder / "tasks" / f"{name}.jpg", image, pil_kwargs={"quality": 80, "optimize": True})
+    kinds = [name for name in pictures if not name.endswith("Strike")]
+    figure = Figure(figsize=(8, 1.0 + 2.1 * ((len(kinds) + 1) // 2)), dpi=100, layout="constrained")
+    for k, name in enumerate(kinds):
+        ax = figure.add_subplot((len(kinds) + 1) // 2, 2, k + 1)
+        ax.imshow(pictures[name])
         ax.set_title(name, fontsize=9)
         ax.axis("off")
-        env.close()
-    return figure
+    save(figure, folder / "tasks.png")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.tasks --help`."""
-    files = {"output": (OUTPUT, "JSON file"), "figure": (FIGURE, "the picture, .png")}
+    files = {"output": (OUTPUT, "JSON file"), "images": (IMAGES, "folder of the pictures")}
     args = parser_of("tasks", "Measure players without training in the frozen tasks.", **files).parse_args(arguments)
 
     def work() -> dict[str, Any]:
-        save(picture(), args.figure)
+        draw(args.images)
         return measure(args.output)
 
     report(work, blocks, args.output)

@@ -18,6 +18,7 @@ TINY = (
     Cell("eight ball", NOISE, "planner:60", 0.5),
     Cell("matches", NOISE, "random", 1.0),
     Cell("one ball", NOISE, "planner:60", 1.0),
+    Cell("levels", (0.0, 0.0), "planner:club", 0.5),
     Cell("straight pool", NOISE, "planner:60", 0.5),
     Cell("snooker", NOISE, "planner:60", 0.5),
     Cell("three-cushion", NOISE, "planner:60", 0.5),

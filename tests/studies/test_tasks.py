@@ -1,6 +1,7 @@
 """The measurement of players in the frozen tasks."""
 
 import json
+import re
 
 import pytest
 
@@ -19,46 +20,56 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(tasks, "PLAYERS", ("random", "geometric"))
     monkeypatch.setattr(bench, "EPISODES", 5)
     path = tmp_path / "scores.json"
-    figure = tmp_path / "tasks.png"
-    main(["--output", str(path), "--figure", str(figure)])
-    content = figure.read_bytes()
+    pictures = [tmp_path / "tasks.png", tmp_path / "tasks" / "Pot1.jpg", tmp_path / "tasks" / "NineBall.jpg"]
+    main(["--output", str(path), "--images", str(tmp_path)])
+    content = [picture.read_bytes() for picture in pictures]
     found = json.loads(path.read_text())
     assert list(found) == list(few)
-    assert all(block in capsys.readouterr().out for block in [blocks(found)["table"]])
+    assert blocks(found)["table"] in capsys.readouterr().out
     found["Pot1-v0"]["players"]["random"]["return"] = 7.0  # stays: it is measured
     found["NineBall-v0"]["layouts"] = "other"  # measured again
     found["NineBall-v0"]["players"]["random"]["return"] = 7.0
     path.write_text(json.dumps(found))
-    main(["--output", str(path), "--figure", str(figure)])
-    assert figure.read_bytes() == content
+    main(["--output", str(path), "--images", str(tmp_path)])
+    assert [picture.read_bytes() for picture in pictures] == content
     again = json.loads(path.read_text())
     assert again["Pot1-v0"]["players"]["random"]["return"] == 7.0
     assert again["NineBall-v0"]["players"]["random"]["return"] < 7.0
-    page = blocks(again)
-    assert " 7.000 |" in page["Pot1"]
-    assert "`Billiards/Pot1Noise-v0`" in page["Pot1"]
-    assert "29 numbers: x and y of 10 balls, the legal balls" in page["NineBall"]
+
+
+@pytest.mark.parametrize("name", FROZEN)
+def test_each_id_has_a_page(name):
+    page, task = tasks.page(name), FROZEN[name]
+    picture = re.search(r"\]\(\.\./(images/tasks/\w+\.jpg)\)", page)
+    assert picture
+    assert (tasks.IMAGES.parent / picture[1]).exists()
+    assert f'gym.make("Billiards/{name}")' in page
+    assert all(f"\n- {part}: " in page for part in ("Observation", "Action", "Reward", "Episode"))
+    assert f"a mean return of {task.threshold:g}," in page
+    assert all(f"\n| `{player}` " in page for player in ("random", "geometric", "search:200"))
+    assert all(f"- {line}" in page for line in task.history)
+    assert ("[strike](" in page) == ("Strike" in name)
+    assert ("`angle_std=0.125`" in page) == ("Noise" in name)
 
 
 def test_the_text_about_a_task_fits_it():
-    found = tasks.blocks({})
-    assert "A strike has 5." in found["Pot1"]
-    assert "strike" not in found["Carom"].lower()
-    assert "- Episode: one shot." in found["Carom"]
-    assert "- Episode: at most 10 shots." in found["Clear5"]
-    assert "- Episode: 5 shots." in found["SumToThree"]
+    assert "29 numbers: x and y of 10 balls, the legal balls" in tasks.page("NineBall-v0")
+    assert "- Episode: one shot." in tasks.page("Carom-v0")
+    assert "- Episode: at most 10 shots." in tasks.page("Clear5-v0")
+    assert "- Episode: 5 shots." in tasks.page("SumToThree-v0")
 
 
-def test_the_page_describes_every_id():
-    page = (tasks.FIGURE.parents[1] / "tasks.md").read_text(encoding="utf-8")
-    assert "images/tasks.png" in page
-    sections = dict(zip(tasks.families(), page.split("\n## ")[1:], strict=True))
-    assert all(section.startswith(f"{name}\n") for name, section in sections.items())
-    parts = ("- Observation: ", "- Action: ", "- Reward: ", "- Episode: ", "Arguments of", "solved from")
-    for name in FROZEN:
-        family = next(one for one in sections if name.removeprefix(one).startswith(("-", "Noise", "Strike")))
-        section, rows = sections[family], [line for line in page.splitlines() if f"`Billiards/{name}`" in line]
-        assert all(part in section for part in parts), name
-        assert f"- `{name}`: v0: " in section
-        assert len(rows) == 2  # success and mean return
-        assert all(f" {FROZEN[name].threshold:g} |" in row for row in rows)
+@pytest.mark.parametrize(
+    ("name", "policy"),
+    [
+        ("Pot1Noise-v0", "pot_noise"),
+        ("Pot3Noise-v0", None),  # trained without noise only
+        ("SumToThree-v0", None),  # trained with another layout
+        ("PositionStrike-v0", "strike"),
+        ("NineBall-v0", "distilled"),
+    ],
+)
+def test_a_learned_policy_is_one_of_the_same_task(name, policy):
+    found = tasks.learned(name)
+    assert (found and found.policy) == policy
+    assert found is None or 0.1 < found.success < 1
