@@ -36,7 +36,7 @@ from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
 from studies import RESULTS, errors_in_one_line, parser_of_runs, timestep_report
-from studies.timestep_report import GROUPS
+from studies.timestep_report import GROUPS, blocks
 
 Floats = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float16]]
@@ -421,7 +421,7 @@ def main(arguments: list[str] | None = None) -> None:
     with errors_in_one_line():
         result = measure(where, args.jobs, args.address, LAYOUTS)
         timestep_report.draw(result, where.images)
-    print("\n\n".join(timestep_report.blocks(result).values()))
+    print("\n\n".join(blocks(result).values()))
     print(f"\nin {where.results}; pictures in {where.images}")
 
 
