@@ -303,13 +303,6 @@ def test_only_the_callers_of_a_kernel_have_machine_code(decorate):
     assert inner(3) == 6
 
 
-def test_a_constant_as_an_argument_does_not_compile_a_kernel_again():
-    power: Any = jit.kernel(lambda x, y: x**y)
-    caller: Any = jit.entry_point(lambda x: power(x, x) + power(x, 2) + power(3, y=x) + power(4, 5))
-    assert caller(2) == 4 + 4 + 9 + 1024
-    assert len(power.overloads) == 1
-
-
 @pytest.mark.parametrize(("decorate", "optimised"), [(jit.kernel, 2), (jit.inlined, 1)])
 def test_only_callers_optimise_inlined_kernels(monkeypatch, decorate, optimised):
     calls, original = [], JITCPUCodegen._module_pass_manager
