@@ -244,9 +244,9 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
 
 @functools.cache
 def _compile(experiment: str) -> None:
-    """Plays a rack with few shots, because the decision in which kernels are compiled has no time left."""
+    """Plays a rack, because the decision in which kernels are compiled has no time left."""
     if experiment != "levels":  # their budgets are numbers of shots
-        player = "random" if experiment == "matches" else "planner:60"
+        player = "random" if experiment == "matches" else "planner:1500"
         EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
 
 

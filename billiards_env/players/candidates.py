@@ -26,6 +26,7 @@ TIPS = ((0.0, 0.0), (0.0, 0.35), (0.0, -0.35), (0.35, 0.0), (-0.35, 0.0), (0.25,
 PLACES = 24
 """The number of places for a cue ball in hand."""
 
+_CANDIDATES = 120, 4000  # their least and largest number
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
 _LEAST_SHARE = 0.02  # of a pot with tolerance 0, over that of a sure pot
@@ -71,12 +72,17 @@ def turn(vectors: Floats, angles: Floats) -> Floats:
 
 
 def candidates(
-    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, count: int, error: float, tips: Tips
+    setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator, most: float, error: float, tips: Tips
 ) -> Shots:
-    """Returns `count` candidates in random order."""
+    """Returns candidates in random order, about `most`.
+
+    With a small budget there are at least `_CANDIDATES[0]`, but no pots over another body, which would take the place of
+    direct pots.
+    """
+    count = int(np.clip(most, *_CANDIDATES))
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
     tips = tips[: max(1, count // (_PER_TIP * legal))]
-    ways = count // (_PER_WAY * len(game.state.on_table))
+    ways = count // (_PER_WAY * len(game.state.on_table)) if most >= count else 0
     pots = None if game.state.break_shot else _pots(setup, game, places, max_speed, error, tips, ways)
     near = int(_GEOMETRY * count) if pots is not None else 0
     every = _anywhere(setup, game, places, count - near, max_speed, rng, tips)

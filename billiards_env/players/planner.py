@@ -43,7 +43,6 @@ FINALISTS = 4
 """The planner samples this many candidates to the end."""
 
 _SHOTS_PER_CANDIDATE = 12
-_CANDIDATES = 120, 4000  # their least and largest number
 _CHUNK = 20, 100  # least and largest number of shots without errors between two readings of the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
@@ -197,7 +196,7 @@ def plan(
 
     count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
-    every = candidates(setup, game, max_speed, rng, int(np.clip(count, *_CANDIDATES)), errors[0], tips)
+    every = candidates(setup, game, max_speed, rng, count, errors[0], tips)
 
     exact = _without_errors(search, every)
     alive = every.of(np.argsort(-exact, kind="stable")[: max(FINALISTS, int(_KEPT * len(exact)))])
