@@ -42,10 +42,10 @@ class _Locator(UserProvidedCacheLocator):
 
 
 class _Cache(FunctionCache):
-    """The files with the machine code of a function. They save all later processes the first compile, see
-    `benchmarks.start_up`.
+    """The files with the machine code of a function. They save all later processes the first compile.
 
-    The code of the user's cache comes first, because it is for this CPU, and then that of the package.
+    `benchmarks.start_up` measures both. The code of the user's cache comes first, because it is for this CPU, and then
+    that of the package.
     """
 
     _impl_class = type("_Files", (CompileResultCacheImpl,), {"_locator_classes": (_Locator,)})

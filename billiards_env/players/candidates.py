@@ -76,8 +76,8 @@ def candidates(
 ) -> Shots:
     """Returns candidates in random order, about `most`.
 
-    With a small budget there are at least `_CANDIDATES[0]`, but no pots over another body, which would take the place of
-    direct pots.
+    With a small budget there are at least `_CANDIDATES[0]`, but no pots over another body, which would take the place
+    of direct pots.
     """
     count = int(np.clip(most, *_CANDIDATES))
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
