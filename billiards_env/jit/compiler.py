@@ -35,7 +35,7 @@ class _KernelLibrary(JITCodeLibrary):
 
 
 class _InlinedLibrary(_KernelLibrary):
-    """The LLVM code of an inlined kernel, which only its callers optimise. Without it: 1.1 and 1.15."""
+    """The LLVM code of an inlined kernel, which only its callers optimise. Without it: 1.1 and 1.2."""
 
     def _optimize_final_module(self) -> None:
         pass
