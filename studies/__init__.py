@@ -27,8 +27,11 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from agents import require
 from benchmarks import machine
+from billiards_env.files import replacing
 
 require("plot", ("matplotlib",))
 
@@ -83,6 +86,23 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
     settings = json.loads(json.dumps(settings))
     found: dict[str, Any] = json.loads(output.read_text(encoding="utf-8")) if output.exists() else {}
     return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
+
+
+def save_weights(path: Path, weights: Mapping[str, Any]) -> None:
+    """Writes arrays by name, completely or not at all."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **weights)
+
+
+def load_weights(path: Path) -> dict[str, Any]:
+    """Returns the arrays in a file, by name. This runs no code from the file.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it does not hold arrays of numbers.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        return dict(file)
 
 
 def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:

@@ -30,11 +30,11 @@ from tqdm import tqdm
 from benchmarks import machine_line, table
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import replacing, write_json
+from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Scene
 from billiards_env.torch import pot_margins
-from studies import RESULTS, parser_of, report, resumed
+from studies import RESULTS, load_weights, parser_of, report, resumed, save_weights
 
 OUTPUT = RESULTS / "learn_by_gradient.json"
 RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
@@ -156,12 +156,6 @@ def play(network: Network, envs: BilliardsVectorEnv) -> Played:
     return Played(observations, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
-def save(network: Network, path: Path) -> None:
-    """Writes the weights of a network, completely or not at all."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{name: tensor.numpy() for name, tensor in network.state_dict().items()})
-
-
 def load(path: Path) -> Network:
     """Returns the network with the weights in a file. This runs no code from the file.
 
@@ -170,8 +164,7 @@ def load(path: Path) -> Network:
         RuntimeError, ValueError: If it does not hold the weights of the network.
     """
     network = Network(Scene.named("pool"))
-    with np.load(path, allow_pickle=False) as file:
-        network.load_state_dict({name: torch.from_numpy(file[name]) for name in file})
+    network.load_state_dict({name: torch.from_numpy(array) for name, array in load_weights(path).items()})
     return network
 
 
@@ -238,7 +231,7 @@ def measure(output: Path, policy: Path) -> dict[str, Any]:
                 runs[str(seed)], network = train(seed, shots, EPISODES)
                 write_json(output, found)
                 if first:
-                    save(network, policy)
+                    save_weights(policy, {name: tensor.numpy() for name, tensor in network.state_dict().items()})
     return found
 
 
