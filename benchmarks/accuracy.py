@@ -33,6 +33,7 @@ from benchmarks import (
     report,
     run_kinds,
 )
+from benchmarks.accuracy_report import blocks
 from benchmarks.methods import PIC, Method, timer
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
@@ -264,7 +265,7 @@ def main(arguments: list[str] | None = None) -> None:
     else:
         result = packed(measure(args.shots, args.outcomes, args.passes, args.workers))
     accuracy_report.draw_pareto(accuracy_report.unpacked(result), args.images / "pareto.png")
-    report(result, accuracy_report.blocks, path)
+    report(result, blocks, path)
 
 
 if __name__ == "__main__":

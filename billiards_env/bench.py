@@ -84,7 +84,7 @@ def play(
 
     Args:
         player: See `evaluation.find_player`.
-        tasks: Keys of `FROZEN`; the prefix "Billiards/" may be there.
+        tasks: Keys of `FROZEN`, with or without the prefix "Billiards/".
         seeds: The seeds of the layouts, of the noise and of the player.
         name: The name of the player in the file; None for `player`.
         progress: A function that is called with the task and the number of finished episodes.
@@ -198,7 +198,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
     """Reads a file and plays its actions again.
 
     The file has at most `records.MAX_BYTES` bytes and each task and seed once, and an episode has at most the shots of
-    its task. So the time and the memory are bounded.
+    its task. This limits the time and the memory.
 
     Raises:
         OSError: If the file cannot be read.
@@ -215,7 +215,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
 
 
 def load(path: str | os.PathLike[str]) -> Bench:
-    """Reads a file and checks its form. It plays nothing: the outcomes may be wrong, see `verify` for the errors."""
+    """Reads a file and checks its form, but not its outcomes. The errors are those of `verify`."""
     return records.read(path, from_json, _WHAT)
 
 

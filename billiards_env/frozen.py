@@ -87,7 +87,7 @@ _TASKS: dict[str, tuple[dict[str, Any], str, tuple[float, ...]]] = {
             "max_speed": 4.2,
             "observe_shots_left": True,
         },
-        "Touch the object ball in shots in which the two balls have three cushion contacts. An episode has five shots.",
+        "Touch the object ball in shots with exactly three cushion contacts in total. An episode has five shots.",
         (4.5, 3.5),
     ),
     "Place": (

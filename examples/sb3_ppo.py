@@ -13,7 +13,7 @@ def run(steps: int, logs: str | None = "runs/sb3_ppo") -> PPO:
     """Trains for a number of steps, and writes curves into the folder `logs`. Returns the model."""
     envs = SameStepVecEnv(gym.make_vec("billiards_env:Billiards-v0", num_envs=64))
     model = PPO(
-        MixturePolicy,  # a mixture of Gaussians, one for each pot that geometry finds; "MlpPolicy" works too
+        MixturePolicy,  # a mixture of Gaussians over the pots that geometry finds; "MlpPolicy" works too
         envs,
         n_steps=16,
         batch_size=256,

@@ -5,13 +5,18 @@ Modules:
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
+    failures: The four failures of a timestep, as small scenes.
+    plain: Measures PPO and SAC of Stable-Baselines3 with their default settings.
+    learn_by_gradient: Trains a network by the gradient of its shots.
     planner: Measures the planner under execution noise.
     pot_chances: Compares the probability of a pot to first order with samples.
     positions: Measures the strokes of players in a fixed set of positions.
-    run_out_film: Draws a film of a run-out of the planner.
     distil: Distils a search into a small policy.
-    leaderboard: Verifies the files of the leaderboard and makes its page.
     tasks: Measures players without training in the frozen tasks.
+    leaderboard: Verifies the files of the leaderboard and makes its tables.
+    figures: Draws the pictures that show no measurement.
+    run_out_film: Draws a film of a run-out of the planner.
+    readme: Writes the measured tables into the pages.
 """
 
 import argparse
@@ -22,8 +27,11 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from agents import require
 from benchmarks import machine
+from billiards_env.files import replacing
 
 require("plot", ("matplotlib",))
 
@@ -34,7 +42,10 @@ RUNS = RESULTS.parents[1] / "runs"
 
 
 def parser_of(name: str, description: str, **options: tuple[Any, str]) -> argparse.ArgumentParser:
-    """Returns the parser of a command. Each option has a default value of its type and a help; a switch has False."""
+    """Returns the parser of a command. An option is its default value, which sets its type, and its help text.
+
+    An option with the default False is a switch.
+    """
     parser = argparse.ArgumentParser(prog=f"python -m studies.{name}", description=description)
     for option, (default, text) in options.items():
         if default is False:
@@ -77,8 +88,25 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
     return found if found.get("settings") == settings else {"machine": machine(), "settings": settings, **empty}
 
 
+def save_weights(path: Path, weights: Mapping[str, Any]) -> None:
+    """Writes arrays by name, completely or not at all."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **weights)
+
+
+def load_weights(path: Path) -> dict[str, Any]:
+    """Returns the arrays in a file, by name. This runs no code from the file.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it does not hold arrays of numbers.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        return dict(file)
+
+
 def report(measure: Callable[[], Any], blocks: Callable[[Any], Mapping[str, str]], *outputs: Path) -> None:
-    """Runs the work of a command and prints its blocks and the names of its outputs. An error prints one line."""
+    """Runs the work of a command, and prints its blocks and its files. After an error it prints one line."""
     with errors_in_one_line():
         found = measure()
     print("\n\n".join(blocks(found).values()))

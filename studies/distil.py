@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
 from billiards_env.evaluation import evaluation_seeds, play
-from billiards_env.files import replacing, write_json
+from billiards_env.files import write_json
 from billiards_env.frozen import FROZEN, NAMESPACE
 from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import play_batch
@@ -55,7 +55,7 @@ from billiards_env.players.pots import (
     find_pots,
 )
 from billiards_env.scene import Scene
-from studies import RESULTS, parser_of, report
+from studies import RESULTS, load_weights, parser_of, report, save_weights
 
 Floats = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float32]]
@@ -157,20 +157,9 @@ def action(weights: Weights, observation: NDArray[np.float32]) -> NDArray[np.flo
     return (velocities[predictions(weights, features).argmax()] / MAX_SPEED).astype(np.float32)
 
 
-def load(path: Path) -> Weights:
-    """Returns the weights in a file. This runs no code from the file.
-
-    Raises:
-        OSError: If the file cannot be read.
-        ValueError: If it does not hold arrays of numbers.
-    """
-    with np.load(path, allow_pickle=False) as file:
-        return dict(file)
-
-
 @functools.cache
 def _trained() -> Weights:
-    return load(POLICY)
+    return load_weights(POLICY)
 
 
 def act(observation: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -282,9 +271,7 @@ def measure(output: Path, policy: Path) -> dict[str, Any]:
         values.append(some[1])
         weights |= fit(np.concatenate(features), np.concatenate(values), seed)
         found["rounds"].append({"candidates": sum(map(len, values)), **evaluate(weights, SEED)})
-        with replacing(policy) as temporary, temporary.open("wb") as file:
-            arrays: dict[str, Any] = weights
-            np.savez(file, **arrays)
+        save_weights(policy, weights)
         write_json(output, found)
     return found
 
@@ -295,7 +282,7 @@ def blocks(found: dict[str, Any]) -> dict[str, str]:
     for number, one in enumerate(found["rounds"]):
         share = success_rate(one["successes"], found["episodes"])
         rows.append((str(number + 1), f"{one['candidates']:,}", share, f"{one['ms_per_decision']:.1f} ms"))
-    head = ("round", "candidates up to now", "success", "decision")
+    head = ("round", "candidates so far", "success", "decision")
     return {"machine": machine_line(found["machine"]), "table": table(head, rows)}
 
 

@@ -1,9 +1,9 @@
 """Measures derivatives through a timestep: `python -m studies.gradient_timestep`.
 
-Automatic differentiation of a simulation with a timestep returns the derivative at constant timesteps of the contacts.
-A central difference so small that no contact moves to another timestep returns the same: here one over 2e-9 m/s. The
-command compares it, and one over 2e-3 m/s, with the exact derivative, for each treatment of overlaps and each timestep.
-Each shot has the same contacts with all of them.
+Automatic differentiation of a simulation with a timestep returns the derivative with each contact fixed at its
+timestep. A central difference so small that no contact moves to another timestep equals it: here one over 2e-9 m/s. The
+command compares this difference, and one over 2e-3 m/s, with the exact derivative, for each fix and each timestep. Each
+shot has the same contacts with all of them.
 
 The results are in `studies/results/gradient_timestep.json`, the pictures in `docs/images`. The command skips cells that
 have results there with the same settings, so it continues after an interruption.

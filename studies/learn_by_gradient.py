@@ -1,11 +1,12 @@
 """Measures a network that learns to pot a ball by the gradient of its shots: `python -m studies.learn_by_gradient`.
 
 The observation is that of `Billiards-v0`: the positions. For each pocket the network returns a point next to the
-object ball, at which the cue ball aims, and for each of some speeds the chance of success. The gradient of the shot
+object ball, at which the cue ball aims, and for each of several speeds the chance of success. The gradient of the shot
 teaches the point: the margin of the pot has a derivative by the action (see `billiards_env.torch.pot_margins`).
-Outcomes jump with the pocket and the speed, so these are sampled by their chances, which are learned from the outcomes
-(Suh et al. 2022 mix both). The mirror symmetry of the table makes one corner of four, and one side of two. The shots of
-the last batches are used again, with margins that are linear in the action, while the action is near.
+Outcomes jump with the pocket and the speed, so these are sampled by their chances, and the network learns the chances
+from the outcomes (Suh et al. 2022 combine gradients and samples). The table is symmetric, so the four corner pockets
+share one output, and the two side pockets share another one. The shots of the last batches are used again as long as
+the action is near; their margins are then taken as linear in the action.
 
 The results are in `studies/results/learn_by_gradient.json`. The command skips runs that have results there. It writes
 the weights of the first run to `POLICY`; `billiards bench studies.learn_by_gradient:act` plays them.
@@ -29,11 +30,11 @@ from tqdm import tqdm
 from benchmarks import machine_line, table
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import replacing, write_json
+from billiards_env.files import write_json
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.scene import Scene
 from billiards_env.torch import pot_margins
-from studies import RESULTS, parser_of, report, resumed
+from studies import RESULTS, load_weights, parser_of, report, resumed, save_weights
 
 OUTPUT = RESULTS / "learn_by_gradient.json"
 RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
@@ -105,7 +106,8 @@ class Network(nn.Module):
     def act(self, observations: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
         """Returns pockets (m,), speeds (m,) and actions (m, 2).
 
-        The pocket and the speed have the best chance or, with a share of random ones, are drawn by their odds.
+        If `explored` is 0, the pocket and the speed have the best chance. Otherwise they are drawn: this share of them
+        uniformly, the others by the softmax of their logits.
         """
         m, count = len(observations), len(self.signs)
         with torch.no_grad():
@@ -127,7 +129,7 @@ def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
 
 
 def loss_of(network: Network, played: Played) -> Tensor:
-    """Returns the loss of shots. Its gradient by an action is at most 1; that of an action far from the shot is 0."""
+    """Returns the loss of shots. Its gradient by an action has at most length 1, and is 0 far from the shot."""
     directions, logits = network(played.observations, played.pockets)
     actions = torch.tensor(SPEEDS)[played.speeds, None] * directions
     change = (actions - played.actions).detach()
@@ -154,12 +156,6 @@ def play(network: Network, envs: BilliardsVectorEnv) -> Played:
     return Played(observations, pockets, speeds, actions, margins, slopes, (margins > 0) & ~succeeded)
 
 
-def save(network: Network, path: Path) -> None:
-    """Writes the weights of a network, completely or not at all."""
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **{name: tensor.numpy() for name, tensor in network.state_dict().items()})
-
-
 def load(path: Path) -> Network:
     """Returns the network with the weights in a file. This runs no code from the file.
 
@@ -168,8 +164,7 @@ def load(path: Path) -> Network:
         RuntimeError, ValueError: If it does not hold the weights of the network.
     """
     network = Network(Scene.named("pool"))
-    with np.load(path, allow_pickle=False) as file:
-        network.load_state_dict({name: torch.from_numpy(file[name]) for name in file})
+    network.load_state_dict({name: torch.from_numpy(array) for name, array in load_weights(path).items()})
     return network
 
 
@@ -236,7 +231,7 @@ def measure(output: Path, policy: Path) -> dict[str, Any]:
                 runs[str(seed)], network = train(seed, shots, EPISODES)
                 write_json(output, found)
                 if first:
-                    save(network, policy)
+                    save_weights(policy, {name: tensor.numpy() for name, tensor in network.state_dict().items()})
     return found
 
 

@@ -1,6 +1,6 @@
-"""Measures PPO and SAC of Stable-Baselines3 as it comes, in `Billiards-v0`: `python -m studies.plain`.
+"""Measures PPO and SAC of Stable-Baselines3 with their default settings: `python -m studies.plain`.
 
-All hyper-parameters are the defaults of Stable-Baselines3, and the environment has its default arguments. The results
+All hyper-parameters are the defaults of Stable-Baselines3. `Billiards-v0` has its default arguments. The results
 are in `studies/results/plain.json`. The command skips runs that have results there, so it continues after an
 interruption.
 """

@@ -7,12 +7,12 @@
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
-* Levels: the levels of the planner, such as "planner:club", each in one-ball shots and in matches against the level
-  below it. The errors are those of the levels.
+* Levels: the levels of the planner, such as "planner:club", each at one ball and in matches against the level below it.
+  The errors are those of the levels.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
-each rack. The command continues after an interruption; with `--racks` it adds racks. A decision has a time limit, so
-the results depend on the machine.
+each rack. The command continues after an interruption. A larger number of `--racks` adds racks. A decision has a time
+limit, so the results depend on the machine.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
 FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
-"""A break from near a long cushion: of 1,600 random breaks, one of those that kept the turn most often on 60 racks that
-are not those of the study."""
+"""A break from near a long cushion. Of 1,600 random breaks it is one of those that kept the turn most often on 60 racks
+that are not those of the study."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
@@ -244,7 +244,7 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
 
 @functools.cache
 def _compile(experiment: str) -> None:
-    """Plays a rack, because the decision in which kernels are compiled has no time left."""
+    """Plays a rack, because compilation uses up the time of a decision."""
     if experiment != "levels":  # their budgets are numbers of shots
         player = "random" if experiment == "matches" else "planner:1500"
         EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
@@ -274,13 +274,13 @@ def times(layouts: int = 40) -> dict[str, float]:
 
 
 _HEADS = {
-    "run-outs": ("racks", "run-outs", "turn kept after the break", "nine on the break", "strokes", "expected pot"),
+    "run-outs": ("racks", "run-outs", "turn kept after the break", "won on the break", "strokes", "expected success"),
     "matches": ("racks", "racks won by the planner", "strokes"),
     "one ball": ("shots", "pots"),
     "levels": ("racks", "racks won against the level below", "strokes"),
     "turns": ("turns", "mean points", "most points", "strokes"),
 }
-_AIM, _POTS = 0.08, 7  # share of racks that is aimed at under the largest errors, and shots after a break
+_AIM, _POTS = 0.08, 7  # an example of a share of run-outs under the largest errors, and the shots after a break
 _RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 
@@ -311,9 +311,9 @@ def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> s
         return ""
     need, expected = (_AIM / kept) ** (1 / _POTS), float(np.mean(chances))
     return (
-        f"With errors of {noise} the break keeps the turn in {kept:.0%} of the racks. To win {_AIM:.0%} of the "
-        f"racks, each of the {_POTS} shots after it has to succeed with {need:.0%}. The planner expects "
-        f"{expected:.0%} for a shot."
+        f"With errors of {noise} the break keeps the turn in {kept:.0%} of the racks. To run out {_AIM:.0%} of the "
+        f"racks, each of {_POTS} shots after the break would have to succeed with a probability of {need:.0%}. The "
+        f"planner expects {expected:.0%} on average."
     )
 
 

@@ -7,6 +7,7 @@ text outside of the markers does not change. `--check` writes nothing and fails 
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import sys
@@ -14,83 +15,61 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks import (
-    accuracy_report,
-    aim,
-    calibration,
-    comparison,
-    differentiable,
-    error_limit,
-    examples,
-    gradients,
-    speed,
-    start_up,
-    stress,
-    validation,
-    vector,
-)
 from billiards_env.files import write_whole
-from release import dist
-from studies import (
-    distil,
-    errors_in_one_line,
-    gradient_timestep,
-    leaderboard,
-    learn_by_gradient,
-    parser_of,
-    plain,
-    planner,
-    positions,
-    pot_chances,
-    recipes,
-    tasks,
-    timestep_report,
-)
+from studies import errors_in_one_line, parser_of
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", ROOT / "paper" / "paper.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 
-# By the name of the results: the command, and the function that makes the blocks.
-SOURCES: dict[str, tuple[str, Callable[[dict[str, Any]], dict[str, str]]]] = {
-    "accuracy": ("benchmarks.accuracy", accuracy_report.blocks),
-    "aim": ("benchmarks.aim", aim.blocks),
-    "calibration": ("benchmarks.calibration", calibration.blocks),
-    "comparison": ("benchmarks.comparison", comparison.blocks),
-    "differentiable": ("benchmarks.differentiable", differentiable.blocks),
-    "dist": ("release.dist", dist.blocks),
-    "distil": ("studies.distil", distil.blocks),
-    "examples": ("benchmarks.examples", examples.blocks),
-    "english": ("studies.recipes configs/english.yaml", recipes.blocks),
-    "error_limit": ("benchmarks.error_limit", error_limit.blocks),
-    "gradient_timestep": ("studies.gradient_timestep", gradient_timestep.blocks),
-    "gradients": ("benchmarks.gradients", gradients.blocks),
-    "leaderboard": ("studies.leaderboard", leaderboard.blocks),
-    "learn_by_gradient": ("studies.learn_by_gradient", learn_by_gradient.blocks),
-    "plain": ("studies.plain", plain.blocks),
-    "planner": ("studies.planner", planner.blocks),
-    "pot_chances": ("studies.pot_chances", pot_chances.blocks),
-    "positions": ("studies.positions", positions.blocks),
-    "prior_knowledge": ("studies.recipes configs/prior_knowledge.yaml", recipes.blocks),
-    "prior_knowledge_long": ("studies.recipes configs/prior_knowledge_long.yaml", recipes.blocks),
-    "ratings": ("studies.recipes configs/ratings.yaml", recipes.blocks),
-    "recipes": ("studies.recipes", recipes.blocks),
-    "speed": ("benchmarks.speed", speed.blocks),
-    "start_up": ("benchmarks.start_up", start_up.blocks),
-    "stress": ("benchmarks.stress", stress.blocks),
-    "tasks": ("studies.tasks", tasks.blocks),
-    "timestep": ("studies.timestep", timestep_report.blocks),
-    "validation": ("benchmarks.validation", validation.blocks),
-    "vector": ("benchmarks.vector", vector.blocks),
+SOURCES = {
+    re.split("[./]", command.removesuffix(".yaml"))[-1]: command
+    for command in (
+        "benchmarks.accuracy",
+        "benchmarks.aim",
+        "benchmarks.calibration",
+        "benchmarks.comparison",
+        "benchmarks.differentiable",
+        "benchmarks.error_limit",
+        "benchmarks.examples",
+        "benchmarks.gradients",
+        "benchmarks.speed",
+        "benchmarks.start_up",
+        "benchmarks.stress",
+        "benchmarks.validation",
+        "benchmarks.vector",
+        "release.dist",
+        "studies.distil",
+        "studies.gradient_timestep",
+        "studies.leaderboard",
+        "studies.learn_by_gradient",
+        "studies.plain",
+        "studies.planner",
+        "studies.positions",
+        "studies.pot_chances",
+        "studies.recipes",
+        "studies.recipes configs/english.yaml",
+        "studies.recipes configs/prior_knowledge.yaml",
+        "studies.recipes configs/prior_knowledge_long.yaml",
+        "studies.recipes configs/ratings.yaml",
+        "studies.tasks",
+        "studies.timestep",
+    )
 }
+"""The commands whose results the pages show, by the name of the results."""
 
 _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
 
 
 def results(source: str, root: Path = ROOT) -> Path:
     """Returns the file of the results of a source, in the package of its command; `bench` reads that of "tasks"."""
-    package = "billiards_env" if source == "tasks" else SOURCES[source][0].partition(".")[0]
+    package = "billiards_env" if source == "tasks" else SOURCES[source].partition(".")[0]
     return root / package / "results" / f"{source}.json"
+
+
+def blocks_of(source: str) -> Callable[[dict[str, Any]], dict[str, str]]:
+    """Returns the function that makes the blocks of a source."""
+    return importlib.import_module(SOURCES[source].partition(" ")[0]).blocks
 
 
 def block(source: str, name: str, root: Path = ROOT) -> str:
@@ -101,11 +80,10 @@ def block(source: str, name: str, root: Path = ROOT) -> str:
     """
     if source not in SOURCES:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(SOURCES)}")
-    command, blocks = SOURCES[source]
     path = results(source, root)
     if not path.exists():
-        return f"*Not measured yet: `python -m {command}`.*"
-    found = blocks(json.loads(path.read_text(encoding="utf-8")))
+        return f"*Not measured yet: `python -m {SOURCES[source]}`.*"
+    found = blocks_of(source)(json.loads(path.read_text(encoding="utf-8")))
     if name not in found:
         raise ValueError(f"<!-- {source}: {name} -->: expected one of {', '.join(found)}")
     return found[name]

@@ -217,7 +217,7 @@ def row(result: Mapping[str, Any]) -> tuple[str, ...]:
     runs, rates = result["runs"], _rates(result)
     return (
         result["recipe"],
-        f"{result['config']['timesteps'] / 1e6:.1f}",
+        f"{result['config']['timesteps'] / 1e6:g}",
         f"{_seconds(result) / 60:.1f}",
         ", ".join(f"{rate:.1%}" for rate in rates),
         as_percent(over_seeds(rates)),

@@ -31,12 +31,12 @@ from agents.train import versions
 from benchmarks import IMAGES, machine
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.evaluation import evaluation_seeds, play_together
-from billiards_env.files import replacing, write_json
+from billiards_env.files import write_json
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate_batch
 from examples import ppo
-from studies import RESULTS, errors_in_one_line, parser_of_runs, timestep_report
-from studies.timestep_report import GROUPS
+from studies import RESULTS, errors_in_one_line, load_weights, parser_of_runs, save_weights, timestep_report
+from studies.timestep_report import GROUPS, blocks
 
 Floats = NDArray[np.float64]
 Weights = dict[str, NDArray[np.float16]]
@@ -343,17 +343,6 @@ def places(folder: Path | None) -> Places:
     return Places(folder / "timestep.json", folder / "policies", folder)
 
 
-def load_weights(policies: Path, name: str) -> Weights:
-    """Returns the weights of a run.
-
-    Raises:
-        OSError: If there is no file of the run.
-        ValueError: If the file is damaged.
-    """
-    with np.load(policies / f"{name}.npz", allow_pickle=False) as file:
-        return dict(file)
-
-
 @contextlib.contextmanager
 def workers(jobs: int, address: str | None) -> Iterator[Executor]:
     """Yields processes of this machine, or the nodes of a Ray cluster."""
@@ -391,14 +380,13 @@ def measure(where: Places, jobs: int, address: str | None, layouts: int) -> dict
         tqdm(total=sum(map(len, PARTS.values())), initial=len(found["runs"]), unit="run", smoothing=0) as bar,
     ):
         for part, runs in missing.items():
-            starts = [None if run.start is None else load_weights(where.policies, run.start) for run in runs]
+            starts = [None if run.start is None else load_weights(where.policies / f"{run.start}.npz") for run in runs]
             futures = [pool.submit(train, run, start, layouts) for run, start in zip(runs, starts, strict=True)]
             for future in as_completed(futures):
                 result, weights = future.result()
                 name = runs[futures.index(future)].name
                 if part in SAVED:
-                    with replacing(where.policies / f"{name}.npz") as file:
-                        np.savez_compressed(file, **weights)  # pyright: ignore[reportArgumentType]
+                    save_weights(where.policies / f"{name}.npz", weights)
                 found["runs"][name] = result
                 write_json(where.results, found)
                 bar.update()
@@ -421,7 +409,7 @@ def main(arguments: list[str] | None = None) -> None:
     with errors_in_one_line():
         result = measure(where, args.jobs, args.address, LAYOUTS)
         timestep_report.draw(result, where.images)
-    print("\n\n".join(timestep_report.blocks(result).values()))
+    print("\n\n".join(blocks(result).values()))
     print(f"\nin {where.results}; pictures in {where.images}")
 
 

@@ -21,14 +21,13 @@ from billiards_env.files import check_path, write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
 from examples import ppo
-from studies import errors_in_one_line, parser_of
+from studies import errors_in_one_line, load_weights, parser_of
 from studies.timestep import (
     LAYOUT_SEED,
     SEEDS,
     WORLDS,
     Run,
     direct_pots,
-    load_weights,
     make_worlds,
     places,
     play,
@@ -59,7 +58,7 @@ def make_page(policies: Path) -> str:
     positions, env = envs["exact"].positions, envs["exact"].single_env
     actions, potted = {}, {}
     for world, arguments in WORLDS.items():
-        weights = load_weights(policies, Run("main", world, SEEDS[0], [arguments]).name)
+        weights = load_weights(policies / f"{Run('main', world, SEEDS[0], [arguments]).name}.npz")
         actions[world] = shots_of(policy_of(weights, ppo.arguments([])), observations)
         potted[world] = play(actions[world], positions, {"own": envs[world], "exact": envs["exact"]})
     telling = potted["exact"]["exact"] & potted[COARSE]["own"] & ~potted[COARSE]["exact"]

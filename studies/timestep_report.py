@@ -142,7 +142,7 @@ def _main(result: Result, main: Mapping[str, list[dict[str, Any]]], exact: Float
             )
         )
     head = ("trained in", "success in its own world", "success in the exact world", "difference from exact training")
-    return table((*head, "probability to beat exact training", "false successes", "fastest training"), rows)
+    return table((*head, "probability of beating exact training", "false successes", "fastest training"), rows)
 
 
 def _aim(main: Mapping[str, list[dict[str, Any]]], group: str) -> str:

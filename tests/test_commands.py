@@ -120,7 +120,7 @@ def test_a_command_runs(command, tmp_path, monkeypatch, capsys):
     if "--output" in written:
         result = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
         printed = capsys.readouterr().out
-        assert all(block in printed for block in readme.SOURCES[name][1](result).values())
+        assert all(block in printed for block in readme.blocks_of(name)(result).values())
     assert {path: path.stat().st_mtime_ns for path in committed} == committed
 
 

@@ -42,9 +42,10 @@ class _Locator(UserProvidedCacheLocator):
 
 
 class _Cache(FunctionCache):
-    """The files with the machine code of a function. They save all later processes the first compile, 18 s.
+    """The files with the machine code of a function. They save all later processes the first compile.
 
-    The code of the user's cache comes first, because it is for this CPU, and then that of the package.
+    `benchmarks.start_up` measures both. The code of the user's cache comes first, because it is for this CPU, and then
+    that of the package.
     """
 
     _impl_class = type("_Files", (CompileResultCacheImpl,), {"_locator_classes": (_Locator,)})
@@ -110,7 +111,7 @@ def kernel(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compiles a `kernel` that is inlined in its callers. Without inlining a shot takes 1.3 to 2.2 times as long.
+    """Compiles a `kernel` that is inlined in its callers. Without inlining a shot takes 1.3 to 2.6 times as long.
 
     This is for small functions, and for large functions with one caller, because each call has its own copy.
     """

@@ -29,11 +29,11 @@ PLACES = 24
 _CANDIDATES = 120, 4000  # their least and largest number
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
-_LEAST_SHARE = 0.02  # of a pot with tolerance 0, over that of a sure pot
-_PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each way over another body and ball
-_MANY = 8  # balls to pot with which no banks are looked for
-_SURE = 0.9  # share of a pot with which pots over another body are not looked for
-_TURN = 0.2  # random turn of a pot over its tolerance
+_LEAST_SHARE = 0.02  # share of a pot with tolerance 0, over that of a sure pot
+_PER_TIP, _PER_WAY = 3, 4  # candidates for each tip and legal ball, and for each indirect pot and ball on the table
+_MANY = 8  # with more legal balls there are no banks
+_SURE = 0.9  # with a pot of at least this share there are no indirect pots
+_TURN = 0.2  # standard deviation of the random turn of a pot, over its tolerance
 _BREAKS = 3.8, 5.6  # m/s; speeds of a break: faster ones depend more on the errors
 
 
@@ -76,8 +76,8 @@ def candidates(
 ) -> Shots:
     """Returns candidates in random order, about `most`.
 
-    With a small budget there are at least `_CANDIDATES[0]`, but no pots over another body, which would take the place of
-    direct pots.
+    With a small budget there are at least `_CANDIDATES[0]`, but no indirect pots, which would take the place of direct
+    pots.
     """
     count = int(np.clip(most, *_CANDIDATES))
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
@@ -123,7 +123,7 @@ class _Pots(NamedTuple):
 def _pots(
     setup: Setup, game: GameState, places: Floats, max_speed: float, error: float, tips: Tips, most: int
 ) -> _Pots | None:
-    """Returns the pots of the legal balls, at most `most` of them over another body; None if there are none."""
+    """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n = game.state, len(game.positions)
     targets = np.isin(np.arange(n), sorted(setup.game_rules.legal(state, state.player)))
     potted = np.broadcast_to(~np.isin(np.arange(n), sorted(state.on_table)), (len(places), n))

@@ -1,9 +1,9 @@
 """The probability of a pot under execution noise, to first order: one simulation of a shot instead of many samples.
 
 After the last contact of the object ball, its state changes in proportion to the errors of the stroke, to first order.
-From there its path without other balls decides whether it drops. The cue ball drops if the margin of a pocket (see
-`shots.gradients.Margins`) becomes positive, to first order. The probability is that of the errors for which the object
-ball drops and the cue ball does not.
+From there its path without other balls decides whether it drops. To first order, the cue ball drops if the margin of a
+pocket (see `shots.gradients.Margins`) becomes positive. The result is the probability of the errors for which the
+object ball drops and the cue ball does not.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 _DIRECTIONS, _SPEEDS = 96, 5  # errors of the direction, equally probable, and of the speed
 _CUSHIONS = 4  # the object ball drops before it has met this number of cushions, or not at all
-_AFTER = 1e-9  # s after a contact, at which the change of the state is that after the contact
+_AFTER = 1e-9  # s after a contact, when the change of the state includes that of the contact
 
 
 def pot_chances(

@@ -1,13 +1,13 @@
-"""Finds pots over another body by geometry: combinations, caroms and kicks.
+"""Finds indirect pots by geometry: combinations, caroms and kicks.
 
 * Combination: the cue ball hits a legal ball, which hits a second ball into a pocket.
 * Carom: the cue ball glances off a legal ball and then hits a second ball into a pocket, or a legal ball glances off a
   second ball into a pocket.
 * Kick: the cue ball meets one cushion, and then a legal ball, with or without a pot.
 
-The first aim ignores friction between balls, and a cushion reflects like a mirror: a ball that glances off another one
-follows the tangent at their contact. A few Newton steps on the margin of the shot (`shots.gradients.Margins`) correct
-the direction for each speed.
+The first aim ignores friction: a ball that glances off another one follows the tangent at their contact, and a cushion
+reflects like a mirror. A few Newton steps on the margin of the shot (`shots.gradients.Margins`) correct the direction
+for each speed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _WIDER = 2.0  # largest tolerance after the correction over that before
 
 
 class Ways(NamedTuple):
-    """k shots at pots over another body.
+    """k indirect pots, and kicks without a pot.
 
     Attributes:
         target: (k, 2) the ball to pot and the pocket, -1 for a kick without a pot.
@@ -80,7 +80,7 @@ def find_indirect(setup: Setup, game: GameState, targets: Ints, max_speed: float
         game: Its state, with the cue ball in its place.
         targets: The balls that may be potted.
         max_speed: Speed of the fastest shot, m/s.
-        most: Their largest number, at most `MOST`.
+        most: The largest number of ways, at most `MOST`.
     """
     state, positions = game.state, game.positions
     on_table = np.array(sorted(state.object_balls))

@@ -73,14 +73,14 @@ def level_of(argument: str) -> Level:
 
 
 def expected(noise: Noise, level: Level) -> Noise:
-    """Returns the standard deviations of the noise of the environment and the errors of a level together."""
+    """Returns the standard deviations of the sum of the noise of the environment and the errors of a level."""
     return math.hypot(noise[0], level.noise[0]), math.hypot(noise[1], level.noise[1])
 
 
 def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:
     """Returns a stroke with random errors of the direction, degrees, and of the speed, m/s.
 
-    A stroke without a speed, which hands the shot back, stays as it is.
+    A stroke with speed 0, which hands the shot back, does not change.
     """
     if not any(noise) or not any(stroke.velocity):
         return stroke

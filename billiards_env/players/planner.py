@@ -2,14 +2,14 @@
 
 A decision takes the given processor time on one core, and a break takes four times as long. It has three parts:
 
-* Candidates: pots by geometry (direct, off one cushion and over another body) from each place of the cue ball, with
-  several speeds and offsets of the tip, and random shots.
+* Candidates: pots by geometry (direct, off one cushion, and indirect) from each place of the cue ball, with several
+  speeds and offsets of the tip, and random shots.
 * Selection: each candidate is simulated without errors, and those with the lowest values are dropped. The others are
   simulated with random errors of direction and speed, and the worse half is dropped, until a few are left (sequential
   halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
-  corrected by the mean error of their better outcomes, join them.
-* Values: the value of an outcome is the probability of a win from there, or the expected lead in points. It depends on
-  the success of the easiest pot of the player who shoots next.
+  corrected by the mean error of their better outcomes, replace some of the others.
+* Values: the value of an outcome is an estimate, from -1 for a lost game to 1 for a won game, or the expected lead in
+  points. It depends on the success of the easiest pot of the player who shoots next.
 
 The size of the errors is an argument. The error of the shot that is played is drawn later.
 """
@@ -40,9 +40,9 @@ NOISE = (0.057, 0.02)
 """The errors that a player expects if none are given: standard deviations of direction, degrees, and speed, m/s."""
 
 FINALISTS = 4
-"""The planner samples this many candidates to the end."""
+"""The number of candidates that are left at the end of the selection."""
 
-_SHOTS_PER_CANDIDATE = 12
+_SHOTS_PER_CANDIDATE = 12  # budget over the number of first candidates
 _CHUNK = 20, 100  # least and largest number of shots without errors between two readings of the clock
 _RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
@@ -58,9 +58,9 @@ class Plan(NamedTuple):
         value: The mean value of its noisy outcomes, from -1 for a lost game to 1 for a won game. In a game that is won
             by points it is the expected lead.
         probability: The share of its noisy outcomes that win the game or continue the turn.
-        ball: The ball of the pot that it plans; -1 if it was drawn at random.
+        ball: The ball that it plans to pot, or -1.
         pocket: The pocket of this pot, or -1.
-        leave: (n, 2) m: the balls after the shot without errors.
+        leave: (n, 2) m: the positions of the balls after the shot without errors.
         samples: The number of noisy outcomes.
         alternatives: Other shots, the best first; they have no alternatives.
     """
@@ -122,7 +122,7 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """The number of shots that can still be simulated, from the time that the shots up to now have taken."""
+        """The number of shots that can still be simulated, estimated from the time of the shots so far."""
         if math.isinf(self._seconds):
             return self._shots - self.used
         taken = time.thread_time() - self._begin
@@ -211,7 +211,7 @@ def plan(
         if rounds == 1 or budget.left < len(order):
             break
         order = order[: max(FINALISTS, len(order) // 2)]
-        # The worse half of these become copies of the better half, with the mean error of the better outcomes.
+        # Copies of the better half, with the mean error of its better outcomes, replace the worse half.
         half = len(order) // 2 if rounds > 2 else 0
         copied, order = order[:half], order[: len(order) - half]
         velocities, spins = with_errors(alive.velocities[copied], alive.spins[copied], shifts[copied], max_speed)
@@ -282,7 +282,7 @@ class _Search(NamedTuple):
 
 
 def _without_errors(search: _Search, every: Shots) -> Floats:
-    """Returns the values of the first candidates without errors; the calls of random shots are the pots that happen."""
+    """Returns the values of the first candidates without errors, and sets the calls of random shots to their pots."""
     setup, game, budget, exact = search.setup, search.game, search.budget, np.empty(0)
     while len(exact) < len(every.velocities) and not (len(exact) and budget.left < 2 * budget.used):
         chunk = int(np.clip(0.1 * budget.left, *_CHUNK))
@@ -298,7 +298,7 @@ def _sample(search: _Search, shots: Shots, samples: int) -> tuple[Sums, Floats]:
     """Simulates each of k candidates `samples` times with errors, fewer if the budget ends.
 
     Returns:
-        The sums, and (k, 2) the mean error of the outcomes that are better than the mean of a candidate.
+        The sums, and (k, 2) the weighted mean error of the outcomes that are better than the mean of their candidate.
     """
     setup, game, budget, k = search.setup, search.game, search.budget, len(shots.velocities)
     errors = _errors(k, samples, search.noise, search.rng)

@@ -1,4 +1,4 @@
-"""The value of the outcomes of shots: the probability of a win from there, or the expected lead in points."""
+"""The value of the outcomes of shots: from -1 for a lost game to 1 for a won game, or the expected lead in points."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
-_WITHOUT = 0.4  # probability to win for a player without a pot, who plays safe
+_WITHOUT = 0.4  # probability of a win for a player without a pot, who plays safe
 _SCRATCH = 0.5  # factor for the ease of a pot that, by geometry, scratches at every speed
 _FLOOR = math.radians(0.03)  # error of a leave's pot in addition to the noise
 _EASY = 0.02  # rad; tolerance of the first pot with the ball in hand
-_POTS = 3  # pots of a leave that count
+_POTS = 3  # pots that are found in a leave; the two easiest count
 _NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
 _LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
@@ -45,7 +45,7 @@ class Values:
         self._usual = 0.3 + 0.7 * float(success(np.array(_LENGTH), error))
 
     def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
-        """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) are those that are push outs.
+        """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) marks the push outs.
 
         After a push out the opponent chooses who plays the next shot.
         """

@@ -397,8 +397,8 @@ def _lines(
     """Returns the inputs about the straight lines of a rolling ball between cushions, and their end (c, 2).
 
     After a cushion the ball keeps a share of its speed across the cushion and another share along it. Both are linear
-    in the sine of the angle between the path and the cushion. The shares that the ball has once it rolls again are a
-    fit to the cushions of the scene "pool".
+    in the sine of the angle between the path and the cushion. The shares once the ball rolls again are a fit to the
+    cushions of the scene "pool".
 
     Args:
         place: (c, 2) m, where the ball begins to roll.
@@ -431,7 +431,10 @@ def _lines(
 
 
 def _seen(way: Tensor, ahead: Tensor) -> tuple[Tensor, ...]:
-    """Returns a point as seen along a line: the cosine and sine of its angle, and its distance from the line."""
+    """Returns inputs about a point: the cosine and sine of its angle to a line, and its distances.
+
+    The distances are that from the start of the line, and that from the line itself on two scales.
+    """
     distance, aside = _length(way), _cross(ahead, way)
     return _dot(ahead, way) / distance, aside / distance, distance, _squashed(aside, 0.05), _squashed(aside, 0.2)
 

@@ -1,4 +1,4 @@
-"""Pots over another body by geometry: combinations, caroms and kicks that the engine confirms."""
+"""Indirect pots by geometry: combinations, caroms and kicks that the engine confirms."""
 
 import numpy as np
 import pytest

@@ -56,7 +56,7 @@ def test_the_command_trains_and_the_policy_plays(tmp_path, monkeypatch, capsys):
     assert len(found["rounds"]) == 2
     assert found["rounds"][0]["candidates"] < found["rounds"][1]["candidates"]
     assert distil.blocks(found)["table"] in capsys.readouterr().out
-    assert distil.evaluate(distil.load(policy), 3)["ms_per_decision"] < 50
+    assert distil.evaluate(distil.load_weights(policy), 3)["ms_per_decision"] < 50
 
 
 def test_the_policy_in_the_repository_runs_racks_out():
@@ -69,4 +69,4 @@ def test_the_policy_in_the_repository_runs_racks_out():
 def test_a_file_of_weights_runs_no_code(tmp_path):
     np.savez(tmp_path / "bad.npz", w0=np.array([print], object))
     with pytest.raises(ValueError, match="allow_pickle=False"):
-        distil.load(tmp_path / "bad.npz")
+        distil.load_weights(tmp_path / "bad.npz")

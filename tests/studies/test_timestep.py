@@ -109,7 +109,7 @@ def test_runs_with_results_are_not_trained_again(study, monkeypatch, capsys):
 def test_the_committed_weights_play_as_measured(study):
     folder, found = study
     args = timestep.ppo.arguments(TINY.split())
-    policy = timestep.policy_of(timestep.load_weights(folder / "policies", "main_1-60_5"), args)
+    policy = timestep.policy_of(timestep.load_weights(folder / "policies" / "main_1-60_5.npz"), args)
     envs: Any = gym.make_vec(timestep.ppo.ENV_ID, num_envs=200, **timestep.WORLDS["1/60"])
     seed = timestep.LAYOUT_SEED
     assert timestep.ppo.success(policy, envs, seed) == found["runs"]["main_1-60_5"]["own"] / 200
