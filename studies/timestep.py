@@ -73,7 +73,7 @@ GAMES: dict[str, tuple[dict[str, Any], str]] = {
 }
 """Other games, by the name of the part: arguments of `gym.make`, and options of `examples/ppo.py`."""
 
-WORLDS_OF_GAMES = ("exact", "1/240", "1/60")
+WORLDS_OF_GAMES = ("exact", "1/240", "1/60", "1/15")
 
 LAYOUTS, LAYOUT_SEED = 10_000, 20_261
 
