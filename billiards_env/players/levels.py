@@ -1,7 +1,7 @@
 """Levels of the player "planner", such as "planner:club".
 
-The strokes of a level have random errors, and the planner expects errors of this size. The budget of a level is a
-number of simulated shots, so games with the same seed are the same.
+The strokes of a level have random errors. The planner expects errors of this size, but at most `EXPECTED`. The budget
+of a level is a number of simulated shots, so games with the same seed are the same.
 
 Example:
     >>> level_of("club").noise, level_of("100ms")
@@ -40,6 +40,10 @@ LEVELS = {
 }
 """The levels by name, weakest first."""
 
+EXPECTED = (0.2, 0.1)
+"""The largest errors of its own that a level plans for, degrees and m/s. With larger ones it would play safe for
+hundreds of strokes instead of trying to pot a ball."""
+
 
 class LevelPlayer(NamedTuple):
     """A player of games whose strokes have errors.
@@ -73,8 +77,10 @@ def level_of(argument: str) -> Level:
 
 
 def expected(noise: Noise, level: Level) -> Noise:
-    """Returns the standard deviations of the sum of the noise of the environment and the errors of a level."""
-    return math.hypot(noise[0], level.noise[0]), math.hypot(noise[1], level.noise[1])
+    """Returns the standard deviations that a level plans for, from the noise of the environment and its own errors."""
+    own = map(min, level.noise, EXPECTED)
+    degrees, speed = map(math.hypot, noise, own)
+    return degrees, speed
 
 
 def with_noise(stroke: Stroke, noise: Noise, max_speed: float, rng: np.random.Generator) -> Stroke:

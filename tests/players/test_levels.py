@@ -10,14 +10,15 @@ from billiards_env.evaluation import find_player as find_env_player
 from billiards_env.evaluation import measure
 from billiards_env.games import Stroke, custom_opening
 from billiards_env.players.game_player import find_player
-from billiards_env.players.levels import LEVELS, expected, level_of, with_noise
+from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise
 from tests.helpers.games import setup
 
 RNG = np.random.default_rng
 
 
 def test_stronger_levels_pot_more_balls():
-    pots = [measure(f"planner:{level}", {}, (0.0, 0.0), 60, 1)["success_rate"] for level in ("beginner", "club", "pro")]
+    levels = ("beginner", "league", "pro")
+    pots = [measure(f"planner:{level}", {}, (0.0, 0.0), 60, 1)["success_rate"] for level in levels]
     assert pots[0] < pots[1] < pots[2]
 
 
@@ -44,6 +45,7 @@ def test_a_game_and_an_environment_accept_a_level():
 
 
 def test_a_planner_expects_the_errors_of_its_level_and_of_the_game():
-    assert expected((0.4, 0.0), level_of("league")) == pytest.approx((0.4 * 2**0.5, 0.1))
+    assert expected((0.1, 0.0), level_of("pro")) == pytest.approx((0.1 * 2**0.5, 0.05))
+    assert expected((0.0, 0.0), level_of("beginner")) == EXPECTED
     with pytest.raises(ValueError, match=r"a number of shots, or a level: 'beginner', 'club', 'league', 'pro'"):
         level_of("clubs")
