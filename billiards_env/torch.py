@@ -109,7 +109,7 @@ def pot_margins(env: Any, positions: Tensor, actions: Tensor, threads: int | Non
     subtracted from the margin of the resting ball. It is continuous where the cue ball begins to touch the ball.
 
     Args:
-        env: A `Billiards-v0` with `action="velocity"`, or a vector of such environments.
+        env: The environment `Billiards-v0` with `action="velocity"`, or a vector environment with the same arguments.
         positions: (m, n, 2) positions of the balls, m, such as `env.positions`.
         actions: (m, 2) actions. One that is longer than 1 is scaled to length 1.
         threads: As in `simulate`.
