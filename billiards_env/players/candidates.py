@@ -131,7 +131,7 @@ def _pots(
     positions[:, state.cue_balls[0]] = places
     if not setup.game_rules.pockets:
         return None
-    tables = Tables(setup.scene, targets, positions, np.ascontiguousarray(potted), max_speed, state.cue_balls[0])
+    tables = Tables(setup.scene, targets, positions, potted, max_speed, state.cue_balls[0])
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         pots = find_pots(tables, most=12, offset=offset, banks=None if many else tip == 0)

@@ -148,7 +148,8 @@ def find_pots(
         np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
-    fields = tables.cue, tables.positions, tables.off_table, float(tables.max_speed), slip_ratio, spin_ratio
+    off_table = tables.off_table.copy()  # numba compiles a second time for a read-only array
+    fields = tables.cue, tables.positions, off_table, float(tables.max_speed), slip_ratio, spin_ratio
     write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True), tuple(pots))
     return pots
 

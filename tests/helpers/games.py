@@ -1,5 +1,7 @@
 """States and facts of games, made by hand."""
 
+import dataclasses
+
 import numpy as np
 
 from billiards_env import Scene
@@ -9,9 +11,12 @@ from billiards_env.shots.result import EVENT_DTYPE
 
 
 def setup(rules, balls=None, **kwargs):
-    """Returns the settings of a game in its usual scene, with the most or a given number of object balls."""
+    """Returns the settings of a game on its usual table, with the most or a given number of object balls."""
     game = RULES[rules]
-    return Setup(rules, **{"scene": Scene.named(game.scene, balls or game.n_object_balls[1]), **kwargs})
+    scene = Scene.named(game.scene, balls or game.n_object_balls[1])
+    if rules == "snooker":  # with the physics of "real_pool" it needs no other compiled code than the pool games
+        scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
+    return Setup(rules, **{"scene": scene, **kwargs})
 
 
 def events(*rows, times=None):

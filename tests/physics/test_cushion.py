@@ -423,8 +423,8 @@ def test_each_cushion_of_a_scene_has_its_own_law():
     ends = {}
     for name in scenes.CUSHIONS:
         # With this friction and table other tests compile the same engines.
-        friction = "frictional" if name in ("stronge", "mathavan2010") else "frictionless"
-        table = with_corners(Table()) if name == "mathavan2010" else Table()
+        rubs = name in ("stronge", "mathavan2010")
+        friction, table = ("frictional", with_corners(Table())) if rubs else ("frictionless", Table())
         scene = Scene(Balls.uniform(3), table, Physics(cushion=name, ball_ball=friction, mu_cushion=2.0))
         shot = simulate(scene, [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], [0.3, 1.5])
         assert shot.cushions[0] > 0

@@ -6,8 +6,10 @@ import json
 import numpy as np
 import pytest
 
+from billiards_env.games import Setup
 from studies import planner
 from studies.planner import CELLS, Cell, blocks, main
+from tests.helpers import games
 
 NOISE = (0.125, 0.075)
 TINY = (
@@ -25,10 +27,15 @@ TINY = (
 )
 
 
+def setup_with_compiled_physics(rules, scene, **kwargs):
+    return games.setup(rules, **kwargs) if rules == "snooker" else Setup(rules, scene, **kwargs)
+
+
 def test_each_experiment_is_measured_and_only_new_racks_are_played(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(planner, "CELLS", TINY)
     monkeypatch.setattr(planner, "PLANNER", "planner:60")
     monkeypatch.setattr(planner, "MAX_SHOTS", 4)
+    monkeypatch.setattr(planner, "Setup", setup_with_compiled_physics)
     output = tmp_path / "planner.json"
     monkeypatch.setattr(planner, "MAX_POINTS", 2)
     main(["--racks", "1", "--output", str(output), "--picture", str(tmp_path / "budget.svg")])
