@@ -41,9 +41,9 @@ RUNS = {1_000_000: (20, 21, 22), 5_000_000: (20,)}
 """The seeds of the trainings, by the number of shots."""
 POLICY = RESULTS / "policies" / "gradient.npz"
 EPISODES = 10_000
-BATCH, REPLAYS, MEMORY = 512, 4, 100
+BATCH, REPLAYS, MEMORY = 512, 8, 100
 LEARNING_RATE = 3e-3
-SPEEDS = (0.3, 0.45, 0.7)
+SPEEDS = (0.15, 0.25, 0.4, 0.6, 0.9)
 """The speeds of a shot, over the largest speed."""
 EXPLORED = 0.1
 """Share of the shots at a random pocket with a random speed."""
@@ -74,21 +74,23 @@ class Played(NamedTuple):
 
 
 class Network(nn.Module):
-    """Two networks: from the object ball to the points at which the cue ball aims, from the layout to the chances."""
+    """Two networks: from the object ball to the points to aim at, and from the layout and the aim to the chances."""
 
     signs: Tensor
     is_side: Tensor
     radius: Tensor
     half_extents: Tensor
+    ball_radius: Tensor
 
     def __init__(self, scene: Scene) -> None:
         super().__init__()
-        self.points, self.chances = _layers(2, 64, 4), _layers(8, 128, 2 * len(SPEEDS))
+        self.points, self.chances = _layers(2, 64, 4), _layers(11, 256, 2 * len(SPEEDS))
         places = torch.tensor([(pocket.x, pocket.y) for pocket in scene.table.pockets])
         self.register_buffer("signs", places.sign())
         self.register_buffer("is_side", (places[:, 0] == 0).long())
         self.register_buffer("radius", torch.tensor([pocket.radius for pocket in scene.table.pockets]))
         self.register_buffer("half_extents", torch.tensor(scene.half_extents))
+        self.register_buffer("ball_radius", torch.tensor(scene.balls.radius[0]))
 
     def forward(self, observations: Tensor, pockets: Tensor) -> tuple[Tensor, Tensor]:
         """Returns the directions (m, 2) and the logits (m, speeds) for observations (m, 4) and pockets (m,)."""
@@ -99,9 +101,11 @@ class Network(nn.Module):
         distance = to_ball.norm(dim=1, keepdim=True)
         row, side = torch.arange(len(pockets)), self.is_side[pockets]
         point = 0.1 * self.points(ball).reshape(-1, 2, 2)[row, side]
-        features = torch.cat((cue_ball, ball, to_ball / distance, distance, 1 / (distance + 0.1)), 1)
+        aims, line = nn.functional.normalize(to_ball + point, dim=1), to_ball / distance
+        aside = (to_ball[:, :1] * aims[:, 1:] - to_ball[:, 1:] * aims[:, :1]) / (2.0 * self.ball_radius)  # of the hit
+        features = torch.cat((cue_ball, ball, line, distance, 1 / (distance + 0.1), aims.detach(), aside.detach()), 1)
         logits = self.chances(features).reshape(len(pockets), 2, -1)[row, side]
-        return signs * nn.functional.normalize(to_ball + point, dim=1), logits
+        return signs * aims, logits
 
     def act(self, observations: Tensor, explored: float = 0.0) -> tuple[Tensor, Tensor, Tensor]:
         """Returns pockets (m,), speeds (m,) and actions (m, 2).

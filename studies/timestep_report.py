@@ -31,8 +31,8 @@ GROUPS = {
 }
 """The groups of shots in which the aim is measured: the unit and the edges. The speed is that at the hit."""
 
-GAMES = {"three_balls": "three balls, five shots", "carom": "carom"}
-"""The names of the other games in the table, by part."""
+GAMES = {"long": "one ball", "three_balls": "three balls, five shots", "carom": "carom"}
+"""The names of the games in the table of the longer training and of other games, by part."""
 
 Result = Mapping[str, Any]
 Floats = NDArray[np.float64]
@@ -121,7 +121,7 @@ def blocks(result: Result) -> dict[str, str]:
     if without := of_part(result, "ablation"):
         found["ablation"] = _ablation(result, without, main[EXACT])
     found["games"] = _games(result, {name: of_part(result, name) for name in GAMES})
-    found["seeds"] = _seeds(result, {"main": main[EXACT], **of_part(result, "long")})
+    found["seeds"] = _seeds(result, {"main": main[EXACT], "long": of_part(result, "long")[EXACT]})
     return found
 
 

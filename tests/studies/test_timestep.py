@@ -36,6 +36,7 @@ PARTS = {
     "main": [timestep.Run("main", world, seed, [env], TINY) for seed in (5, 6) for world, env in WORLDS.items()],
     "random": [timestep.Run("random", "random", 5, [WORLDS["1/60"], WORLDS["1/15"]], TINY)],
     "fine_tuning": [TUNED],
+    "long": [timestep.Run("long", world, 5, [WORLDS[world]], TINY) for world in ("exact", "1/60")],
     "carom": [
         timestep.Run("carom", world, 5, [{**timestep.GAMES["carom"][0], **env}], TINY + " --aim layout")
         for world, env in WORLDS.items()
