@@ -228,7 +228,11 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
         ValueError: If the file is not JSON.
     """
     found = resumed(output, {"seed": SEED, "max_speed": MAX_SPEED}, results={})
-    with tqdm(total=sum(math.ceil(racks * cell.share) for cell in CELLS), unit="rack") as bar:
+    numbers = [
+        len(found["results"].get(cell.experiment, {}).get(_name(cell.noise), {}).get(cell.player, [])) for cell in CELLS
+    ]
+    missing = [max(0, math.ceil(racks * cell.share) - n) for cell, n in zip(CELLS, numbers, strict=True)]
+    with tqdm(total=sum(missing), unit="rack") as bar:
         for rack, cell in itertools.product(range(racks), CELLS):
             experiment, noise, player, share = cell
             name = _name(noise)
