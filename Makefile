@@ -95,6 +95,7 @@ study: $(WORKS)  ## train policies with several timesteps and compare them (two 
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_page
 	$(WORK)/python -m studies.gradient_timestep
+	$(WORK)/python -m studies.learn_through_timestep
 	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little

@@ -5,6 +5,7 @@ Modules:
     timestep: Trains policies with several timesteps and compares them: `make study`.
     timestep_page: Writes the page with the shots of these policies.
     gradient_timestep: Compares derivatives through timesteps with exact ones.
+    learn_through_timestep: Trains networks by derivatives through timesteps.
     failures: The four failures of a timestep, as small scenes.
     plain: Measures PPO and SAC of Stable-Baselines3 with their default settings.
     learn_by_gradient: Trains a network by the gradient of its shots.

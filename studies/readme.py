@@ -43,6 +43,7 @@ SOURCES = {
         "studies.gradient_timestep",
         "studies.leaderboard",
         "studies.learn_by_gradient",
+        "studies.learn_through_timestep",
         "studies.plain",
         "studies.planner",
         "studies.positions",

@@ -54,6 +54,7 @@ TESTED = {
     "studies.gradient_timestep": "studies/test_gradient_timestep.py",
     "studies.leaderboard": "studies/test_leaderboard.py",
     "studies.learn_by_gradient": "studies/test_learn_by_gradient.py",
+    "studies.learn_through_timestep": "studies/test_learn_through_timestep.py",
     "studies.plain": "studies/test_plain.py",
     "studies.planner": "studies/test_planner.py",
     "studies.pot_chances": "studies/test_pot_chances.py",
