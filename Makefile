@@ -91,7 +91,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
-study: $(WORKS)  ## train policies with several timesteps and compare them (two hours on two cores; runs with results are not trained again)
+study: $(WORKS)  ## train policies with several timesteps and compare them (four hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_page
 	$(WORK)/python -m studies.gradient_timestep

@@ -104,7 +104,7 @@ def exact_derivatives(batch: BatchResult) -> Floats:
 
 
 def differences(shots: Shots, h: float, **engine: Any) -> Floats:
-    """Returns central differences over 2 h, m/s, in place of `exact_derivatives`."""
+    """Returns central differences with a change of `h`, m/s, in each direction, shaped as `exact_derivatives`."""
     changes = h * np.eye(2)
     ends = [shots.run(change, **engine).positions - shots.run(-change, **engine).positions for change in changes]
     return np.stack(ends, axis=-1) / (2.0 * h)

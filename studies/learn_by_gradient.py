@@ -74,7 +74,7 @@ class Played(NamedTuple):
 
 
 class Network(nn.Module):
-    """Two networks: from the object ball to the points to aim at, and from the layout and the aim to the chances."""
+    """Two networks: `points` maps the object ball to points to aim at, `chances` the layout and the aim to chances."""
 
     signs: Tensor
     is_side: Tensor
@@ -102,7 +102,7 @@ class Network(nn.Module):
         row, side = torch.arange(len(pockets)), self.is_side[pockets]
         point = 0.1 * self.points(ball).reshape(-1, 2, 2)[row, side]
         aims, line = nn.functional.normalize(to_ball + point, dim=1), to_ball / distance
-        aside = (to_ball[:, :1] * aims[:, 1:] - to_ball[:, 1:] * aims[:, :1]) / (2.0 * self.ball_radius)  # of the hit
+        aside = (to_ball[:, :1] * aims[:, 1:] - to_ball[:, 1:] * aims[:, :1]) / (2.0 * self.ball_radius)
         features = torch.cat((cue_ball, ball, line, distance, 1 / (distance + 0.1), aims.detach(), aside.detach()), 1)
         logits = self.chances(features).reshape(len(pockets), 2, -1)[row, side]
         return signs * aims, logits

@@ -3,7 +3,8 @@
 A pool table without pockets has a cue ball, an object ball and a goal at random places. The object ball must stop at
 the goal. A small network returns where to hit it and with which speed, and learns by the gradient of the squared
 distance from the goal. `studies.gradient_timestep` describes the derivatives. A *world* is an engine in which the shots
-are played. The gradient is the distance of this world times the derivative of the same world, or of another one.
+are played. The gradient is twice the vector from the goal to the ball in this world, times a derivative: that of
+this world, that of another world, or a difference over 2 mm/s.
 
 The results are in `studies/results/learn_through_timestep.json`. The command skips runs that have results there.
 """
@@ -49,17 +50,17 @@ RUNS = [
     ("exact", "push_apart 1/60 s"),
     *((world, OVER_JUMPS) for world in PUSHED[1:]),
 ]
-"""The world of a training, and the derivative: that of a world, or the difference over 2 mm/s of the own world."""
+"""The world of a training, and the derivative: that of a world, or the difference over 2 mm/s in this world."""
 
 SEEDS = (20, 21, 22, 23, 24)
 STEPS, BATCH, LAYOUTS = 300, 256, 2000
 LEARNING_RATE = 3e-3
 LONGEST = 1.0
-"""m s. The gradient of a shot by its velocity is shortened to this length."""
+"""m s. A longer gradient of a shot by its velocity is shortened to this length."""
 NEAR = 0.1
 """m, the largest distance from the goal that is a success."""
 LEAST, MOST = 0.2, 0.8
-"""m. Least distance of the balls and of the object ball from the goal, and the largest of the latter."""
+"""m. The smallest distance of two places, and the largest distance between the object ball and the goal."""
 STEEPEST = np.radians(50.0)
 """The largest cut angle."""
 
@@ -210,7 +211,8 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     shots = settings["steps"] * settings["batch"]
     return {
         "table": table(head, rows, left=2),
-        "size": f"{len(seconds)} runs of {shots:,} shots, {settings['layouts']:,} new layouts for each seed, "
+        "size": f"{len(seconds)} networks, trained with {shots:,} shots if at all, "
+        f"{settings['layouts']:,} new layouts for each seed, "
         f"{sum(seconds) / 60.0:.0f} minutes on one core",
     }
 

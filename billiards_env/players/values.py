@@ -59,7 +59,8 @@ class Values:
         mine = states["player"] == self._me
         sign = np.where(mine, 1.0, -1.0)
         legal = legal_balls(self._setup.rules, states, states["player"])
-        ease = self.ease(played, legal)
+        goes_on = mine & ~push_out
+        ease = self.ease(played, legal, goes_on if self._run_out else np.ones(len(states), bool))
         won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
         if self._setup.target is not None:
             following = self._setup.game_rules.sure_pot * ease * (mine if self._run_out else sign)
@@ -67,7 +68,7 @@ class Values:
             return points + np.where(verdicts["over"], 10.0 * won, following)
         left = self._left(states, legal)
         if self._run_out:
-            return np.where(verdicts["over"], won == 1.0, mine * ~push_out * ease * self._usual ** (left - 1.0))
+            return np.where(verdicts["over"], won == 1.0, goes_on * ease * self._usual ** (left - 1.0))
         chance = ease * (0.5 + 0.5 * self._usual ** (left - 1.0)) + (1.0 - ease) * _WITHOUT
         value = np.where(verdicts["over"], won, sign * (2.0 * chance - 1.0))
         return np.where(push_out, -np.abs(2.0 * chance - 1.0), value)
@@ -77,8 +78,11 @@ class Values:
         counts = np.array([[bin(mask).count("1") for mask in row] for row in (states["object_balls"], legal)], float)
         return np.minimum(counts[0], 8.0 if self._setup.game_rules.groups else 15.0)
 
-    def ease(self, played: PlayedBatch, legal: Ints) -> Floats:
-        """Returns the probability that the next player pots a ball, (m,), from the easiest pots."""
+    def ease(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
+        """Returns the probability that the next player pots a ball, (m,), from the easiest pots.
+
+        `legal` (m,) are sets of balls. The results of shots that are not `wanted` (m,) are arbitrary.
+        """
         verdicts, states = played.verdicts, played.states
         ease = np.full(len(states), _UNKNOWN)
         if not self._setup.game_rules.pockets:
@@ -86,7 +90,7 @@ class Values:
         hand = verdicts["in_hand"] == IN_HAND.index("anywhere")
         ease[hand] = success(np.array(_EASY), self._error)
         balls = np.arange(played.positions.shape[1])
-        known = ~(hand | verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
+        known = wanted & ~(hand | verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
         for mask in np.unique(legal[known]).tolist():
             which = np.flatnonzero(known & (legal == mask))
             potted = (states["object_balls"][which, None] >> balls & 1) == 0

@@ -14,7 +14,7 @@ def setup(rules, balls=None, **kwargs):
     """Returns the settings of a game on its usual table, with the most or a given number of object balls."""
     game = RULES[rules]
     scene = Scene.named(game.scene, balls or game.n_object_balls[1])
-    if rules == "snooker":  # with the physics of "real_pool" it needs no other compiled code than the pool games
+    if rules == "snooker":  # it runs the code that is compiled for the pool games
         scene = dataclasses.replace(scene, physics=Scene.named("real_pool").physics)
     return Setup(rules, **{"scene": scene, **kwargs})
 

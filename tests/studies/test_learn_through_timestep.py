@@ -52,7 +52,7 @@ def test_the_study_runs_and_continues_where_it_was_interrupted(tmp_path, monkeyp
     found = json.loads(output.read_text())
     printed = capsys.readouterr().out
     assert all(text in printed for text in blocks(found).values())
-    assert "8 runs of 8 shots, 8 new layouts" in blocks(found)["size"]
+    assert "8 networks, trained with 8 shots if at all, 8 new layouts" in blocks(found)["size"]
 
 
 def test_a_hit_at_the_cut_angle_sends_the_ball_towards_the_goal(layouts):
