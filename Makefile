@@ -84,6 +84,7 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.recipes configs/english.yaml $(SPREAD)
 	$(WORK)/python -m studies.plain
 	$(WORK)/python -m studies.learn_by_gradient
+	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.planner
 	$(WORK)/python -m studies.positions
 	$(WORK)/python -m studies.distil

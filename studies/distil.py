@@ -134,7 +134,7 @@ def values_of(positions: Floats, potted: NDArray[np.bool_], velocities: Floats, 
     state = opening_state(SETUP)._replace(in_hand="no", break_shot=is_break)
     state = state._replace(on_table=frozenset(np.flatnonzero(~potted).tolist()))
     game = GameState(positions, state)
-    values = Values(SETUP, game, MAX_SPEED, math.radians(NOISE[0]), run_out=True)
+    values = Values(SETUP, game, MAX_SPEED, (math.radians(NOISE[0]), NOISE[1]), run_out=True, english=False)
     return values.of(play_batch(SETUP, game, velocities, threads=1))
 
 

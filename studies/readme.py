@@ -53,6 +53,7 @@ SOURCES = {
         "studies.recipes configs/prior_knowledge.yaml",
         "studies.recipes configs/prior_knowledge_long.yaml",
         "studies.recipes configs/ratings.yaml",
+        "studies.run_outs",
         "studies.tasks",
         "studies.timestep",
     )

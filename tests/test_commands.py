@@ -61,6 +61,7 @@ TESTED = {
     "studies.positions": "studies/test_positions.py",
     "studies.recipes": "studies/test_recipes.py",
     "studies.run_out_film": "studies/test_run_out_film.py",
+    "studies.run_outs": "studies/test_run_outs.py",
     "studies.tasks": "studies/test_tasks.py",
     "studies.timestep": "studies/test_timestep.py",
     "studies.timestep_page": "studies/test_timestep.py",

@@ -9,7 +9,7 @@ A decision takes the given processor time on one core, and a break takes four ti
   halving: Karnin, Koren and Somekh 2013, Almost optimal exploration in multi-armed bandits). Copies of the better ones,
   corrected by the mean error of their better outcomes, replace some of the others.
 * Values: the value of an outcome is an estimate, from -1 for a lost game to 1 for a won game, or the expected lead in
-  points. It depends on the success of the easiest pot of the player who shoots next.
+  points. It depends on the easiest pots of the player who shoots next, see `players.values`.
 
 The size of the errors is an argument. The error of the shot that is played is drawn later.
 """
@@ -44,7 +44,7 @@ FINALISTS = 4
 
 _SHOTS_PER_CANDIDATE = 12  # budget over the number of first candidates
 _CHUNK = 20, 100  # least and largest number of shots without errors between two readings of the clock
-_RATE = 40_000  # shots in a second; a slower machine leaves some candidates out
+_RATE = 100_000  # shots in a second; a slower machine leaves some candidates out
 _KEPT = 0.25  # share of the candidates after the first simulation
 _LONGER = 4.0  # budget of a break over that of another shot
 _QUANTILES = np.array([NormalDist().inv_cdf((k + 0.5) / 1024) for k in range(1024)])
@@ -190,7 +190,8 @@ def plan(
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    own, values = Values(setup, game, max_speed, errors[0], options.run_out), options.values
+    own = Values(setup, game, max_speed, errors, options.run_out, options.english)
+    values = options.values
     evaluate = own.of if values is None else lambda played, _: values(played)
     search = _Search(setup, game, max_speed, errors, evaluate, rng, budget)
 

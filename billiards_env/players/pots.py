@@ -113,7 +113,12 @@ class PotShots(NamedTuple):
 
 
 def find_pots(
-    tables: Tables, *, most: int | None = None, offset: tuple[float, float] = (0.0, 0.0), banks: bool | None = False
+    tables: Tables,
+    *,
+    most: int | None = None,
+    offset: tuple[float, float] = (0.0, 0.0),
+    banks: bool | None = False,
+    speeds: bool = True,
 ) -> Pots:
     """Returns the pots on m tables whose paths have no obstacle.
 
@@ -135,6 +140,8 @@ def find_pots(
         banks: True to find banks also on tables with a direct pot, which takes about three times as long. None to find
             no banks.
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
+        speeds: False to leave out the shots (s is 0), which take most of the time. Then the pots include those that are
+            not possible at any speed.
     """
     scene, balls = tables.scene, np.flatnonzero(tables.targets)
     m, k = len(tables.positions), most
@@ -145,12 +152,12 @@ def find_pots(
         np.zeros((m, k), np.int64),
         np.zeros((m, k), np.int64),
         np.zeros((m, k, WIDTH)),
-        np.zeros((m, k, len(SPEEDS), SHOT_WIDTH)),
+        np.zeros((m, k, len(SPEEDS) if speeds else 0, SHOT_WIDTH)),
     )
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     off_table = tables.off_table.copy()  # numba compiles a second time for a read-only array
     fields = tables.cue, tables.positions, off_table, float(tables.max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True), tuple(pots))
+    write_pots(scene_fields(scene), balls, fields, (banks is not None, banks is True, speeds), tuple(pots))
     return pots
 
 
@@ -173,8 +180,11 @@ def pot_shots(table: Tables) -> PotShots:
 
 
 @allocating_entry_point
-def write_pots(scene, balls, tables, banks, pots):
-    """Writes the pots of all tables to `pots`; see `find_pots`. `tables` holds the other fields of `TableArrays`."""
+def write_pots(scene, balls, tables, wanted, pots):
+    """Writes the pots of all tables to `pots`; see `find_pots`.
+
+    `tables` holds the other fields of `TableArrays`, and `wanted` whether to find banks, all banks, and shots.
+    """
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
     cue, positions, off_table, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1])
@@ -183,12 +193,13 @@ def write_pots(scene, balls, tables, banks, pots):
         found = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
         found.count[0] = 0
         _add_direct(table, balls, found)
-        any_banks, all_banks = banks
-        if not all_banks:
+        any_banks, all_banks, speeds = wanted
+        if speeds and not all_banks:
             _add_speeds(table, found, state)
         if all_banks or (any_banks and found.count[0] == 0):
             _add_banks(table, balls, found, state)
-            _add_speeds(table, found, state)
+            if speeds:
+                _add_speeds(table, found, state)
 
 
 @inlined

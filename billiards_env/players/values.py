@@ -11,38 +11,56 @@ from numpy.typing import NDArray
 from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import PlayedBatch
 from billiards_env.physics.state import CUE_BALL
-from billiards_env.players.pots import GAPS, SPEED, TOLERANCE, Tables, find_pots
+from billiards_env.players import run_outs
+from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, Tables, find_pots
+from billiards_env.players.run_outs import FLOOR
 from billiards_env.rules import FOULS, IN_HAND, legal_balls
+from billiards_env.rules.pool import EIGHT
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
-_WITHOUT = 0.4  # probability of a win for a player without a pot, who plays safe
-_SCRATCH = 0.5  # factor for the ease of a pot that, by geometry, scratches at every speed
-_FLOOR = math.radians(0.03)  # error of a leave's pot in addition to the noise
-_EASY = 0.02  # rad; tolerance of the first pot with the ball in hand
-_POTS = 3  # pots that are found in a leave; the two easiest count
+_WITHOUT = 0.4  # probability of a win for a player who does not run out
+_POTS = 3  # pots that are found for the ease; the two easiest count
 _NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
-_LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
+_IN_HAND = np.zeros(WIDTH)  # the easiest pot with the cue ball in hand
+_IN_HAND[[TOLERANCE, CUT_COS, APPROACH, RUN]] = 0.02, 1.0, 0.5, 0.5
+_BITS = np.arange(32)
 _DEVIATIONS = np.linspace(0.0, 4.0, 401)
 _WITHIN = np.array([math.erf(x / math.sqrt(2.0)) for x in _DEVIATIONS])
 
 
 def success(tolerance: Floats, error: float) -> Floats:
     """Returns the probability of pots with tolerances, rad, under normal errors of the direction, rad."""
-    return np.interp(tolerance / math.hypot(error, _FLOOR), _DEVIATIONS, _WITHIN)
+    return np.interp(tolerance / math.hypot(error, FLOOR), _DEVIATIONS, _WITHIN)
 
 
 class Values:
     """The values of outcomes for the player to shoot in a game."""
 
-    def __init__(self, setup: Setup, game: GameState, max_speed: float, error: float, run_out: bool) -> None:
-        """Prepares the values; `error` is the standard deviation of the direction, rad."""
-        self._run_out = run_out
-        self._setup, self._me, self._max_speed, self._error = setup, game.state.player, max_speed, error
-        self._usual = 0.3 + 0.7 * float(success(np.array(_LENGTH), error))
+    def __init__(
+        self,
+        setup: Setup,
+        game: GameState,
+        max_speed: float,
+        noise: tuple[float, float],
+        run_out: bool = False,
+        english: bool = True,
+    ) -> None:
+        """Prepares the values.
+
+        Args:
+            setup: The game.
+            game: Its state before the shots.
+            max_speed: Speed of the fastest shot, m/s.
+            noise: Standard deviations of the direction, rad, and of the speed, m/s.
+            run_out: As in `planner.Options`.
+            english: As there.
+        """
+        self._setup, self._me, self._max_speed, self._noise = setup, game.state.player, max_speed, noise
+        self._run_out, self._english = run_out, english and setup.scene.physics.motion == "sliding"
 
     def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
         """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) marks the push outs.
@@ -59,24 +77,36 @@ class Values:
         mine = states["player"] == self._me
         sign = np.where(mine, 1.0, -1.0)
         legal = legal_balls(self._setup.rules, states, states["player"])
-        goes_on = mine & ~push_out
-        ease = self.ease(played, legal, goes_on if self._run_out else np.ones(len(states), bool))
         won = np.where(verdicts["winner"] == self._me, 1.0, np.where(verdicts["winner"] >= 0, -1.0, 0.0))
+        goes_on = mine & ~push_out & ~verdicts["over"]
+        wanted = goes_on if self._run_out else ~verdicts["over"]
         if self._setup.target is not None:
-            following = self._setup.game_rules.sure_pot * ease * (mine if self._run_out else sign)
+            following = self._setup.game_rules.sure_pot * self.ease(played, legal, wanted)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
-            return points + np.where(verdicts["over"], 10.0 * won, following)
-        left = self._left(states, legal)
+            return points + np.where(verdicts["over"], 10.0 * won, following * (mine if self._run_out else sign))
+        run_out = run_outs.chances(run_outs.trained(), self.inputs(played, legal, wanted))
         if self._run_out:
-            return np.where(verdicts["over"], won == 1.0, goes_on * ease * self._usual ** (left - 1.0))
-        chance = ease * (0.5 + 0.5 * self._usual ** (left - 1.0)) + (1.0 - ease) * _WITHOUT
+            return np.where(goes_on, run_out, won == 1.0)
+        chance = run_out + (1.0 - run_out) * _WITHOUT
         value = np.where(verdicts["over"], won, sign * (2.0 * chance - 1.0))
         return np.where(push_out, -np.abs(2.0 * chance - 1.0), value)
 
     def _left(self, states: NDArray[Any], legal: Ints) -> Floats:
         """Returns the number of balls that the next player has to pot."""
-        counts = np.array([[bin(mask).count("1") for mask in row] for row in (states["object_balls"], legal)], float)
-        return np.minimum(counts[0], 8.0 if self._setup.game_rules.groups else 15.0)
+        if not self._setup.game_rules.groups:
+            return np.minimum(_sizes(states["object_balls"]), 15.0)
+        return np.minimum(_sizes(legal & ~EIGHT) + 1.0, 8.0)
+
+    def inputs(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
+        """Returns the inputs (m, k) of the network of `players.run_outs`; see `ease` for the arguments.
+
+        With the cue ball in hand there is an easy pot.
+        """
+        rows = self._pots(played, legal, wanted, run_outs.POTS)
+        cue, left = played.positions[:, CUE_BALL] / self._setup.scene.half_extents, self._left(played.states, legal)
+        hand = played.verdicts["in_hand"] > 0
+        rows[hand], cue[hand] = _IN_HAND, 0.5
+        return run_outs.inputs(rows, cue, left, _sizes(legal), self._noise, self._english)
 
     def ease(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
         """Returns the probability that the next player pots a ball, (m,), from the easiest pots.
@@ -88,12 +118,18 @@ class Values:
         if not self._setup.game_rules.pockets:
             return ease
         hand = verdicts["in_hand"] == IN_HAND.index("anywhere")
-        ease[hand] = success(np.array(_EASY), self._error)
-        balls = np.arange(played.positions.shape[1])
+        ease[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
         known = wanted & ~(hand | verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
-        for mask in np.unique(legal[known]).tolist():
-            which = np.flatnonzero(known & (legal == mask))
-            potted = (states["object_balls"][which, None] >> balls & 1) == 0
+        good = np.sort(success(self._pots(played, legal, known, _POTS)[..., TOLERANCE], self._noise[0]), axis=1)
+        both = np.minimum(1.0, (1.0 - _SECOND) * good[:, -1] + _SECOND * good[:, -2])
+        return np.where(known, both, ease)
+
+    def _pots(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_], most: int) -> Floats:
+        """Returns the `most` easiest pots after each of m shots, as in `Pots.rows`; see `ease` for the arguments."""
+        rows, balls = np.zeros((len(wanted), most, WIDTH)), np.arange(played.positions.shape[1])
+        for mask in np.unique(legal[wanted]).tolist():
+            which = np.flatnonzero(wanted & (legal == mask))
+            potted = (played.states["object_balls"][which, None] >> balls & 1) == 0
             potted[:, CUE_BALL] = False
             targets = (mask >> balls & 1) > 0
             banks: bool | None = False
@@ -103,8 +139,10 @@ class Values:
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
                 targets &= far <= np.sort(far)[_NEAREST - 1]
             tables = Tables(self._setup.scene, targets, played.positions[which], potted, self._max_speed)
-            pots = find_pots(tables, most=_POTS, banks=banks)
-            clean = ((pots.shots[..., SPEED] > 0) & (pots.shots[..., GAPS:].min(axis=-1) >= 0.0)).any(axis=-1)
-            good = np.sort(success(pots.rows[..., TOLERANCE], self._error) * np.where(clean, 1.0, _SCRATCH), axis=1)
-            ease[which] = np.minimum(1.0, (1.0 - _SECOND) * good[:, -1] + _SECOND * good[:, -2])
-        return ease
+            rows[which] = find_pots(tables, most=most, banks=banks, speeds=False).rows
+        return rows
+
+
+def _sizes(sets: Ints) -> Floats:
+    """Returns the number of balls in each of m sets, (m,)."""
+    return (sets[:, None] >> _BITS & 1).sum(axis=1).astype(float)

@@ -84,8 +84,9 @@ def test_only_the_present_turn_counts_in_a_run():
     game = setup("straight", 2)
     table = custom_opening(game, [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0]])  # ball 1 hangs in pocket 3
     played, push_out = play_batch(game, table, [[-0.1, 0.0], [1.5, 1.035]]), np.zeros(2, bool)
-    both = Values(game, table, 4.0, np.radians(NOISE[0]), False).of(played, push_out)
-    alone = Values(game, table, 4.0, np.radians(NOISE[0]), True).of(played, push_out)
+    errors = np.radians(NOISE[0]), NOISE[1]
+    both = Values(game, table, 4.0, errors).of(played, push_out)
+    alone = Values(game, table, 4.0, errors, run_out=True).of(played, push_out)
     assert both[0] < alone[0] == -1.0  # a foul that leaves the opponent an easy pot
     assert both[1] == alone[1] > 1.0  # a pot
 

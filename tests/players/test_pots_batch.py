@@ -52,6 +52,16 @@ def test_a_batch_gives_the_same_pots_as_one_table_at_a_time(three):
             assert one[0].tobytes() == many[t].tobytes()
 
 
+def test_without_speeds_the_pots_have_the_same_geometry(three):
+    scene, positions, potted, found = three
+    faster = pots_of(scene, positions, potted, speeds=False)
+    assert faster.shots.shape == (*found.shots.shape[:2], 0, pots.SHOT_WIDTH)
+    possible = found.ball > 0
+    same = (found.rows[:, :, None] == faster.rows[:, None]).all(axis=-1).any(axis=-1)
+    assert same[possible & (found.rows[..., pots.WALL] < 0)].all()
+    assert (faster.count >= found.count)[(found.rows[:, 0, pots.WALL] < 0) & (found.count > 0)].all()
+
+
 def test_the_order_of_the_balls_does_not_matter(three):
     scene, positions, potted, found = three
     order = np.array([0, 2, 3, 1])

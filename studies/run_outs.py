@@ -1,0 +1,298 @@
+"""Trains the network that rates positions in a run-out: `python -m studies.run_outs`.
+
+The planner plays racks of nine ball and eight ball for run-outs, with errors. When it loses its turn, it plays on from
+the position of the balls, with the cue ball in a random place if it is in hand. So there are good and bad positions.
+The network learns the probability of a run-out from each of them (`billiards_env.players.run_outs`). In the first round
+the planner rates positions by the next pot alone, in the following ones by the network of the rounds before. The final
+network learns from all rounds. Its measured loss is that on racks that it did not learn from (`FOLDS`-fold
+cross-validation).
+
+The positions are in `runs/run_outs`, one file for each `PART` racks; the command skips files that exist. The weights
+are in `billiards_env/players/run_outs.npz`, and the results in `studies/results/run_outs.json`. A decision has a time
+limit, so the results depend on the machine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, as_completed
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from tqdm import tqdm
+
+from benchmarks import machine, machine_line, table
+from billiards_env.files import write_json
+from billiards_env.games import RULES, GameState, Setup, custom_opening, opening, play
+from billiards_env.games.batch import PlayedBatch
+from billiards_env.games.judging import state_array
+from billiards_env.games.placement import cue_ball_area, cue_ball_point
+from billiards_env.players import run_outs
+from billiards_env.players.levels import with_noise
+from billiards_env.players.planner import Options, plan
+from billiards_env.players.values import Values
+from billiards_env.rules import VERDICT, legal_balls
+from billiards_env.scene import Scene
+from studies import RESULTS, RUNS, load_weights, parser_of, report, save_weights
+from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
+from studies.timestep import workers
+
+Floats = NDArray[np.float64]
+
+OUTPUT, FOLDER = RESULTS / "run_outs.json", RUNS / "run_outs"
+ROUNDS, PARTS, PART, SEED = 3, 5, 12, 60
+"""Numbers of rounds, of parts of a cell in a round, and of racks in a part; the seed."""
+
+SECONDS, LONGEST = 0.1, 60
+"""Processor time of a decision, and the largest number of turns in a rack."""
+
+HIDDEN, EPOCHS, BATCH, RATE, DECAY, FOLDS = 16, 30, 256, 5e-3, 0.1, 5
+
+
+class Cell(NamedTuple):
+    """What the planner plays.
+
+    Attributes:
+        rules: The game.
+        scene: The name of the scene. On `pool` there is no english.
+        noise: Standard deviations of the direction, degrees, and of the speed, m/s.
+    """
+
+    rules: str
+    scene: str
+    noise: tuple[float, float]
+
+
+CELLS = tuple(
+    Cell(rules, scene, noise)
+    for rules, scene, noises in (
+        ("nine_ball", "real_pool", ((0.03, 0.0), (0.057, 0.0), OLYMPIAD, (0.5, 0.075))),
+        ("nine_ball", "pool", ((0.057, 0.02), OLYMPIAD)),
+        ("eight_ball", "real_pool", ((0.057, 0.0), OLYMPIAD)),
+        ("eight_ball", "pool", ((0.057, 0.02),)),
+    )
+    for noise in noises
+)
+
+
+def play_rack(
+    cell: Cell, weights: run_outs.Weights | None, rng: np.random.Generator
+) -> tuple[list[Floats], list[bool]]:
+    """Plays a rack to its end in several turns.
+
+    Returns:
+        The inputs (k,) of the network for each position after the break, and whether it led to a run-out.
+    """
+    setup = Setup(cell.rules, Scene.named(cell.scene, RULES[cell.rules].n_object_balls[1]))
+    errors, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
+    game = play(setup, opening(setup, rng), with_noise(FIXED_BREAK, cell.noise, MAX_SPEED, rng)).game
+    inputs, won = [], []
+    for _ in range(LONGEST):
+        if game.state.over:
+            break
+        game, before = next_turn(setup, game, rng), len(inputs)
+        while not game.state.over and game.state.player == 0 and len(inputs) - before < LONGEST:
+            values = Values(setup, game, MAX_SPEED, errors, True, english)
+            here = PlayedBatch(game.positions[None], state_array([game.state]), np.zeros(1, VERDICT))
+            inputs.append(
+                values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
+            )
+            options = Options(True, english, rating(values, setup, weights))
+            stroke = plan(setup, game, MAX_SPEED, rng, SECONDS, noise=cell.noise, options=options).stroke
+            game = play(setup, game, with_noise(stroke, cell.noise, MAX_SPEED, rng)).game
+        won += [game.state.winner == 0] * (len(inputs) - before)
+    return inputs, won
+
+
+def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameState:
+    """Returns the game with player 0 to shoot: a cue ball in hand lies in a random place, and groups are drawn."""
+    state, positions = game.state, game.positions.copy()
+    if state.in_hand != "no":
+        x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, state)
+        x, y = rng.uniform((x_low, y_low), (x_high, y_high)).tolist()
+        positions[0] = cue_ball_point(setup.scene, positions, state, (x, y))
+    solids = state.solids if state.solids < 0 else int(rng.integers(2))
+    return custom_opening(setup, positions, {"on_table": sorted(state.on_table), "solids": solids})
+
+
+def rating(values: Values, setup: Setup, weights: run_outs.Weights | None) -> Callable[[PlayedBatch], Floats]:
+    """Returns a function that rates shots of player 0 by the network with some weights, or by the next pot alone."""
+
+    def rate(played: PlayedBatch) -> Floats:
+        mine = played.states["player"] == 0
+        legal = legal_balls(setup.rules, played.states, played.states["player"])
+        goes_on = mine & ~played.verdicts["over"]
+        if weights is None:
+            following = values.ease(played, legal, goes_on)
+        else:
+            following = run_outs.chances(weights, values.inputs(played, legal, goes_on))
+        return np.where(goes_on, following, played.verdicts["winner"] == 0)
+
+    return rate
+
+
+def play_part(cell: int, number: int, weights: run_outs.Weights | None, path: Path) -> None:
+    """Plays `PART` racks of a cell and writes their positions."""
+    rng, inputs, won, racks = np.random.default_rng([SEED, cell, number]), [], [], []
+    for rack in range(PART):
+        some, ends = play_rack(CELLS[cell], weights, rng)
+        inputs += some
+        won += ends
+        racks += [rack] * len(ends)
+    arrays = {"inputs": np.array(inputs, np.float32), "won": np.array(won), "rack": np.array(racks)}
+    save_weights(path, {**arrays, "cell": np.full(len(won), cell)})
+
+
+class Positions(NamedTuple):
+    """L positions of racks.
+
+    Attributes:
+        inputs: (L, k) of the network.
+        won: (L,) bool, whether the position led to a run-out.
+        rack: (L,) the number of the rack.
+        cell: (L,) the index of its cell.
+    """
+
+    inputs: NDArray[np.float32]
+    won: NDArray[np.bool_]
+    rack: NDArray[np.int64]
+    cell: NDArray[np.int64]
+
+
+def load(paths: Sequence[Path]) -> Positions:
+    """Returns the positions in files."""
+    parts = [load_weights(path) for path in paths]
+    racks = [PART * k + part["rack"] for k, part in enumerate(parts)]
+    inputs, won, cell = (np.concatenate([part[name] for part in parts]) for name in ("inputs", "won", "cell"))
+    return Positions(inputs, won, np.concatenate(racks), cell)
+
+
+def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights:
+    """Returns the weights of a network that predicts the probability of a run-out."""
+    torch.manual_seed(SEED)
+    mean, scale = inputs.mean(axis=0), inputs.std(axis=0) + 1e-3
+    x, y = torch.as_tensor((inputs - mean) / scale), torch.as_tensor(won, dtype=torch.float32)
+    layers = nn.Linear(inputs.shape[1], HIDDEN), nn.Linear(HIDDEN, 1)
+    network = nn.Sequential(layers[0], nn.Tanh(), layers[1])
+    optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=EPOCHS * math.ceil(len(x) / BATCH))
+    for _ in range(EPOCHS):
+        for rows in torch.randperm(len(x)).split(BATCH):
+            loss = nn.functional.binary_cross_entropy_with_logits(network(x[rows])[:, 0], y[rows])
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+    weights = {"mean": mean, "scale": scale}
+    for k, layer in enumerate(layers):
+        weights |= {f"w{k}": layer.weight.detach().numpy().T, f"b{k}": layer.bias.detach().numpy()}
+    return weights
+
+
+def losses(positions: Positions) -> list[dict[str, Any]]:
+    """Returns for each cell the numbers of positions and of run-outs, and two mean logarithmic losses.
+
+    One is that of networks on racks that they did not learn from, the other that of the share of run-outs in the cell.
+    """
+    found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
+    for k in range(FOLDS):
+        weights = fit(positions.inputs[fold != k], positions.won[fold != k])
+        found[fold == k] = run_outs.chances(weights, positions.inputs[fold == k].astype(float))
+    rows = []
+    for cell in range(len(CELLS)):
+        won, chance = positions.won[positions.cell == cell], found[positions.cell == cell]
+        both = {"network": _loss(chance, won), "share": _loss(np.full(len(won), won.mean()), won)}
+        rows.append({**CELLS[cell]._asdict(), "positions": len(won), "run_outs": int(won.sum()), **both})
+    return rows
+
+
+def _loss(chance: Floats, won: NDArray[np.bool_]) -> float:
+    """Returns the mean logarithmic loss of probabilities."""
+    return float(-np.log(np.clip(np.where(won, chance, 1.0 - chance), 1e-9, 1.0)).mean())
+
+
+def measure(output: Path, weights_file: Path, folder: Path, jobs: int) -> dict[str, Any]:
+    """Plays the racks that have no file, trains the network, writes its weights and the results.
+
+    Returns:
+        `machine`, and `cells`, see `losses`.
+
+    Raises:
+        OSError: If a file cannot be read or written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+    with workers(jobs, None) as pool, tqdm(total=ROUNDS * PARTS * len(CELLS), unit="part", smoothing=0) as bar:
+        for number in range(ROUNDS):
+            weights = fit(*load(paths)[:2]) if paths else None
+            paths += play_round(pool, number, weights, folder, bar)
+    positions = load(paths)
+    found = {"machine": machine(), "cells": losses(positions)}
+    save_weights(weights_file, fit(positions.inputs, positions.won))
+    write_json(output, found)
+    return found
+
+
+def play_round(
+    pool: Executor, number: int, weights: run_outs.Weights | None, folder: Path, bar: tqdm[Any]
+) -> list[Path]:
+    """Plays the parts of a round that have no file. Returns the paths of all its parts."""
+    paths, futures = [], []
+    for part in range(number * PARTS, (number + 1) * PARTS):
+        for cell in range(len(CELLS)):
+            paths.append(folder / f"{part:03d}_{cell}.npz")
+            if not paths[-1].exists():
+                futures.append(pool.submit(play_part, cell, part, weights, paths[-1]))
+    bar.update(len(paths) - len(futures))
+    for future in as_completed(futures):
+        future.result()
+        bar.update()
+    return paths
+
+
+def blocks(found: dict[str, Any]) -> dict[str, str]:
+    """Returns the table for the page, by name."""
+    rows = [
+        (
+            cell["rules"].replace("_", " "),
+            cell["scene"],
+            "{:g} degrees, {:g} m/s".format(*cell["noise"]),
+            f"{cell['positions']:,}",
+            f"{cell['run_outs'] / max(cell['positions'], 1):.0%}",
+            f"{cell['share']:.3f}",
+            f"{cell['network']:.3f}",
+        )
+        for cell in found["cells"]
+    ]
+    head = ("game", "scene", "noise", "positions", "run-outs", "loss of the mean", "loss of the network")
+    return {"machine": machine_line(found["machine"]), "table": table(head, rows, left=3)}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.run_outs --help`."""
+    parser = parser_of(
+        "run_outs",
+        "Train the network that rates positions in a run-out.",
+        output=(OUTPUT, "JSON file"),
+        weights=(run_outs.WEIGHTS, "weights, .npz"),
+        folder=(FOLDER, "folder of the positions"),
+        jobs=(2, "processes"),
+    )
+    args = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    report(
+        lambda: measure(args.output, args.weights, args.folder, args.jobs),
+        blocks,
+        args.output,
+        args.weights,
+        args.folder,
+    )
+
+
+if __name__ == "__main__":
+    main()
