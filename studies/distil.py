@@ -34,6 +34,7 @@ from billiards_env.games import GameState, Setup
 from billiards_env.games.batch import play_batch
 from billiards_env.games.game import opening_state
 from billiards_env.intervals import success_rate
+from billiards_env.players import run_outs
 from billiards_env.players.planner import NOISE, Values, turn
 from billiards_env.players.pots import (
     BALL_GAP,
@@ -134,7 +135,7 @@ def values_of(positions: Floats, potted: NDArray[np.bool_], velocities: Floats, 
     state = opening_state(SETUP)._replace(in_hand="no", break_shot=is_break)
     state = state._replace(on_table=frozenset(np.flatnonzero(~potted).tolist()))
     game = GameState(positions, state)
-    values = Values(SETUP, game, MAX_SPEED, (math.radians(NOISE[0]), NOISE[1]), run_out=True, english=False)
+    values = Values(SETUP, game, MAX_SPEED, (math.radians(NOISE[0]), NOISE[1]), True, False, run_outs.trained())
     return values.of(play_batch(SETUP, game, velocities, threads=1))
 
 

@@ -15,7 +15,7 @@ limit, so the results depend on the machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -97,12 +97,12 @@ def play_rack(
             break
         game, before = next_turn(setup, game, rng), len(inputs)
         while not game.state.over and game.state.player == 0 and len(inputs) - before < LONGEST:
-            values = Values(setup, game, MAX_SPEED, errors, True, english)
+            values = Values(setup, game, MAX_SPEED, errors, True, english, weights)
             here = PlayedBatch(game.positions[None], state_array([game.state]), np.zeros(1, VERDICT))
             inputs.append(
                 values.inputs(here, legal_balls(setup.rules, here.states, np.zeros(1, int)), np.ones(1, bool))[0]
             )
-            options = Options(True, english, rating(values, setup, weights))
+            options = Options(True, english, values.of)
             stroke = plan(setup, game, MAX_SPEED, rng, SECONDS, noise=cell.noise, options=options).stroke
             game = play(setup, game, with_noise(stroke, cell.noise, MAX_SPEED, rng)).game
         won += [game.state.winner == 0] * (len(inputs) - before)
@@ -118,22 +118,6 @@ def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameSt
         positions[0] = cue_ball_point(setup.scene, positions, state, (x, y))
     solids = state.solids if state.solids < 0 else int(rng.integers(2))
     return custom_opening(setup, positions, {"on_table": sorted(state.on_table), "solids": solids})
-
-
-def rating(values: Values, setup: Setup, weights: run_outs.Weights | None) -> Callable[[PlayedBatch], Floats]:
-    """Returns a function that rates shots of player 0 by the network with some weights, or by the next pot alone."""
-
-    def rate(played: PlayedBatch) -> Floats:
-        mine = played.states["player"] == 0
-        legal = legal_balls(setup.rules, played.states, played.states["player"])
-        goes_on = mine & ~played.verdicts["over"]
-        if weights is None:
-            following = values.ease(played, legal, goes_on)
-        else:
-            following = run_outs.chances(weights, values.inputs(played, legal, goes_on))
-        return np.where(goes_on, following, played.verdicts["winner"] == 0)
-
-    return rate
 
 
 def play_part(cell: int, number: int, weights: run_outs.Weights | None, path: Path) -> None:

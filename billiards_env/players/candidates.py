@@ -26,7 +26,10 @@ TIPS = ((0.0, 0.0), (0.0, 0.35), (0.0, -0.35), (0.35, 0.0), (-0.35, 0.0), (0.25,
 PLACES = 24
 """The number of places for a cue ball in hand."""
 
-_CANDIDATES = 120, 4000  # their least and largest number
+LEAST_CANDIDATES = 120
+"""The least number of candidates."""
+
+_MOST_CANDIDATES = 4000
 _GEOMETRY = 0.7  # share of the candidates that are pots by geometry, if there are any
 _PUSH_OUTS = 0.3  # share of the other candidates that are push outs, if the rules offer one
 _LEAST_SHARE = 0.02  # share of a pot with tolerance 0, over that of a sure pot
@@ -76,10 +79,9 @@ def candidates(
 ) -> Shots:
     """Returns candidates in random order, about `most`.
 
-    With a small budget there are at least `_CANDIDATES[0]`, but no indirect pots, which would take the place of direct
-    pots.
+    With a small budget there are `LEAST_CANDIDATES`, but no indirect pots, which would take the place of direct pots.
     """
-    count = int(np.clip(most, *_CANDIDATES))
+    count = int(np.clip(most, LEAST_CANDIDATES, _MOST_CANDIDATES))
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))
     tips = tips[: max(1, count // (_PER_TIP * legal))]
     ways = count // (_PER_WAY * len(game.state.on_table)) if most >= count else 0

@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from billiards_env.checks import real
 from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke
 from billiards_env.games.batch import PlayedBatch, play_batch
-from billiards_env.players.candidates import TIPS, Shots, candidates, turn
+from billiards_env.players import run_outs
+from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Shots, candidates, turn
 from billiards_env.players.values import Values
 
 Floats = NDArray[np.float64]
@@ -190,12 +191,13 @@ def plan(
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    own = Values(setup, game, max_speed, errors, options.run_out, options.english)
-    values = options.values
+    count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
+    # A player that simulates few shots runs out less often from a position without a pot than the network expects.
+    weights = run_outs.trained() if setup.target is None and count >= LEAST_CANDIDATES else None
+    own, values = Values(setup, game, max_speed, errors, *options[:2], weights), options.values
     evaluate = own.of if values is None else lambda played, _: values(played)
     search = _Search(setup, game, max_speed, errors, evaluate, rng, budget)
 
-    count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
     every = candidates(setup, game, max_speed, rng, count, errors[0], tips)
 

@@ -48,6 +48,7 @@ class Values:
         noise: tuple[float, float],
         run_out: bool = False,
         english: bool = True,
+        weights: run_outs.Weights | None = None,
     ) -> None:
         """Prepares the values.
 
@@ -58,9 +59,12 @@ class Values:
             noise: Standard deviations of the direction, rad, and of the speed, m/s.
             run_out: As in `planner.Options`.
             english: As there.
+            weights: The network that rates positions in games that are not won by points. None to rate them by the next
+                pot alone.
         """
         self._setup, self._me, self._max_speed, self._noise = setup, game.state.player, max_speed, noise
         self._run_out, self._english = run_out, english and setup.scene.physics.motion == "sliding"
+        self._weights = weights
 
     def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
         """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) marks the push outs.
@@ -84,7 +88,10 @@ class Values:
             following = self._setup.game_rules.sure_pot * self.ease(played, legal, wanted)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(verdicts["over"], 10.0 * won, following * (mine if self._run_out else sign))
-        run_out = run_outs.chances(run_outs.trained(), self.inputs(played, legal, wanted))
+        if self._weights is None:
+            run_out = self.ease(played, legal, wanted)
+        else:
+            run_out = run_outs.chances(self._weights, self.inputs(played, legal, wanted))
         if self._run_out:
             return np.where(goes_on, run_out, won == 1.0)
         chance = run_out + (1.0 - run_out) * _WITHOUT

@@ -64,12 +64,16 @@ def test_in_eight_ball_only_the_group_and_the_eight_ball_are_left():
     assert (opened[left], opened[legal]) == (8.0, 9.0)
 
 
-def test_the_weights_are_small_and_a_game_with_points_does_not_load_them(tmp_path, monkeypatch):
+def test_the_weights_are_small_and_are_loaded_where_they_are_used(tmp_path, monkeypatch):
     assert run_outs.WEIGHTS.stat().st_size < 20_000
     run_outs.trained.cache_clear()
-    straight = setup("straight", 2)
-    plan(straight, custom_opening(straight, [*EASY, [-0.5, 0.0]]), 6.0, np.random.default_rng(0), np.inf, 300)
-    assert run_outs.trained.cache_info().misses == 0
+    straight, nine = setup("straight", 2), setup("nine_ball")
+    places = [*EASY, [-0.5, 0.0], *([-1.1, 0.06 * k - 0.25] for k in range(7))]
+    for game, shots, loads in ((straight, 2000, 0), (nine, 1000, 0), (nine, 2000, 1)):
+        table = custom_opening(game, places[: game.scene.n_balls])
+        plan(game, table, 6.0, np.random.default_rng(0), np.inf, shots)
+        assert run_outs.trained.cache_info().misses == loads
+    run_outs.trained.cache_clear()
     monkeypatch.setattr(run_outs, "WEIGHTS", tmp_path / "bad.npz")
     np.savez(run_outs.WEIGHTS, w0=np.array([print], object))
     with pytest.raises(ValueError, match="allow_pickle=False"):
@@ -82,6 +86,6 @@ def test_a_ball_in_hand_is_an_easy_pot():
     here = PlayedBatch(table.positions[None], state_array([table.state]), np.zeros(1, VERDICT))
     lost = here._replace(verdicts=here.verdicts.copy(), states=here.states.copy())
     lost.verdicts["in_hand"], lost.states["player"] = IN_HAND.index("anywhere"), 1
-    values = Values(game, table, 8.0, NOISE)
+    values = Values(game, table, 8.0, NOISE, weights=run_outs.trained())
     assert values.of(lost)[0] < -0.5
     assert values.of(lost)[0] < -values.of(here)[0]
