@@ -16,7 +16,7 @@ Modules:
     tasks: Measures players without training in the frozen tasks.
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement.
-    run_outs: Trains the network with which the planner rates positions in a run-out.
+    run_outs: Trains the network that computes the probability of a run-out from a position.
     run_out_film: Draws a film of a run-out of the planner.
     readme: Writes the measured tables into the pages.
 """

@@ -1,15 +1,14 @@
-"""Trains the network that rates positions in a run-out: `python -m studies.run_outs`.
+"""Trains the network for the probability of a run-out from a position: `python -m studies.run_outs`.
 
 The planner plays racks of nine ball and eight ball for run-outs, with errors. When it loses its turn, it plays on from
 the position of the balls, with the cue ball in a random place if it is in hand. So there are good and bad positions.
 The network learns the probability of a run-out from each of them (`billiards_env.players.run_outs`). In the first round
-the planner rates positions by the next pot alone, in the following ones by the network of the rounds before. The final
-network learns from all rounds. Its measured loss is that on racks that it did not learn from (`FOLDS`-fold
-cross-validation).
+the planner rates positions by the next pot, in the others by a network that was trained on the rounds before. The final
+network is trained on all rounds. `FOLDS` other networks measure the loss, each on the racks that it was not trained on.
 
-The positions are in `runs/run_outs`, one file for each `PART` racks; the command skips files that exist. The weights
-are in `billiards_env/players/run_outs.npz`, and the results in `studies/results/run_outs.json`. A decision has a time
-limit, so the results depend on the machine.
+The positions are in `runs/run_outs`, one file for each `PART` racks. The command skips files that exist, so delete the
+folder after a change of the planner or of the settings. The weights are in `billiards_env/players/run_outs.npz`, and
+the results in `studies/results/run_outs.json`. A decision has a time limit, so the results depend on the machine.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ ROUNDS, PARTS, PART, SEED = 3, 5, 12, 60
 """Numbers of rounds, of parts of a cell in a round, and of racks in a part; the seed."""
 
 SECONDS, LONGEST = 0.1, 60
-"""Processor time of a decision, and the largest number of turns in a rack."""
+"""Processor time of a decision, and the largest number of turns in a rack and of strokes in a turn."""
 
 HIDDEN, EPOCHS, BATCH, RATE, DECAY, FOLDS = 16, 30, 256, 5e-3, 0.1, 5
 
@@ -86,7 +85,7 @@ def play_rack(
     """Plays a rack to its end in several turns.
 
     Returns:
-        The inputs (k,) of the network for each position after the break, and whether it led to a run-out.
+        The inputs (k,) of the network for each position after the break, and whether its turn won the rack.
     """
     setup = Setup(cell.rules, Scene.named(cell.scene, RULES[cell.rules].n_object_balls[1]))
     errors, english = (math.radians(cell.noise[0]), cell.noise[1]), cell.scene != "pool"
@@ -110,7 +109,10 @@ def play_rack(
 
 
 def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameState:
-    """Returns the game with player 0 to shoot: a cue ball in hand lies in a random place, and groups are drawn."""
+    """Returns the game with player 0 to shoot.
+
+    A cue ball in hand lies in a random place. If the groups are assigned, player 0 gets one at random.
+    """
     state, positions = game.state, game.positions.copy()
     if state.in_hand != "no":
         x_low, x_high, y_low, y_high = cue_ball_area(setup.scene, state)
@@ -120,9 +122,9 @@ def next_turn(setup: Setup, game: GameState, rng: np.random.Generator) -> GameSt
     return custom_opening(setup, positions, {"on_table": sorted(state.on_table), "solids": solids})
 
 
-def play_part(cell: int, number: int, weights: run_outs.Weights | None, path: Path) -> None:
+def play_part(cell: int, part: int, weights: run_outs.Weights | None, path: Path) -> None:
     """Plays `PART` racks of a cell and writes their positions."""
-    rng, inputs, won, racks = np.random.default_rng([SEED, cell, number]), [], [], []
+    rng, inputs, won, racks = np.random.default_rng([SEED, cell, part]), [], [], []
     for rack in range(PART):
         some, ends = play_rack(CELLS[cell], weights, rng)
         inputs += some
@@ -157,7 +159,7 @@ def load(paths: Sequence[Path]) -> Positions:
 
 
 def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights:
-    """Returns the weights of a network that predicts the probability of a run-out."""
+    """Returns the weights of a network that is trained on inputs (L, k) and ends (L,), see `Positions`."""
     torch.manual_seed(SEED)
     mean, scale = inputs.mean(axis=0), inputs.std(axis=0) + 1e-3
     x, y = torch.as_tensor((inputs - mean) / scale), torch.as_tensor(won, dtype=torch.float32)
@@ -181,7 +183,7 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
 def losses(positions: Positions) -> list[dict[str, Any]]:
     """Returns for each cell the numbers of positions and of run-outs, and two mean logarithmic losses.
 
-    One is that of networks on racks that they did not learn from, the other that of the share of run-outs in the cell.
+    `network` is the loss in the cross-validation, and `share` that of a constant, the share of run-outs in the cell.
     """
     found, fold = np.empty(len(positions.won)), positions.rack % FOLDS
     for k in range(FOLDS):
@@ -261,7 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.run_outs --help`."""
     parser = parser_of(
         "run_outs",
-        "Train the network that rates positions in a run-out.",
+        "Train the network for the probability of a run-out.",
         output=(OUTPUT, "JSON file"),
         weights=(run_outs.WEIGHTS, "weights, .npz"),
         folder=(FOLDER, "folder of the positions"),

@@ -79,7 +79,8 @@ def candidates(
 ) -> Shots:
     """Returns candidates in random order, about `most`.
 
-    With a small budget there are `LEAST_CANDIDATES`, but no indirect pots, which would take the place of direct pots.
+    If `most` is less than `LEAST_CANDIDATES`, there are `LEAST_CANDIDATES` shots and no indirect pots, which would take
+    the place of direct pots.
     """
     count = int(np.clip(most, LEAST_CANDIDATES, _MOST_CANDIDATES))
     places, legal = _places(setup, game, rng), len(setup.game_rules.legal(game.state, game.state.player))

@@ -187,17 +187,15 @@ def plan(
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
         options: See `Options`.
     """
+    few = min(shots, _RATE * seconds) < LEAST_CANDIDATES * _SHOTS_PER_CANDIDATE
     if game.state.break_shot:
         seconds, shots = _LONGER * seconds, _LONGER * shots
     budget = Budget(seconds, shots)
     errors = math.radians(noise[0]), noise[1]
-    count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
-    # A player that simulates few shots runs out less often from a position without a pot than the network expects.
-    weights = run_outs.trained() if setup.target is None and count >= LEAST_CANDIDATES else None
-    own, values = Values(setup, game, max_speed, errors, *options[:2], weights), options.values
-    evaluate = own.of if values is None else lambda played, _: values(played)
-    search = _Search(setup, game, max_speed, errors, evaluate, rng, budget)
+    values = _values(setup, game, max_speed, errors, options, few)
+    search = _Search(setup, game, max_speed, errors, values, rng, budget)
 
+    count = min(shots, _RATE * seconds) / _SHOTS_PER_CANDIDATE
     tips = TIPS if options.english and setup.scene.physics.motion == "sliding" else TIPS[:1]
     every = candidates(setup, game, max_speed, rng, count, errors[0], tips)
 
@@ -240,6 +238,18 @@ def plan(
         none = Stroke((0.0, 0.0), call=Call(kind="hand_back"))
         return Plan(none, -best.value, 0.0, -1, -1, game.positions, best.samples, tuple(plans[:-1]))
     return best._replace(alternatives=tuple(plans[1:]))
+
+
+def _values(
+    setup: Setup, game: GameState, max_speed: float, errors: Noise, options: Options, few: bool
+) -> Callable[[PlayedBatch, NDArray[np.bool_]], Floats]:
+    """Returns the function that rates shots, see `_Search.values`. `few`: whether a decision simulates few shots."""
+    values = options.values
+    if values is not None:
+        return lambda played, _: values(played)
+    # With few shots the network overestimates positions without a pot: its training had 0.1 s for a decision.
+    weights = None if few or setup.target is not None else run_outs.trained()
+    return Values(setup, game, max_speed, errors, options.run_out, options.english, weights).of
 
 
 class Sums(NamedTuple):

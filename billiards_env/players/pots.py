@@ -140,8 +140,8 @@ def find_pots(
         banks: True to find banks also on tables with a direct pot, which takes about three times as long. None to find
             no banks.
             A bank that is not possible at any speed can take the place of another pot if there are more than `most`.
-        speeds: False to leave out the shots (s is 0), which take most of the time. Then the pots include those that are
-            not possible at any speed.
+        speeds: False to leave out the shots (s is 0), which take most of the time. Then a pot that is not possible at
+            any speed is kept, and a direct one prevents the search for banks.
     """
     scene, balls = tables.scene, np.flatnonzero(tables.targets)
     m, k = len(tables.positions), most
@@ -183,7 +183,8 @@ def pot_shots(table: Tables) -> PotShots:
 def write_pots(scene, balls, tables, wanted, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
-    `tables` holds the other fields of `TableArrays`, and `wanted` whether to find banks, all banks, and shots.
+    `tables` holds the other fields of `TableArrays`. `wanted` has three flags: find banks on tables without a direct
+    pot, find all banks, write the shots.
     """
     scene, pots = SceneArrays(scene[0][0], *scene[1:]), Pots(*pots)
     cue, positions, off_table, max_speed, slip_ratio, spin_ratio = tables

@@ -1,7 +1,8 @@
 """The probability that a player runs out from the position after a shot, by a small network.
 
-The network rates the two easiest pots of a position, the number of balls to pot, the place of the cue ball and the size
-of the errors. `python -m studies.run_outs` trains it on racks that the planner plays, and writes its weights.
+The inputs of the network are the two easiest pots, the numbers of balls to pot and of legal balls, the place of the cue
+ball, the size of the errors, and whether english is allowed. `python -m studies.run_outs` trains it on racks that the
+planner plays, and writes its weights.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from billiards_env.players.pots import APPROACH, CUT_COS, RUN, TOLERANCE
 
 Floats = NDArray[np.float64]
 Weights = Mapping[str, NDArray[np.float32]]
+"""A network: "mean" and "scale" of its k inputs (k,), "w0" (k, h), "b0" (h,), "w1" (h, 1) and "b1" (1,)."""
 
 WEIGHTS = Path(__file__).with_name("run_outs.npz")
 """The file of the weights. Loading it runs no code from the file."""
 
 POTS = 2
-"""The number of pots of a position that the network rates."""
+"""The number of pots among the inputs."""
 
 FLOOR = math.radians(0.03)
 """Error of the direction of the next pot in addition to that of the stroke, rad."""
@@ -33,6 +35,10 @@ _LEAST = 1e-4  # rad; smaller tolerances count as this one
 
 def inputs(pots: Floats, cue: Floats, left: Floats, legal: Floats, noise: tuple[float, float], english: bool) -> Floats:
     """Returns the inputs (m, 16) of the network for m positions. A mirrored table has the same inputs.
+
+    The columns are: the logarithms of the tolerances of the pots; the cosine of the cut and the distances of the cue
+    ball and of the object ball, for each pot; balls to pot; whether it is one; legal balls; place of the cue ball (two
+    columns); logarithm of the error of the direction; error of the speed; english.
 
     Args:
         pots: (m, `POTS`, w) the easiest pots, as in `Pots.rows`; zero for none.
@@ -56,6 +62,11 @@ def chances(weights: Weights, rows: Floats) -> Floats:
 
 @functools.cache
 def trained() -> Weights:
-    """Returns the weights in `WEIGHTS`."""
+    """Returns the weights in `WEIGHTS`.
+
+    Raises:
+        OSError: If the file cannot be read.
+        ValueError: If it does not hold arrays of numbers.
+    """
     with np.load(WEIGHTS, allow_pickle=False) as file:
         return dict(file)

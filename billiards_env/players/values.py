@@ -22,10 +22,10 @@ Ints = NDArray[np.int64]
 
 _UNKNOWN = 0.7  # ease of the next shot after a new rack, and in games without pockets
 _WITHOUT = 0.4  # probability of a win for a player who does not run out
-_POTS = 3  # pots that are found for the ease; the two easiest count
 _NEAREST = 4  # balls whose pots are found in a leave in snooker
 _SECOND = 0.03  # weight of the second pot of a leave
-_IN_HAND = np.zeros(WIDTH)  # the easiest pot with the cue ball in hand
+_LENGTH = 3.5e-3  # rad; tolerance of a usual pot with a usual leave
+_IN_HAND = np.zeros(WIDTH)  # the pots with the cue ball in hand
 _IN_HAND[[TOLERANCE, CUT_COS, APPROACH, RUN]] = 0.02, 1.0, 0.5, 0.5
 _BITS = np.arange(32)
 _DEVIATIONS = np.linspace(0.0, 4.0, 401)
@@ -58,13 +58,13 @@ class Values:
             max_speed: Speed of the fastest shot, m/s.
             noise: Standard deviations of the direction, rad, and of the speed, m/s.
             run_out: As in `planner.Options`.
-            english: As there.
-            weights: The network that rates positions in games that are not won by points. None to rate them by the next
-                pot alone.
+            english: As in `planner.Options`.
+            weights: The network that computes the probability of a run-out, in games that are not won by points. None
+                for an estimate from the next pot and the number of balls left.
         """
         self._setup, self._me, self._max_speed, self._noise = setup, game.state.player, max_speed, noise
         self._run_out, self._english = run_out, english and setup.scene.physics.motion == "sliding"
-        self._weights = weights
+        self._weights, self._usual = weights, 0.3 + 0.7 * float(success(np.array(_LENGTH), noise[0]))
 
     def of(self, played: PlayedBatch, push_out: NDArray[np.bool_] | None = None) -> Floats:
         """Returns the value of each of m shots, (m,), see `Plan.value`; `push_out` (m,) marks the push outs.
@@ -89,29 +89,32 @@ class Values:
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(verdicts["over"], 10.0 * won, following * (mine if self._run_out else sign))
         if self._weights is None:
-            run_out = self.ease(played, legal, wanted)
+            runs_out = self.ease(played, legal, wanted) * self._usual ** (self._left(states, legal) - 1.0)
         else:
-            run_out = run_outs.chances(self._weights, self.inputs(played, legal, wanted))
+            runs_out = run_outs.chances(self._weights, self.inputs(played, legal, wanted))
         if self._run_out:
-            return np.where(goes_on, run_out, won == 1.0)
-        chance = run_out + (1.0 - run_out) * _WITHOUT
+            return np.where(goes_on, runs_out, won == 1.0)
+        chance = runs_out + (1.0 - runs_out) * _WITHOUT
         value = np.where(verdicts["over"], won, sign * (2.0 * chance - 1.0))
         return np.where(push_out, -np.abs(2.0 * chance - 1.0), value)
 
     def _left(self, states: NDArray[Any], legal: Ints) -> Floats:
-        """Returns the number of balls that the next player has to pot."""
+        """Returns the number of balls that the next player has to pot.
+
+        On an open table of eight ball both groups count, at most 8 balls.
+        """
         if not self._setup.game_rules.groups:
-            return np.minimum(_sizes(states["object_balls"]), 15.0)
+            return _sizes(states["object_balls"])
         return np.minimum(_sizes(legal & ~EIGHT) + 1.0, 8.0)
 
     def inputs(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
         """Returns the inputs (m, k) of the network of `players.run_outs`; see `ease` for the arguments.
 
-        With the cue ball in hand there is an easy pot.
+        With the cue ball in hand, two fixed easy pots replace the pots of the position.
         """
-        rows = self._pots(played, legal, wanted, run_outs.POTS)
-        cue, left = played.positions[:, CUE_BALL] / self._setup.scene.half_extents, self._left(played.states, legal)
         hand = played.verdicts["in_hand"] > 0
+        rows = self._pots(played, legal, wanted & ~hand)
+        cue, left = played.positions[:, CUE_BALL] / self._setup.scene.half_extents, self._left(played.states, legal)
         rows[hand], cue[hand] = _IN_HAND, 0.5
         return run_outs.inputs(rows, cue, left, _sizes(legal), self._noise, self._english)
 
@@ -126,14 +129,13 @@ class Values:
             return ease
         hand = verdicts["in_hand"] == IN_HAND.index("anywhere")
         ease[hand] = success(np.array(_IN_HAND[TOLERANCE]), self._noise[0])
-        known = wanted & ~(hand | verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
-        good = np.sort(success(self._pots(played, legal, known, _POTS)[..., TOLERANCE], self._noise[0]), axis=1)
-        both = np.minimum(1.0, (1.0 - _SECOND) * good[:, -1] + _SECOND * good[:, -2])
-        return np.where(known, both, ease)
+        known = wanted & ~(verdicts["over"] | states["break_shot"]) & (verdicts["in_hand"] == 0)
+        easiest, second = success(self._pots(played, legal, known)[..., TOLERANCE], self._noise[0]).T
+        return np.where(known, np.minimum(1.0, (1.0 - _SECOND) * easiest + _SECOND * second), ease)
 
-    def _pots(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_], most: int) -> Floats:
-        """Returns the `most` easiest pots after each of m shots, as in `Pots.rows`; see `ease` for the arguments."""
-        rows, balls = np.zeros((len(wanted), most, WIDTH)), np.arange(played.positions.shape[1])
+    def _pots(self, played: PlayedBatch, legal: Ints, wanted: NDArray[np.bool_]) -> Floats:
+        """Returns (m, `run_outs.POTS`, w) the easiest pots after m shots, as in `Pots.rows`; see `ease`."""
+        rows, balls = np.zeros((len(wanted), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
         for mask in np.unique(legal[wanted]).tolist():
             which = np.flatnonzero(wanted & (legal == mask))
             potted = (played.states["object_balls"][which, None] >> balls & 1) == 0
@@ -146,7 +148,7 @@ class Values:
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
                 targets &= far <= np.sort(far)[_NEAREST - 1]
             tables = Tables(self._setup.scene, targets, played.positions[which], potted, self._max_speed)
-            rows[which] = find_pots(tables, most=most, banks=banks, speeds=False).rows
+            rows[which] = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False).rows
         return rows
 
 

@@ -1,4 +1,4 @@
-"""The probability of a run-out: it is the same in a mirror, counts what is left, and does not need a pot."""
+"""The probability of a run-out: the same in a mirror, less with more balls, and positive without a pot."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_in_eight_ball_only_the_group_and_the_eight_ball_are_left():
     assert (opened[left], opened[legal]) == (8.0, 9.0)
 
 
-def test_the_weights_are_small_and_are_loaded_where_they_are_used(tmp_path, monkeypatch):
+def test_the_weights_are_small_and_are_loaded_where_they_are_used():
     assert run_outs.WEIGHTS.stat().st_size < 20_000
     run_outs.trained.cache_clear()
     straight, nine = setup("straight", 2), setup("nine_ball")
@@ -73,6 +73,9 @@ def test_the_weights_are_small_and_are_loaded_where_they_are_used(tmp_path, monk
         table = custom_opening(game, places[: game.scene.n_balls])
         plan(game, table, 6.0, np.random.default_rng(0), np.inf, shots)
         assert run_outs.trained.cache_info().misses == loads
+
+
+def test_a_file_of_weights_runs_no_code(tmp_path, monkeypatch):
     run_outs.trained.cache_clear()
     monkeypatch.setattr(run_outs, "WEIGHTS", tmp_path / "bad.npz")
     np.savez(run_outs.WEIGHTS, w0=np.array([print], object))
