@@ -232,6 +232,7 @@ STRAIGHT = [
     (CALLED_BREAK, "hit 0 1, pocket 2 0", Verdict(points=1, continues=True), Call(2, 0)),
     (CALLED_BREAK, "hit 0 1, pocket 2 0", Verdict("breaking_foul", -2, spotted=(2,)), Call(2, 1)),
     (CALLED_BREAK, "hit 0 1, pocket 0", Verdict("breaking_foul", -2, **BEHIND)),
+    (CALLED_BREAK | {"on_table": (1,)}, "hit 0 1, cushion 0, cushion 1", Verdict()),  # with a single object ball
     # A potted cue ball counts as driven to a cushion (8.4).
     (CALLED_BREAK, "hit 0 1, cushion 2, cushion 3, pocket 0", Verdict("scratch", -1, **BEHIND)),
     (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2, cushion 3, pocket 0", Verdict("scratch", -1, **BEHIND)),
@@ -304,6 +305,7 @@ CALLED_EIGHT = {**CALLED_SOLIDS, "on_table": (8, 9)}
         ("straight", {"scores": (6, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", 0),
         ("straight", {"scores": (3, 6), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),
         ("straight", {"scores": (4, 5), "on_table": (7,)}, "hit 0 7, pocket 7", "", -1),
+        ("straight", {"scores": (-4, -2), "on_table": (7,)}, "hit 0 7, pocket 7", "", 1),  # fouls cost points
         ("straight", {"scores": (1, 2), "target": 3}, "hit 0 7, pocket 7, pocket 8", "", 0),
         ("straight", LAST_TWO | {"scores": (49, 0)}, POT_3, "", 0, Call(3, 5)),
         ("carom", {"scores": (9, 9), "target": 10}, "hit 0 2, hit 0 1", "", 0),

@@ -68,6 +68,7 @@ def scored(points, *spotted, colour=False):
         ({"on_table": (BLACK,)}, f"hit 0 {BLACK}", Call(), Verdict()),
         # A free ball counts as a red and is spotted (3.12 a, c, e), or scores the value of the ball on (3.12 a, d, e).
         (FREE, "hit 0 1", Call(), Verdict()),
+        (FREE, "hit 0 1, pocket 1", Call(), scored(1, colour=True)),
         (FREE, f"hit 0 {GREEN}, pocket {GREEN}", Call(), scored(1, GREEN, colour=True)),
         (FREE, f"hit 0 {GREEN}, pocket {GREEN}", Call(GREEN), scored(1, GREEN, colour=True)),
         (FREE, f"hit 0 {GREEN}, pocket {GREEN}, pocket 4", Call(), scored(2, GREEN, colour=True)),
@@ -151,6 +152,13 @@ def test_after_a_foul():  # 3.3 h, 3.7, 3.10: reds stay down, colours are spotte
     assert (now.player, now.scores, now.on_table) == (1, (10, 27), frozenset(range(22)) - {2})
 
 
+@pytest.mark.parametrize("fields", [{"colour": True}, {"on_table": (BLUE, PINK, BLACK)}])
+def test_the_colour_that_is_on_is_spotted_after_a_foul(fields):  # 3.7
+    log = facts(f"hit 0 {BLUE}, pocket {BLUE}, pocket 0")
+    verdict = snooker(frame(**fields), log)
+    assert (verdict.foul, verdict.penalty, verdict.spotted) == ("scratch", 5, (BLUE,))
+
+
 def test_balls_touched_at_the_same_instant():  # 3.6
     def both(a, b):
         return facts(f"hit 0 {a}, hit 0 {b}", times=[1.0, 1.0])
@@ -182,6 +190,15 @@ def test_a_free_ball_lasts_for_one_shot():
 def test_the_first_pot_or_foul_on_the_last_black_ends_the_frame(scores, log, winner):  # 3.4 a
     verdict = snooker(frame(on_table=(BLACK,), scores=scores), log)
     assert (verdict.over, verdict.winner) == (True, winner)
+
+
+@pytest.mark.parametrize(
+    ("scores", "log", "winner"), [((39, 0), pot(4), 0), ((0, 36), facts(), 1), ((39, 36), facts(), 1)]
+)
+def test_the_target_score_ends_the_frame_with_points_or_with_a_penalty(scores, log, winner):
+    verdict = snooker(frame(scores=scores, target=40), log)
+    assert (verdict.over, verdict.winner) == (True, winner)
+    assert not snooker(frame(scores=scores, target=41), log).over
 
 
 @pytest.mark.parametrize(("scores", "log"), [((40, 47), pot(BLACK)), ((47, 40), facts())])
