@@ -241,6 +241,10 @@ def test_a_ball_that_meets_two_cushions_at_one_instant_bounces_off_the_one_acros
     assert [wall_time((0, 0, x, y, 0, 0), square)[1] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))] == [1, 3, 3, 1]
 
 
+def test_a_ball_on_the_bisector_of_two_mirrored_cushions_bounces_off_the_lower_number_first():
+    assert wall_time((0, 0, -1, 0, 0, 0), TABLES["wedge"])[1] == 0
+
+
 def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
     """The ball is behind the line of the lower arm's upper cushion, crosses it, and returns to it by acceleration."""
     a_table = TABLES["sharp L"]  # its inner corner is at (-0.2, -0.2), and the lower arm is on the right
