@@ -364,6 +364,14 @@ def test_the_first_hit_and_the_cushion_contacts_before_it_are_counted():
     assert shot.cushions.tolist()[:2] == [1, 0]
 
 
+def test_cushion_contacts_before_a_hit_are_those_before_the_first_hit_on_the_ball():
+    # The cue ball bounces between a fixed ball and the -x cushion.
+    scene = world(2, FREE, Table(2.0, 2.0), mass=(0.2, math.inf))
+    shot = simulate(scene, [[-0.5, 0.0], [0.5, 0.0]], [1.0, 0.0], max_time=4.0)
+    assert (shot.cushions.tolist(), shot.cushions_before_hit.tolist()) == ([1, 0], [-1, 0])
+    assert shot.n_events == 3
+
+
 # Simultaneous impacts
 
 
@@ -379,6 +387,16 @@ def test_a_hit_on_two_balls_in_contact_follows_the_closed_form(e):
     sides = speed * np.array([[math.cos(math.pi / 6), math.sin(math.pi / 6)], [math.cos(math.pi / 6), -0.5]])
     assert shot.velocities[1:] == pytest.approx(sides, rel=1e-12)
     assert np.array_equal(shot.positions[1] * [1, -1], shot.positions[2])
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.0, 4.0])
+def test_two_hits_whose_times_differ_by_rounding_are_resolved_as_one_problem(angle):
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    places = np.array([[-1 - 2 * R * math.cos(math.pi / 6), 0.0], [0.0, R], [0.0, -R]]) @ turn.T
+    shot = simulate(world(3, FREE), places, turn @ [2.0, 0.0], max_time=0.75)
+    speed = 1.6 * math.cos(math.pi / 6) * np.array([math.cos(math.pi / 6), 0.5])
+    assert shot.velocities @ turn == pytest.approx(np.array([[-0.4, 0.0], speed, speed * [1, -1]]), abs=1e-13)
+    assert shot.n_events == 2
 
 
 @pytest.mark.parametrize("striking", [1, 2, 3])

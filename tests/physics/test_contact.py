@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from billiards_env.physics import contact
-from billiards_env.physics.contact import line_time
+from billiards_env.physics.contact import line_time, misses_circle, sweep
 from billiards_env.physics.motion import Path
 
 INF = math.inf
@@ -113,6 +113,13 @@ def test_mirrored_and_swapped_circles_meet_at_the_same_time(dx, dy, wx, wy, bx, 
     assert circle_time(-dx, dy, -wx, wy, -bx, by, 0.25, 2.0) == t
     assert circle_time(dx, -dy, wx, -wy, bx, -by, 0.25, 2.0) == t
     assert circle_time(-dx, -dy, -wx, -wy, -bx, -by, 0.25, 2.0) == t
+
+
+@pytest.mark.parametrize(("x", "v", "a"), [(-1.0, 1.0, 0.0), (-1.0, 0.0, 1.0), (-1.0, -0.5, 2.0)])
+def test_a_path_that_reaches_a_circle_is_not_excluded(x, v, a):
+    for path in (Path(x, 0.0, v, 0.0, a, 0.0), Path(0.0, x, 0.0, v, 0.0, a)):
+        assert not misses_circle(path, sweep(path, 2.0), 0.25)
+        assert misses_circle(path, sweep(path, 0.1), 0.25)
 
 
 # Lines
