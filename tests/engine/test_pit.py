@@ -568,6 +568,16 @@ def test_balls_end_within_the_cushions():
         assert beyond[~batch.potted].max() <= late
 
 
+def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it():
+    # The balls overlap after their impact, because the cushion stops the second one.
+    place = 1 - R
+    scene = world(2, FREE, Table(2.0, 64.0), e_cushion=0.0)
+    places, velocities = [[place - 2 * R - 0.05, 0.0], [place, 0.0]], [[2.0, 1.0], [0.0, 1.0]]
+    shot = pit(scene, places, velocities, dt=1 / 32, max_time=2.0, record=True)
+    assert kinds(shot) == [("ball_ball", 0, 1), ("cushion", 1, 1)]
+    assert shot.positions[:, 0] == pytest.approx([place - 2 * R, place], abs=1e-12)
+
+
 # Limits and errors
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate
 from billiards_env.engine import modes, pic
 from billiards_env.scene import Balls, Physics
 from billiards_env.scene.table import Table
@@ -68,6 +68,20 @@ def test_shots_of_many_balls_are_equal(motion, radii):
 def test_shots_of_a_frozen_block_are_equal():
     for seed in range(3):
         check(lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
+
+
+def test_an_impact_precedes_the_cushions_that_both_balls_touch_at_the_same_instant():
+    # The times are exact.
+    radius, time = 1 / 16, 0.25
+    physics = Physics(motion="ideal", cushion="restitution", e_ball=1.0, e_cushion=1.0, max_time=1.0)
+    scene = Scene(Balls((radius, radius), (0.2, 0.2)), Table(2.0, 2.0), physics)
+    x, y = 1 - radius - time, radius + time
+    places, velocities = [[x, y], [x, -y]], [[1.0, -1.0], [1.0, 1.0]]
+    shot = simulate(scene, places, velocities, record=True)
+    assert shot.events is not None
+    assert shot.events["kind"].tolist() == ["ball_ball", "cushion", "cushion"]
+    assert shot.events["time"].tolist() == [time] * 3
+    check((scene, np.array([places]), np.array([velocities]), None), engines=[CELL_GRID], record=True)
 
 
 @pytest.mark.parametrize("limit", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
