@@ -147,6 +147,15 @@ def test_a_ball_that_moves_away_and_returns_collides_again():
     assert shot.events["time"][0] == pytest.approx(2 * 0.5 / (SLIDE * G), rel=1e-14)
 
 
+def test_a_plastic_full_hit_is_not_repeated():
+    # The rounding of the velocities after it is no approach. The rounding of the gap may cause a second contact.
+    scene = world(2, FREE, mass=(0.2, 0.3), e_ball=0.0)
+    for angle in np.random.default_rng(0).uniform(0.0, 2 * math.pi, 20):
+        along = np.array([math.cos(angle), math.sin(angle)])
+        shot = simulate(scene, [-0.3 * along, [0.0, 0.0]], 2 * along, max_time=1.0)
+        assert shot.n_events <= 2
+
+
 # One ball
 
 
