@@ -116,6 +116,8 @@ def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
     assert shot.startswith("ShotResult: 10 balls")
     assert (tmp_path / "break.html").exists()
     assert lines(capsys, "replay", game)[1] != shot
+    with pytest.raises(SystemExit, match="--shot = 3: expected a number from 1 to 2"):
+        main(["replay", game, "--shot", "3"])
 
 
 def test_replay_in_a_window(monkeypatch, game):

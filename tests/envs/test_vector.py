@@ -144,6 +144,15 @@ def test_positions_from_options_draw_nothing():
     assert again[1, 0] == np.float32(0.25 / 1.27)
 
 
+@pytest.mark.parametrize("task", ["eight_ball", "nine_ball", "pot"])
+def test_the_legal_balls_are_those_of_single_environments(task):
+    envs, single = BilliardsVectorEnv(2, task=task), BilliardsEnv(task=task)
+    envs.reset(seed=3)
+    for i, legal in enumerate(envs.legal_balls):
+        single.reset(seed=3 + i)
+        assert np.array_equal(legal, single.legal_balls)
+
+
 def test_goals_from_options():
     envs, single = BilliardsVectorEnv(2, task="place"), BilliardsEnv(task="place")
     goals = np.array([[0.1, 0.2], [-0.3, 0.4]])

@@ -141,6 +141,8 @@ def test_the_derivative_by_the_strike_is_that_of_small_changes(elevation):
     ]
     expected = np.stack([(a - b) / (2 * step) for a, b in ends], axis=-1)
     np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(found).max())
+    change = np.array([0.5, -0.1, 0.2, 0.3, -0.4])
+    np.testing.assert_allclose(shot.jvp({"strike": change}, strike=at), found @ change, rtol=1e-9)
     batch = simulate_batch(scene, [positions] * 2, strike(scene, *np.array([at, at]).T), record=True)
     cotangents = np.ones((2, 2))
     pulled = batch.vjp({"positions": cotangents}, "strike", strike=np.array([at, at]))
