@@ -23,7 +23,7 @@ import gymnasium as gym
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
+from torch import Tensor, nn
 from tqdm import tqdm
 
 from benchmarks import machine, machine_line, table
@@ -223,19 +223,28 @@ def fit(features: NDArray[np.float32], values: Floats, seed: int) -> Weights:
     layers = [nn.Linear(*sizes) for sizes in ((features.shape[1], HIDDEN), (HIDDEN, HIDDEN), (HIDDEN, 1))]
     network = nn.Sequential(layers[0], nn.ReLU(), layers[1], nn.ReLU(), layers[2])
     optimiser = torch.optim.Adam(network.parameters(), lr=RATE)
-    steps = EPOCHS * math.ceil(len(inputs) / BATCH)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    for _ in range(EPOCHS):
-        for rows in torch.randperm(len(inputs)).split(BATCH):
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, EPOCHS * math.ceil(len(inputs) / BATCH))
+    descend(network, inputs, targets, optimiser, schedule, EPOCHS, BATCH)
+    return {"mean": mean, "scale": scale, **arrays(layers)}
+
+
+def descend(
+    network: nn.Module, inputs: Tensor, targets: Tensor, optimiser: Any, schedule: Any, epochs: int, batch: int
+) -> None:
+    """Trains a network whose outputs (k, 1) are logits of the targets (k,); the schedule advances with each step."""
+    for _ in range(epochs):
+        for rows in torch.randperm(len(inputs)).split(batch):
             loss = nn.functional.binary_cross_entropy_with_logits(network(inputs[rows])[:, 0], targets[rows])
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
             schedule.step()
-    weights = {"mean": mean, "scale": scale}
-    for k, layer in enumerate(layers):
-        weights |= {f"w{k}": layer.weight.detach().numpy().T, f"b{k}": layer.bias.detach().numpy()}
-    return weights
+
+
+def arrays(layers: Sequence[nn.Linear]) -> Weights:
+    """Returns the weights "w0", "b0", "w1", ... of layers. An input is a row, so "w0" is (inputs, outputs)."""
+    found = {f"w{k}": layer.weight.detach().numpy().T for k, layer in enumerate(layers)}
+    return found | {f"b{k}": layer.bias.detach().numpy() for k, layer in enumerate(layers)}
 
 
 def evaluate(weights: Weights, seed: int) -> dict[str, float]:

@@ -38,6 +38,7 @@ from billiards_env.players.values import Values
 from billiards_env.rules import VERDICT, legal_balls
 from billiards_env.scene import Scene
 from studies import RESULTS, RUNS, load_weights, parser_of, report, save_weights
+from studies.distil import arrays, descend
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
 from studies.timestep import workers
 
@@ -167,17 +168,8 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
     network = nn.Sequential(layers[0], nn.Tanh(), layers[1])
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=EPOCHS * math.ceil(len(x) / BATCH))
-    for _ in range(EPOCHS):
-        for rows in torch.randperm(len(x)).split(BATCH):
-            loss = nn.functional.binary_cross_entropy_with_logits(network(x[rows])[:, 0], y[rows])
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-    weights = {"mean": mean, "scale": scale}
-    for k, layer in enumerate(layers):
-        weights |= {f"w{k}": layer.weight.detach().numpy().T, f"b{k}": layer.bias.detach().numpy()}
-    return weights
+    descend(network, x, y, optimiser, schedule, EPOCHS, BATCH)
+    return {"mean": mean, "scale": scale, **arrays(layers)}
 
 
 def losses(positions: Positions) -> list[dict[str, Any]]:
