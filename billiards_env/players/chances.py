@@ -1,9 +1,8 @@
 """The probability of a pot under execution noise, to first order: one simulation of a shot instead of many samples.
 
-After the last contact of the object ball, its state changes in proportion to the errors of the stroke, to first order.
-From there its path without other balls decides whether it drops. To first order, the cue ball drops if the margin of a
-pocket (see `shots.gradients.Margins`) becomes positive. The result is the probability of the errors for which the
-object ball drops and the cue ball does not.
+After the last contact of a ball with another one, its state changes in proportion to the errors of the stroke, to first
+order. From there its path without other balls decides whether it drops. The result is the probability of the errors for
+which the object ball drops and the cue ball does not.
 """
 
 from __future__ import annotations
@@ -19,13 +18,13 @@ from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.state import CUE_BALL, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
 from billiards_env.players.paths import follow
 from billiards_env.scene import Scene
-from billiards_env.shots.gradients import Record, margin_columns, margins_by_errors, states_by_errors
+from billiards_env.shots.gradients import Record, states_by_errors
 from billiards_env.shots.simulation import simulate_batch
 
 Floats = NDArray[np.float64]
 
-_DIRECTIONS, _SPEEDS = 96, 5  # errors of the direction, equally probable, and of the speed
-_CUSHIONS = 4  # the object ball drops before it has met this number of cushions, or not at all
+_DIRECTIONS, _SPEEDS = 48, 5  # errors of the direction, equally probable, and of the speed
+_CUSHIONS = 8  # a ball drops before it has met this number of cushions, or not at all
 _AFTER = 1e-9  # s after a contact, when the change of the state includes that of the contact
 
 
@@ -62,25 +61,22 @@ def pot_chances(
     directions = [NormalDist().inv_cdf((k + 0.5) / _DIRECTIONS) for k in range(_DIRECTIONS)]
     errors = scale * np.stack(np.meshgrid(directions, speeds, indexing="ij"), axis=-1).reshape(-1, 2)
 
+    potted, touched = _drops(record, ball, errors)
+    scratches, _ = _drops(record, CUE_BALL, errors)
+    good = (potted & ~scratches & touched[:, None]).reshape(-1, _DIRECTIONS, _SPEEDS)
+    return (good.mean(axis=1) * weights).sum(axis=1) / weights.sum()
+
+
+def _drops(record: Record, ball: int, errors: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Returns whether a ball drops with each of the errors (e, 2), (m, e), and whether another ball touches it (m,)."""
     times, begins = _last_contacts(record, ball)
-    radius = scene.balls.radius[ball]
+    touched, radius = ~np.isnan(times), record.scene.balls.radius[ball]
     changes = states_by_errors(record, np.minimum(times + _AFTER, record.time))[:, :, ball, :7]
     changes[..., 4:6] = changes[..., 2:4] + radius * changes[..., [5, 4]] * (-1.0, 1.0)  # of the slip
     starts = begins[:, None] + np.einsum("mkc,ek->mec", changes, errors)
     drops = np.zeros(starts.shape[:2], bool)
-    known = ~np.isnan(times)
-    drops[known] = _drops(scene_fields(scene), ball, starts[known])
-
-    columns = margin_columns(scene)
-    wanted = np.zeros((scene.n_balls, columns["cushion_margins"].stop), bool)
-    wanted[CUE_BALL, columns["pocket_margins"]] = True
-    margins, slopes = margins_by_errors(record, wanted)
-    margins, slopes = margins[:, CUE_BALL, columns["pocket_margins"]], slopes[..., CUE_BALL, columns["pocket_margins"]]
-    # A path that passes the far rim of the pocket does not enter it.
-    width = 2.0 * np.array([pocket.radius for pocket in scene.table.pockets])
-    depths = np.where(np.isfinite(margins), margins, -np.inf)[:, None] + np.einsum("mkp,ek->mep", slopes, errors)
-    scratches = ((depths > 0.0) & (depths < width)).any(axis=-1)
-    return ((drops & ~scratches).reshape(-1, _DIRECTIONS, _SPEEDS).mean(axis=1) * weights).sum(axis=1) / weights.sum()
+    drops[touched] = _follow_all(scene_fields(record.scene), ball, starts[touched])
+    return drops, touched
 
 
 def _last_contacts(record: Record, ball: int) -> tuple[Floats, Floats]:
@@ -102,7 +98,7 @@ def _last_contacts(record: Record, ball: int) -> tuple[Floats, Floats]:
 
 
 @allocating_entry_point
-def _drops(scene, ball, starts):
+def _follow_all(scene, ball, starts):
     """Returns whether a ball with the states (m, e, 7) drops, (m, e)."""
     scene = SceneArrays(scene[0][0], *scene[1:])
     state, gaps = empty_state(len(scene.radius)), np.empty(_CUSHIONS)

@@ -403,12 +403,6 @@ def _error_inputs(record: Record) -> Floats:
     return inputs
 
 
-def margins_by_errors(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Returns the same with the derivatives (m, 2, n, q) by errors of the stroke: of the direction and of the speed."""
-    margins, _, slopes = _push_margins(record, record.time, _error_inputs(record), wanted, 1)
-    return margins, slopes
-
-
 def states_by_errors(record: Record, times: Floats) -> Floats:
     """Returns the derivatives of the states at times (m,) by errors of the stroke.
 
