@@ -391,25 +391,20 @@ def margins_by_cue_ball(record: Record, wanted: NDArray[np.bool_]) -> tuple[Floa
     return margins, slopes
 
 
-def _error_inputs(record: Record) -> Floats:
-    """Returns changes (m, 2, 9 n + 14) of the cue ball's velocity and spin by errors of its stroke.
+def states_by_errors(record: Record, times: Floats) -> Floats:
+    """Returns the derivatives of the states at times (m,) by errors of the stroke.
 
-    The errors turn both counterclockwise, rad, and change the speed, m/s, with the spin in proportion.
+    One error turns the velocity and spin of the cue ball counterclockwise, rad. The other changes its speed, m/s, with
+    the spin in proportion.
+
+    Returns:
+        (m, 2, n, 9) float64: of x, y, vx, vy, wx, wy, wz, and of the radius and the mass, by the two errors.
     """
     vx, vy, wx, wy, wz = np.moveaxis(start_states(record)[:, 0, 2:7], -1, 0)
     inputs = np.zeros_like(_cue_ball_inputs(record))
     inputs[:, 0, 2:7] = np.stack((-vy, vx, -wy, wx, np.zeros_like(wz)), axis=-1)
     inputs[:, 1, 2:7] = np.stack((vx, vy, wx, wy, wz), axis=-1) / np.maximum(np.hypot(vx, vy), 1e-300)[:, None]
-    return inputs
-
-
-def states_by_errors(record: Record, times: Floats) -> Floats:
-    """Returns the derivatives of the states at times (m,) by errors of the stroke.
-
-    Returns:
-        (m, 2, n, 9) float64: of x, y, vx, vy, wx, wy, wz, and of the radius and the mass, by the two errors.
-    """
-    return _push(record, times[:, None], _error_inputs(record), 0, 1)[0][:, 0]
+    return _push(record, times[:, None], inputs, 0, 1)[0][:, 0]
 
 
 def _chosen(of: str, outputs: Floats, at_events: Floats) -> Floats:
