@@ -2,8 +2,8 @@
 
 * Run-outs: racks of nine ball on `real_pool` that are won from the break without losing the turn. "planner" plays for a
   run-out (`run_out=True`). It chooses the place of the cue ball and the break by simulations of the actual rack.
-* Fixed break: the same with one stroke as the break. Without english: the same on `pool`. Eight ball: the same in this
-  game.
+* Fixed break: run-outs in which all racks have the same break stroke. Without english: run-outs on `pool`. Eight ball:
+  run-outs in eight ball.
 * Matches: eight ball on `real_pool` against other players. The player who breaks is drawn at random.
 * Straight pool, snooker, three-cushion: the points of one turn from random positions; straight pool over several racks.
 * One ball: `Billiards-v0` with its default arguments, one shot at one ball from a random layout, without english.
@@ -11,8 +11,8 @@
   The errors are those of the levels.
 
 Each player gets the size of the errors as an argument. The results are in `studies/results/planner.json`, written after
-each rack. The command continues after an interruption. A larger number of `--racks` adds racks. A decision has a time
-limit, so the results depend on the machine.
+each rack. The command continues after an interruption. A larger number of `--racks` adds racks. Players with a time
+limit have other results on another machine.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ from studies import RESULTS, parser_of, report, resumed
 OUTPUT = RESULTS / "planner.json"
 RACKS, SEED, MAX_SPEED, MAX_SHOTS = 100, 30, 8.0, 200
 MAX_POINTS = 150
-"""A turn ends after this number of shots. It is also the target of straight pool, so that balls are racked again."""
+"""The largest number of shots in a turn, and the target score of straight pool.
+
+With a target, balls are racked again."""
 
 ONE_BALL = 10
 """Episodes that count as one rack."""
@@ -52,8 +54,8 @@ OLYMPIAD = (0.125, 0.075)
 """The noise of the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark): degrees and m/s."""
 
 FIXED_BREAK = Stroke((4.825, 1.654), (-0.831, -0.532))
-"""A break from near a long cushion. Of 1,600 random breaks it is one of those that kept the turn most often on 60 racks
-that are not those of the study."""
+"""A break from near a long cushion, chosen from 1,600 random breaks. On 60 racks that are not those of the study it was
+among the breaks that kept the turn most often."""
 
 PLANNER = "planner:100ms"
 """The player of the matches."""
@@ -69,40 +71,32 @@ class Cell(NamedTuple):
         experiment: An entry of `EXPERIMENTS`.
         noise: Standard deviations of the direction, degrees, and of the speed, m/s.
         player: The player, in matches the opponent.
-        share: The number of its racks over that of the command.
+        share: Its number of racks, as a share of `--racks`.
     """
 
     experiment: str
     noise: tuple[float, float]
     player: str
-    share: float = 0.5
+    share: float = 1.0
 
 
 CELLS: tuple[Cell, ...] = (
-    Cell("run-outs", (0.057, 0.0), PLANNER, 1.0),
-    Cell("run-outs", OLYMPIAD, PLANNER, 1.0),
-    Cell("run-outs", (0.03, 0.0), PLANNER, 1.0),
-    Cell("run-outs", (0.5, 0.075), PLANNER, 1.0),
-    Cell("one ball", OLYMPIAD, PLANNER, 1.0),
+    *(Cell("run-outs", noise, PLANNER) for noise in ((0.057, 0.0), OLYMPIAD, (0.03, 0.0), (0.5, 0.075))),
+    Cell("one ball", OLYMPIAD, PLANNER, 0.1),
     Cell("matches", OLYMPIAD, EQUAL_TIME),
-    Cell("fixed break", (0.057, 0.0), PLANNER),
-    Cell("fixed break", OLYMPIAD, PLANNER),
+    Cell("matches", OLYMPIAD, "geometric"),
     Cell("eight ball", OLYMPIAD, PLANNER),
-    Cell("without english", (0.057, 0.0), PLANNER, 0.3),
-    Cell("without english", OLYMPIAD, PLANNER, 0.3),
-    Cell("matches", OLYMPIAD, "geometric", 0.3),
-    Cell("straight pool", OLYMPIAD, PLANNER, 0.3),
-    Cell("snooker", OLYMPIAD, PLANNER, 0.3),
-    Cell("three-cushion", OLYMPIAD, PLANNER),
+    *(Cell(name, noise, PLANNER) for name in ("fixed break", "without english") for noise in ((0.057, 0.0), OLYMPIAD)),
+    *(Cell(name, OLYMPIAD, PLANNER) for name in ("straight pool", "snooker", "three-cushion")),
     *(
         Cell("run-outs", noise, f"planner:{time}", share)
-        for time, share in (("10ms", 0.4), ("30ms", 0.4), ("300ms", 0.2), ("1s", 0.08), ("3s", 0.02))
+        for time, share in (("10ms", 0.1), ("30ms", 0.1), ("300ms", 0.1), ("1s", 0.04), ("3s", 0.02))
         for noise in ((0.057, 0.0), OLYMPIAD)
     ),
-    *(Cell("run-outs", noise, "search:1000") for noise in ((0.03, 0.0), (0.057, 0.0), OLYMPIAD)),
-    Cell("one ball", OLYMPIAD, "search:1000"),
-    *(Cell("one ball", (0.0, 0.0), f"planner:{level}") for level in LEVELS),
-    *(Cell("levels", (0.0, 0.0), f"planner:{level}", 0.2) for level in list(LEVELS)[1:]),
+    *(Cell("run-outs", noise, "search:1000", 0.1) for noise in ((0.03, 0.0), (0.057, 0.0), OLYMPIAD)),
+    Cell("one ball", OLYMPIAD, "search:1000", 0.1),
+    *(Cell("one ball", (0.0, 0.0), f"planner:{level}", 0.05) for level in LEVELS),
+    *(Cell("levels", (0.0, 0.0), f"planner:{level}", 0.1) for level in list(LEVELS)[1:]),
 )
 """The cells of the tables, those of most interest first."""
 
@@ -150,7 +144,7 @@ def run_out(
 
 
 def _for_one_turn(player: str, noise: tuple[float, float], chances: list[float], english: bool = True) -> Player:
-    """Returns the planner that plays for its present turn, and adds the probability of each shot to `chances`."""
+    """Returns a planner that plays for its present turn only. It appends the probability of each shot to `chances`."""
     seconds, shots = parse_budget(player.partition(":")[2])
 
     def stroke(setup: Setup, game: GameState, max_speed: float, rng: np.random.Generator) -> Stroke:
@@ -180,7 +174,7 @@ def turn(
 
 
 def match(opponent: str, noise: tuple[float, float], rng: np.random.Generator, player: str = PLANNER) -> dict[str, Any]:
-    """Plays one rack of eight ball; who breaks is drawn. Returns `success`, of `player`, and `strokes`."""
+    """Plays one rack of eight ball; who breaks is drawn. Returns `success`, whether `player` wins, and `strokes`."""
     setup = Setup("eight_ball", Scene.named("real_pool", 15))
     names = [player, opponent]
     first = int(rng.integers(2))
@@ -219,7 +213,7 @@ EXPERIMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 def measure(output: Path, racks: int) -> dict[str, Any]:
-    """Plays the racks without results, and writes the results of each as soon as it is played.
+    """Plays the racks that are missing in `output`, and writes the results after each of them.
 
     The JSON file `output` has `machine`, `settings`, and `results[experiment][noise][player]`: one entry for each rack.
 
@@ -248,7 +242,7 @@ def measure(output: Path, racks: int) -> dict[str, Any]:
 
 @functools.cache
 def _compile(experiment: str) -> None:
-    """Plays a rack, because compilation uses up the time of a decision."""
+    """Plays a rack that does not count, so that no decision includes compilation."""
     if experiment != "levels":  # their budgets are numbers of shots
         player = "random" if experiment == "matches" else "planner:1500"
         EXPERIMENTS[experiment](player, OLYMPIAD, np.random.default_rng(0))
@@ -284,7 +278,6 @@ _HEADS = {
     "levels": ("racks", "racks won against the level below", "strokes"),
     "turns": ("turns", "mean points", "most points", "strokes"),
 }
-_AIM, _POTS = 0.08, 7  # an example of a share of run-outs under the largest errors, and the shots after a break
 _RUN_OUTS = "run-outs", "fixed break", "without english", "eight ball"
 
 
@@ -300,25 +293,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
         kind = experiment if experiment in _HEADS else "run-outs" if experiment in _RUN_OUTS else "turns"
         first = "noise", "opponent" if experiment == "matches" else "player"
         made[experiment] = table((*first, *_HEADS[kind]), rows, left=2)
-    made["limit"] = _limit(found["results"]["run-outs"])
     return made
-
-
-def _limit(noises: Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]) -> str:
-    """Returns a sentence about the success that a shot needs under the largest errors."""
-    measured = (name for name, players in noises.items() if PLANNER in players)
-    noise = max(measured, default="", key=lambda name: float(name.partition(" ")[0]))
-    played = noises.get(noise, {}).get(PLANNER, ())
-    chances = [chance for rack in played for chance in rack.get("chances", ())]
-    kept = np.mean([rack["break"] != "lost" for rack in played]) if played else 0.0
-    if not chances or kept < _AIM:
-        return ""
-    need, expected = (_AIM / kept) ** (1 / _POTS), float(np.mean(chances))
-    return (
-        f"With errors of {noise} the break keeps the turn in {kept:.0%} of the racks. To run out {_AIM:.0%} of the "
-        f"racks, each of {_POTS} shots after the break would have to succeed with a probability of {need:.0%}. The "
-        f"planner expects {expected:.0%} on average."
-    )
 
 
 def _order(player: str) -> tuple[bool, float]:
@@ -360,7 +335,7 @@ PUBLISHED = (
 
 
 _FEWEST = 5
-"""The picture shows a player with at least this number of racks."""
+"""The picture shows only players with at least this number of racks."""
 
 _BUDGETS = (10, 30, 100, 300, 1000, 3000)
 
@@ -397,7 +372,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = parser_of(
         "planner",
         "Measure the planner under noise.",
-        racks=(RACKS, "racks of the main cells"),
+        racks=(RACKS, "racks of a row with a full share"),
         output=(OUTPUT, "JSON file"),
         times=(False, "only print the time of decisions of the matches"),
     )

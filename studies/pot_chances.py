@@ -1,8 +1,8 @@
-"""Compares the probability of a pot to first order with samples: `python -m studies.pot_chances`.
+"""Compares the first-order probability of a pot with samples: `python -m studies.pot_chances`.
 
-Each shot pots the only ball of a random layout, or tries to: a random pot of those that geometry finds, at a random
-speed of `pots.SPEEDS`. The errors are those of the Computer Olympiad. The true probability is the share of successes in
-many simulated shots with errors. The results are in `studies/results/pot_chances.json`.
+Each layout is random and has one object ball. Each shot is a random one of the pots that geometry finds, at one of its
+speeds. It can miss. The errors are those of the Computer Olympiad. The true probability is the share of successes in
+`SAMPLES` simulated shots with errors. The results are in `studies/results/pot_chances.json`.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from studies.planner import OLYMPIAD
 OUTPUT = RESULTS / "pot_chances.json"
 SCENES, SEED, MAX_SPEED, LAYOUTS, SAMPLES = ("pool", "real_pool"), 40, 4.0, 1000, 10_000
 FEW = 50
-"""The number of samples whose error and time stand beside those of the first order."""
+"""The number of samples in the method that is compared with the first order."""
 
 Floats = NDArray[np.float64]
 
 
 def random_pots(scene: Scene, layouts: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Returns positions (m, 2, 2), m, and velocities (m, 2), m/s, of pots of ball 1."""
+    """Returns positions (k, 2, 2) in m and velocities (k, 2) in m/s of k shots that try to pot ball 1."""
     setup, positions, velocities = Setup("straight", scene), [], []
     while len(positions) < layouts:
         placed = opening(setup, rng, "random").positions
@@ -63,8 +63,8 @@ def sampled(scene: Scene, positions: Floats, velocity: Floats, samples: int, rng
 def measure(layouts: int, samples: int, output: Path) -> dict[str, Any]:
     """Writes and returns `machine`, `settings`, and `results[scene]`.
 
-    Those are the absolute errors of each layout to first order, `first_order`, and with `FEW` samples, `sampled`, and
-    the processor times of a layout, `times`, s, of both.
+    A result has the absolute errors of each layout, `first_order` and `sampled` (with `FEW` samples), and `times`: the
+    mean processor time of a layout for each of the two methods, s.
     """
     results: dict[str, Any] = {}
     for name in SCENES:

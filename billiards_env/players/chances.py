@@ -1,8 +1,8 @@
 """The probability of a pot under execution noise, to first order: one simulation of a shot instead of many samples.
 
-After the last contact of a ball with another one, its state changes in proportion to the errors of the stroke, to first
-order. From there its path without other balls decides whether it drops. The result is the probability of the errors for
-which the object ball drops and the cue ball does not.
+To first order, an error of the stroke shifts the state of a ball just after its last contact with another ball in
+proportion to the error. From the shifted state, its path without other balls decides whether it drops. The result is
+the probability that the object ball drops and the cue ball does not.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from billiards_env.shots.simulation import simulate_batch
 
 Floats = NDArray[np.float64]
 
-_DIRECTIONS, _SPEEDS = 48, 5  # errors of the direction, equally probable, and of the speed
-_CUSHIONS = 8  # a ball drops before it has met this number of cushions, or not at all
+_DIRECTIONS, _SPEEDS = 48, 5  # numbers of errors of the direction, equally probable, and of the speed
+_CUSHIONS = 8  # a path ends at this number of cushions
 _AFTER = 1e-9  # s after a contact, when the change of the state includes that of the contact
 
 
@@ -48,7 +48,7 @@ def pot_chances(
         spins: (m, 3) rad/s; None for zero.
 
     Returns:
-        The probabilities; 0 for a shot in which nothing touches the ball.
+        The probabilities; 0 for a shot in which no other ball touches it.
 
     Example:
         >>> scene = Scene.named("pool", 1)
@@ -68,7 +68,7 @@ def pot_chances(
 
 
 def _drops(record: Record, ball: int, errors: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns whether a ball drops with each of the errors (e, 2), (m, e), and whether another ball touches it (m,)."""
+    """Returns whether a ball drops (m, e), for errors (e, 2), and whether another ball touches it (m,)."""
     times, begins = _last_contacts(record, ball)
     touched, radius = ~np.isnan(times), record.scene.balls.radius[ball]
     changes = states_by_errors(record, np.minimum(times + _AFTER, record.time))[:, :, ball, :7]
