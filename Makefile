@@ -87,7 +87,6 @@ results: $(WORKS)  ## train every recipe with several seeds (up to five hours; r
 	$(WORK)/python -m studies.run_outs
 	$(WORK)/python -m studies.planner
 	$(WORK)/python -m studies.positions
-	$(WORK)/python -m studies.distil
 	$(WORK)/python -m studies.tasks
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
@@ -106,7 +105,6 @@ rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two no
 
 figures: $(INSTALLED)  ## draw the pictures in docs/images
 	$(BIN)/python -m studies.figures
-	$(BIN)/python -m studies.run_out_film
 
 format: $(INSTALLED)  ## format the code in place
 	$(BIN)/ruff check --fix .

@@ -10,14 +10,11 @@ Modules:
     plain: Measures PPO and SAC of Stable-Baselines3 with their default settings.
     learn_by_gradient: Trains a network by the gradient of its shots.
     planner: Measures the planner under execution noise.
-    pot_chances: Compares the probability of a pot to first order with samples.
     positions: Measures the strokes of players in a fixed set of positions.
-    distil: Distils a search into a small policy.
     tasks: Measures players without training in the frozen tasks.
     leaderboard: Verifies the files of the leaderboard and makes its tables.
-    figures: Draws the pictures that show no measurement.
+    figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
     run_outs: Trains the network that computes the probability of a run-out from a position.
-    run_out_film: Draws a film of a run-out of the planner.
     readme: Writes the measured tables into the pages.
 """
 

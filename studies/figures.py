@@ -1,15 +1,17 @@
 """The pictures of the documentation that show no measurement: `python -m studies.figures`.
 
-They show a shot, the named tables, maps of strikes, massé shots, the failures of a timestep, and the window. The window
-receives keyboard and mouse events on a dummy display.
+They show a shot, the named tables, massé shots, the failures of a timestep, the window, and a film of a run-out of the
+planner. The window receives keyboard and mouse events on a dummy display.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import io
+import itertools
 import math
 import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +28,18 @@ from benchmarks import IMAGES, save, use_own_font
 from billiards_env.drawing.canvas import pixels, pygame
 from billiards_env.drawing.plot import draw_ball, legend_handles
 from billiards_env.drawing.style import ARROW, ARROW_START, INK, draw_table, looks, rail_width
-from billiards_env.files import write_whole
+from billiards_env.files import check_path, replacing, write_whole
 from billiards_env.games import History, Setup, opening
-from billiards_env.play.model import HUMAN, begin, set_tip
+from billiards_env.play.model import HUMAN, Model, aim_like, begin, set_tip, shoot, tick
+from billiards_env.play.view import View
 from billiards_env.play.window import GameWindow
 from billiards_env.players.game_player import find_player
+from billiards_env.players.levels import with_noise
+from billiards_env.players.planner import Options, plan
 from billiards_env.scene import Balls, Cue, Scene, layouts
 from billiards_env.scene.table import TABLES, Table
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
-from billiards_env.shots.strike_map import strike_map
 from billiards_env.shots.strikes import strike
 from studies import parser_of
 from studies.failures import FAILURES, Failure
@@ -100,18 +104,6 @@ def _draw_named_table(ax: Axes, name: str, centre: np.ndarray) -> None:
     positions = layouts.draw(layout, scene, np.random.default_rng(0))
     for radius, look, position in zip(scene.balls.radius, looks(scene), positions, strict=True):
         draw_ball(ax, radius, look._replace(number=""), position + centre, ghost=False)
-
-
-def maps() -> Figure:
-    """Returns a figure of the two maps of strikes of docs/simulate.md."""
-    scene, places, heading = Scene.named("real_pool"), [[0.0, 0.0], [0.6, 0.33]], math.atan2(0.33, 0.6)
-    figure = Figure(figsize=(10, 4.6), dpi=110, facecolor="white", layout="constrained")
-    left, right = figure.subplots(1, 2)
-    tip = np.linspace(-0.6, 0.6, 317)
-    strike_map(scene, places, {"side": tip, "top": tip}, heading=heading + 0.015, speed=1.6).plot(left)
-    headings, speeds = heading + np.linspace(-0.06, 0.12, 400), np.linspace(0.5, 6.0, 250)
-    strike_map(scene, places, {"heading": headings, "speed": speeds}, side=0.3).plot(right)
-    return figure
 
 
 MASSE = {"speed": 3.0, "heading": 0.0, "side": 0.3, "top": -0.2}
@@ -261,6 +253,51 @@ def drag(shown: GameWindow, start: np.ndarray, end: np.ndarray) -> None:
     shown.frame()
 
 
+FILM: dict[str, Any] = {"noise": (0.057, 0.02), "shots": 3000, "width": 480, "pace": 3.0, "frame": 0.12, "plan": 1.5}
+"""The film of a run-out: the errors of the strokes (degrees, m/s), the simulated shots of a decision, the width
+(pixels), the playback speed, and how long it shows a frame and a plan, s."""
+
+
+def run_out(seed: int) -> list[tuple[Model, str]] | None:
+    """Plays a rack of nine ball with the planner.
+
+    Returns:
+        A model and a text for each plan, and for the end of the rack; None if the rack is not a run-out.
+    """
+    rng, noise, speed = np.random.default_rng(seed), FILM["noise"], 8.0
+    setup = Setup("nine_ball", Scene.named("real_pool", 9))
+    history = History(setup, opening(setup, rng), ())
+    model, plans = begin(history, ("planner", "planner"), speed, 1 / 60, FILM["pace"]), []
+    while not model.game.state.over and model.game.state.player == 0:
+        best = plan(setup, model.game, speed, rng, math.inf, FILM["shots"], noise, Options(run_out=True))
+        plans.append((aim_like(model, best.stroke), f"keeps the turn with probability {best.probability:.2f}"))
+        model = tick(shoot(model, with_noise(best.stroke, noise, speed, rng)), math.inf)
+    return [*plans, (model, "")] if model.game.state.winner == 0 else None
+
+
+def frames(models: Sequence[tuple[Model, str]]) -> Iterator[tuple[Image.Image, float]]:
+    """Yields the images of a film and their durations, s: each plan, and the shot that follows."""
+    view = View(models[0][0].setup.scene, FILM["width"])
+    for (model, text), (following, _) in itertools.pairwise(models):
+        yield Image.fromarray(pixels(view.draw(model, text))), FILM["plan"]
+        shown = dataclasses.replace(following, aim=model.aim, phase="rolling", preview=None, clock=0.0)
+        while shown.phase == "rolling":
+            yield Image.fromarray(pixels(view.draw(shown, text))), FILM["frame"]
+            shown = tick(shown, FILM["frame"])
+    yield Image.fromarray(pixels(view.draw(models[-1][0]))), 2 * FILM["plan"]
+
+
+def film(path: Path, models: Sequence[tuple[Model, str]]) -> None:
+    """Writes a film, .gif, completely or not at all."""
+    target, images = check_path(path, ".gif"), list(frames(models))
+    # All balls are in the first image. They have few pixels, and an octree keeps their colours.
+    palette = images[0][0].quantize(96, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in images)
+    times = [round(1000 * seconds) for _, seconds in images]
+    with replacing(target) as temporary:
+        first.save(temporary, save_all=True, append_images=others, duration=times, loop=0, optimize=False)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.figures --help`."""
     folder = (IMAGES, "output folder")
@@ -269,7 +306,7 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named("pool", 4)
     shot = shot_of(scene, **SHOT)
     title = f"One action, one shot: {shot.n_events} events in {shot.time:.1f} s. Ball 2 pots ball 3 and is then potted"
-    figures = {"shot": picture(shot, title), "tables": tables(), "strike_map": maps(), "masse": masse()}
+    figures = {"shot": picture(shot, title), "tables": tables(), "masse": masse()}
     for name, figure in {**figures, "failures": failures()}.items():
         save(figure, args.folder / f"{name}.png")
     shown, buffer = window(), io.BytesIO()
@@ -280,6 +317,7 @@ def main(arguments: list[str] | None = None) -> None:
     velocity = shot.recording().trajectory.velocity[0]
     rough = simulate(scene, shot.at(0.0), velocity, mode="pit", dt=1 / 60, record=True)
     shot.to_gif(args.folder / "shot.gif", fps=25, width=640, compare=rough)
+    film(args.folder / "run_out.gif", next(filter(None, map(run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 
 

@@ -38,7 +38,6 @@ from billiards_env.players.values import Values
 from billiards_env.rules import VERDICT, legal_balls
 from billiards_env.scene import Scene
 from studies import RESULTS, RUNS, load_weights, parser_of, report, save_weights
-from studies.distil import arrays, descend
 from studies.planner import FIXED_BREAK, MAX_SPEED, OLYMPIAD
 from studies.timestep import workers
 
@@ -168,8 +167,20 @@ def fit(inputs: NDArray[np.float32], won: NDArray[np.bool_]) -> run_outs.Weights
     network = nn.Sequential(layers[0], nn.Tanh(), layers[1])
     optimiser = torch.optim.AdamW(network.parameters(), RATE, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=EPOCHS * math.ceil(len(x) / BATCH))
-    descend(network, x, y, optimiser, schedule, EPOCHS, BATCH)
-    return {"mean": mean, "scale": scale, **arrays(layers)}
+    for _ in range(EPOCHS):
+        for rows in torch.randperm(len(x)).split(BATCH):
+            loss = nn.functional.binary_cross_entropy_with_logits(network(x[rows])[:, 0], y[rows])
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+    found = {f"w{k}": layer.weight.detach().numpy().T for k, layer in enumerate(layers)}
+    return {
+        "mean": mean,
+        "scale": scale,
+        **found,
+        **{f"b{k}": layer.bias.detach().numpy() for k, layer in enumerate(layers)},
+    }
 
 
 def losses(positions: Positions) -> list[dict[str, Any]]:

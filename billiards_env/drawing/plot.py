@@ -1,4 +1,4 @@
-"""Pictures with matplotlib: a shot, drawn to scale, and a map of strikes.
+"""Pictures of shots with matplotlib, drawn to scale.
 
 The picture of a shot shows the initial positions as faint balls, the paths, the final positions, a ring for each ball
 in a contact, and a mark with the time of each event. Each kind of event has a different mark. The colour of a path is
@@ -12,14 +12,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from billiards_env.checks import missing
 
 try:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
-    from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 except ModuleNotFoundError as error:
@@ -267,60 +266,3 @@ def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
         style |= {"ha": "center", "va": "top"}
     style["bbox"] = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
     ax.annotate(text, point.tolist(), **style)
-
-
-UNITS = {
-    "speed": "speed of the cue, m/s",
-    "heading": "direction, rad",
-    "side": "offset of the tip to the left, ball radii",
-    "top": "offset of the tip above the centre, ball radii",
-    "elevation": "elevation of the cue, rad",
-}
-"""The labels of the axes of a map."""
-
-OUTCOMES = {-3: ("#ffffff", "tip slips"), -2: ("#4a4a4a", "cue ball potted, too"), -1: ("#dcdcd6", "not potted")}
-"""The colour and the text of the outcomes without success."""
-
-POCKETS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
-"""The colours of the pockets, in their order; further pockets repeat them."""
-
-
-def draw_map(
-    names: tuple[str, str], values: tuple[Floats, Floats], pocket: NDArray[np.int64], ax: Axes | None = None
-) -> Axes:
-    """Draws the outcomes of strikes over two parameters, see `strike_map.StrikeMap`.
-
-    Args:
-        names: The names of the parameters, to the right and upwards.
-        values: Their values, (a,) and (b,).
-        pocket: (b, a) int, the pocket of the ball or a key of `OUTCOMES`.
-        ax: The axes to draw in; None for a new figure.
-
-    Returns:
-        The axes.
-    """
-    if ax is None:
-        from matplotlib import pyplot
-
-        _, ax = pyplot.subplots(figsize=(6.4, 5.2), layout="constrained")
-    kinds = np.unique(pocket).tolist()
-    styles = [OUTCOMES[k] if k < 0 else (POCKETS[k % len(POCKETS)], f"pocket {k}") for k in kinds]
-    colours = ListedColormap([colour for colour, _ in styles])
-    index = np.searchsorted(kinds, pocket)
-    ax.pcolormesh(*values, index, cmap=colours, vmin=-0.5, vmax=len(kinds) - 0.5, shading="nearest", rasterized=True)
-    ax.set_xlabel(UNITS[names[0]])
-    ax.set_ylabel(UNITS[names[1]])
-    if set(names) == {"side", "top"}:  # the cue ball from behind
-        ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, edgecolor=INK, linewidth=1.0))
-        ax.set_aspect("equal")
-    if names[0] == "side":
-        ax.invert_xaxis()
-    share = np.bincount(index.ravel(), minlength=len(kinds)) / index.size
-    handles = [
-        Rectangle(
-            (0, 0), 1, 1, facecolor=colour, edgecolor="#888888", linewidth=0.5, label=f"{text}: {100 * part:.1f}%"
-        )
-        for (colour, text), part in zip(styles, share, strict=True)
-    ]
-    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, frameon=False, fontsize=8.5)
-    return ax

@@ -1,5 +1,7 @@
 """The pictures of the documentation."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -16,11 +18,13 @@ from studies.failures import FAILURES
 
 
 def test_pictures_are_small_and_reproducible(tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "run_out", lambda _: True)
+    monkeypatch.setattr(figures, "film", lambda *_: None)  # its own test is below
     figures.main(["--folder", str(tmp_path / "one")])
     monkeypatch.setattr(figures.ShotResult, "to_gif", lambda *_, **__: None)  # slow
     figures.main(["--folder", str(tmp_path / "two")])
     drawn = sorted(path.name for path in (tmp_path / "one").iterdir())
-    names = ["failures.png", "masse.png", "play.png", "shot.gif", "shot.png", "strike_map.png", "tables.png"]
+    names = ["failures.png", "masse.png", "play.png", "shot.gif", "shot.png", "tables.png"]
     assert drawn == names
     for name in drawn:
         content = (tmp_path / "one" / name).read_bytes()
@@ -66,3 +70,14 @@ def test_the_views_of_the_failures_contain_all_balls_and_contacts():
             assert all(first * case.dt < t < last * case.dt for t in shot.events["time"])
             places = np.array([shot.at(k * case.dt) for k in range(first, last + 1)])
             assert (np.abs(places - centre) < np.array([1.8 * half, half]) - 0.03).all()
+
+
+def test_the_film_of_a_run_out_shows_each_plan_and_ends_with_the_win(tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "FILM", {**figures.FILM, "shots": 300, "width": 160, "frame": 5.0})
+    models = next(filter(None, map(figures.run_out, itertools.count())))
+    assert models[-1][0].game.state.winner == 0
+    assert all(model.preview is not None for model, _ in models[:-1])
+    figures.film(tmp_path / "film.gif", models)
+    with GifImageFile(tmp_path / "film.gif") as film:
+        assert film.n_frames >= 2 * len(models) - 1
+    assert (figures.IMAGES / "run_out.gif").stat().st_size < 2 * 2**20
