@@ -65,14 +65,19 @@ def measure(output: Path) -> dict[str, Any]:
 
 
 def blocks(found: Mapping[str, Any]) -> dict[str, str]:
-    """Returns a table of all tasks, under the name "table"."""
-    rows = []
+    """Returns a table of all tasks, and one of the player "random" in those without noise."""
+    rows, chance = [], []
     for name, task in FROZEN.items():
         known, policy = found.get(name, {}).get("players", {}), learned(name)
         shares = [known[player]["success"] if player in known else None for player in PLAYERS]
         cells = [_percent(share) for share in (*shares, policy and policy.success)]
         rows.append((f"`{NAMESPACE}{name}`", f"{task.threshold:g}", *cells))
-    return {"table": table(("id", "solved from", *PLAYERS, "best learned"), rows)}
+        if "random" in known and not task.noise:
+            chance.append((f"`{NAMESPACE}{name}`", cells[0], f"{known['random']['return']:.3f}"))
+    return {
+        "table": table(("id", "solved from", *PLAYERS, "best learned"), rows),
+        "random": table(("id", "success", "mean return"), chance),
+    }
 
 
 def _percent(share: float | None) -> str:
