@@ -1,8 +1,8 @@
 """The laws of the package compared with measurements: `python -m benchmarks.validation`.
 
-It runs balls on the cloth, impacts, strikes, banks and paths into pockets as in published measurements, prints tables, writes
-`benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the numbers
-in `motion`, `collisions`, `cushions`, `pockets` and `pooltool`.
+It runs balls on the cloth, impacts, strikes, banks and paths into pockets as in published measurements, prints tables,
+writes `benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the
+numbers in `motion`, `collisions`, `cushions`, `pockets` and `pooltool`.
 """
 
 from __future__ import annotations

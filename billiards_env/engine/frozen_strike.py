@@ -1,7 +1,7 @@
 """Strikes of a ball that is frozen to others: it touches them, and the cue drives them together.
 
-The tip pushes for one or two milliseconds (Jewett 1999, the Jacksonville experiments), much longer than an impact of
-two balls lasts, 0.2 to 0.3 ms (Mathavan, Jackson and Parkin 2014). So the balls stay together while it pushes:
+The tip pushes for about a millisecond, longer than an impact of two balls lasts, 0.3 ms (Mathavan, Jackson and Parkin
+2014). So the balls accelerate together while it pushes, as high-speed video shows (Shepard 2003, note on frozen balls):
 
 * The impact is plastic, with the friction of the scene. Chains and racks of touching balls are one problem, see
   `physics.clusters`. Measured directions: Alciatore, TP A.15.
@@ -24,17 +24,7 @@ from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters import empty_contacts, empty_scratch
 from billiards_env.physics.contact import contact_distance
 from billiards_env.physics.motion import norm
-from billiards_env.physics.state import (
-    UX,
-    UY,
-    VX,
-    VY,
-    WZ,
-    SceneArrays,
-    X,
-    Y,
-    empty_state,
-)
+from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
 from billiards_env.scene import CONTACT_GAP, Scene
 
@@ -44,7 +34,7 @@ LEFT = 0.0069
 
 
 def strike_frozen(
-    scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...], ball: int = 0, begin: int = 0, end: int = 1
+    scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...], ball: int = CUE_BALL, begin: int = 0, end: int = 1
 ) -> bool:
     """Replaces the starts of shots whose struck ball touches balls ahead of it.
 
@@ -97,10 +87,10 @@ def _drives(k, ball, scene, starts):
 def _is_ahead(begin, end, ball, scene, starts):
     """Returns whether the ball moves towards a ball that it touches in any of the shots."""
     arrays, starts = SceneArrays(scene[0][0], *scene[1:]), Starts(*starts)
+    found = False
     for k in range(begin, end):
-        if _drives(k, ball, arrays, starts):
-            return True
-    return False
+        found = found or _drives(k, ball, arrays, starts)
+    return found
 
 
 @inlined

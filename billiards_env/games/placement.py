@@ -1,7 +1,8 @@
 """Placement of balls during a game: spotted balls, racks and the cue ball in hand.
 
 A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots of
-snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so a point has the same bits on every machine.
+snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so a
+point has the same bits on every machine.
 
 `scene` is the scene, and `positions` are those of all its balls, (n, 2) m. A function that finds no room on the table
 raises a ValueError.

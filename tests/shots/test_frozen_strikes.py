@@ -90,7 +90,7 @@ def test_a_strike_adds_no_energy_and_mirrors(angle, side, top, elevation, fricti
     assert mirrored.spins.tolist() == (shot.spins * [-1, 1, -1]).tolist()
 
 
-@pytest.mark.parametrize("positions", [PAIR, PAIR + [[0, 0], [1e-9, 0], [0, 0]]])
+@pytest.mark.parametrize("positions", [PAIR, PAIR * [[1, 1], [1 + 1e-8, 1], [1, 1]]])
 @pytest.mark.parametrize("heading", [2.0, 0.4])
 def test_a_ball_that_is_apart_or_behind_is_not_driven(positions, heading):
     driven = heading == 0.4 and positions is PAIR
