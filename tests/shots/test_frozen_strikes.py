@@ -42,6 +42,7 @@ def test_a_full_hit_drives_both_balls_at_the_measured_ratio(scene):
     mass, cue = scene.balls.mass[0], scene.cue
     impulse = (1 + cue.tip_restitution) / (1 / cue.mass + 1 / (2 * mass))
     assert mass * (cue_ball + object_ball) == pytest.approx(impulse, rel=1e-4)
+    assert shot.events is not None
     assert (shot.first_hit, shot.events["kind"].tolist(), shot.events["time"].tolist()) == (1, ["ball_ball"], [0.0])
 
 
