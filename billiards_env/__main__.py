@@ -266,7 +266,7 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
     struck = strike(scene, args.speed, **{"heading": np.arctan2(aim[1], aim[0]), **given})
     if struck.miscue:
         print("the tip slips on the ball: a miscue")
-    return struck.velocity, struck.spin
+    return struck, None
 
 
 def evaluate(args: argparse.Namespace) -> None:

@@ -1,17 +1,17 @@
 """The laws of the package compared with measurements: `python -m benchmarks.validation`.
 
-It runs impacts, banks and paths into pockets as in published measurements, prints tables, writes
-`benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the numbers
-in `collisions`, `cushions`, `pockets` and `pooltool`.
+It runs balls on the cloth, impacts, strikes, banks and paths into pockets as in published measurements, prints tables,
+writes `benchmarks/results/validation.json` and draws the picture of docs/validation.md. The sources are next to the
+numbers in `motion`, `collisions`, `cushions`, `pockets` and `pooltool`.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from benchmarks.validation import collisions, cushions, pockets, pooltool
+from benchmarks.validation import collisions, cushions, motion, pockets, pooltool
 
-PARTS = {"collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
+PARTS = {"motion": motion, "collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
 
 
 def measure() -> dict[str, Any]:

@@ -17,6 +17,7 @@ from benchmarks import table
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import POOL_RADIUS, Table
 from billiards_env.shots.simulation import simulate_batch
+from billiards_env.shots.strikes import strike
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +45,9 @@ FROZEN = ((0, 0), (8, 13), (20, 34), (34, 50), (46, 61), (57, 70), (67, 78), (77
 """A cue ball frozen to an object ball: direction of the stroke and measured direction of the cue ball, both from the
 line of centres, with an uncertainty of 3 degrees: Alciatore, TP A.15."""
 
+FROZEN_RATIO = 0.987
+"""Measured speed of a frozen cue ball over that of the object ball after a full hit: Cross (2016)."""
+
 FROZEN_PAIR = {"slow": 7.0, "fast": 3.0}
 """Measured throw of an object ball frozen to another one that is hit at 45 degrees: Alciatore, articles "Throw"."""
 
@@ -69,9 +73,12 @@ SNOOKER = (
     SnookerShot(1.731, 46.50, (1.275, 0.787, 27.97, 46.50), (1.280, 0.780, 27.32, 44.38)),
     SnookerShot(0.942, 18.05, (0.365, 0.581, 29.86, 18.05), (0.383, 0.579, 29.47, 17.15)),
 )
-SNOOKER_RADIUS, SNOOKER_MASS = 0.02625, 0.1406
-SNOOKER_PHYSICS = dataclasses.replace(FRICTIONAL, mu_ball=0.05, e_ball=0.89, mu_slide=0.21)
-"""The constants of Mathavan, Jackson and Parkin (2014)."""
+_SNOOKER = Scene.named("snooker")
+SNOOKER_RADIUS = _SNOOKER.balls.radius[0]
+SNOOKER_PHYSICS = dataclasses.replace(
+    FRICTIONAL, **{name: getattr(_SNOOKER.physics, name) for name in ("mu_ball", "e_ball", "mu_slide")}
+)
+"""The balls of the scene "snooker", whose constants are those of Mathavan, Jackson and Parkin."""
 
 DOMENECH_SPEED, DOMENECH_FRICTION = 0.80, 0.125
 DOMENECH_THROW = (
@@ -139,14 +146,25 @@ def throw_formula(speed: float, cut: ArrayLike, side: ArrayLike = 0.0, roll: Arr
     return np.degrees(np.arctan(np.where(slip > 0, tangent, 0.0)))
 
 
-def frozen(speed: float) -> Floats:
-    """Returns the directions of a cue ball that is frozen to an object ball, from the line of centres.
+class Frozen(NamedTuple):
+    """A cue ball that is frozen to an object ball and struck.
 
-    The cue keeps the balls together while it pushes, so the impact is plastic.
+    Attributes:
+        directions: Directions of the cue ball from the line of centres, one for each of `FROZEN`.
+        ratio: Speed of the cue ball over that of the object ball, if the stroke is along the line of centres.
     """
-    stroke = np.array([angle for angle, _ in FROZEN if 0 < angle < 90], float)
-    after = impact(dataclasses.replace(FRICTIONAL, e_ball=0.0), speed, stroke)
-    return stroke - direction(after.velocities[:, 0])
+
+    directions: list[float]
+    ratio: float
+
+
+def frozen(speed: float) -> Frozen:
+    """Returns the shots of a cue that moves at `speed`, in the directions of `FROZEN`."""
+    scene, angles = Scene(Balls.uniform(2), TABLE, FRICTIONAL), np.radians([angle for angle, _ in FROZEN])
+    positions = np.broadcast_to([[0.0, 0.0], [2 * POOL_RADIUS, 0.0]], (len(FROZEN), 2, 2))
+    velocities = simulate_batch(scene, positions, strike(scene, speed, -angles), max_time=INSTANT).velocities
+    full = np.hypot(*velocities[0].T)
+    return Frozen((-direction(velocities[:, 0])).tolist(), float(full[0] / full[1]))
 
 
 def frozen_pair(speed: float) -> float:
@@ -216,7 +234,7 @@ def measure() -> dict[str, Any]:
     return {
         "formula_difference": formula_difference(),
         "throw_points": [float(throw(FRICTIONAL, SPEEDS[s], [c], roll=r)[0]) for c, _, s, r in THROW_POINTS],
-        "frozen": frozen(SPEEDS["slow"]).tolist(),
+        "frozen": frozen(SPEEDS["slow"])._asdict(),
         "frozen_pair": {name: frozen_pair(SPEEDS[name]) for name in FROZEN_PAIR},
         "snooker": snooker_shots(),
         "domenech": [domenech(*model)[1] for model in DOMENECH_MODELS],
@@ -251,7 +269,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     ]
     frozen_rows = [
         [f"{stroke}°", f"{value}", f"{found:.1f}", _signed(found - value)]
-        for (stroke, value), found in zip(FROZEN[1:-1], result["frozen"], strict=True)
+        for (stroke, value), found in zip(FROZEN, result["frozen"]["directions"], strict=True)
     ]
     snooker = []
     names = ("cue ball, m/s", "object ball, m/s", "cue ball, °", "object ball, °")
@@ -281,6 +299,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f" degrees and any side and roll, is {result['formula_difference']:.0e} degrees.",
         "throw points": table(["throw, °", "measured", "model", "difference"], points),
         "frozen": table(["stroke", "measured, °", "model, °", "difference, °"], frozen_rows),
+        "frozen ratio": f"After a full hit the cue ball has {result['frozen']['ratio']:.3f} times the speed of the"
+        f" object ball; {FROZEN_RATIO} was measured (Cross 2016).",
         "snooker": table(
             [
                 "after both balls roll",

@@ -68,6 +68,15 @@ class Shots(NamedTuple):
     n_contact_rule: Int64s
 
 
+class Starts(NamedTuple):
+    """The starts of m shots of n balls: the first four arrays of `Shots`."""
+
+    positions: Floats
+    velocities: Floats
+    spins: Floats
+    in_play: Bools
+
+
 @functools.lru_cache(maxsize=64)
 def _places(m: int, n: int) -> tuple[list[tuple[tuple[int, ...], np.dtype, int]], int]:
     """Returns the shape, the type and the offset of each array of `Shots` in one block, and the size of the block."""
@@ -98,14 +107,13 @@ def empty_shots(m: int, n: int) -> Shots:
 
 
 @inlined
-def load(k, shots, scene, state):
-    """Copies the start of shot k to a `State` and resets the counters of the shot. `begin_phase` sets the phases."""
+def load_balls(k, shots, scene, state):
+    """Copies the start of shot k of `Shots` or `Starts` to a `State`. `begin_phase` sets the phases."""
     slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]
         s[:] = 0.0
         s[X], s[Y] = shots.positions[k, i, X], shots.positions[k, i, Y]
-        shots.cushions[k, i], shots.cushions_before_hit[k, i] = 0, -1
         if not shots.in_play[k, i]:
             state.phase[i] = POTTED
             continue
@@ -115,12 +123,20 @@ def load(k, shots, scene, state):
             s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, SPIN_Y]
             s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, SPIN_X]
             s[WZ] = shots.spins[k, i, SPIN_Z]
+
+
+@inlined
+def load(k, shots, scene, state):
+    """Copies the start of shot k to a `State` and resets the counters of the shot."""
+    load_balls(k, shots, scene, state)
+    for i in range(len(state.phase)):
+        shots.cushions[k, i], shots.cushions_before_hit[k, i] = 0, -1
     shots.n_events[k], shots.status[k], shots.first_hit[k], shots.n_contact_rule[k] = 0, AT_REST, -1, 0
 
 
 @inlined
 def store(k, shots, scene, state):
-    """Copies a `State` to the end of shot k."""
+    """Copies a `State` to shot k of `Shots` or `Starts`."""
     slips = scene.numbers.motion == SLIDING_AND_ROLLING
     for i in range(len(state.phase)):
         s = state.rows[i]

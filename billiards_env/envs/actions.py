@@ -5,7 +5,7 @@ five numbers that describe the motion of the cue:
 
 * The first two numbers are the heading and the speed of the cue: the velocity, divided by `max_speed`, that the ball
   gets if a level cue hits its centre. An action whose other numbers are 0 is therefore the same shot as the action
-  "velocity", bit for bit.
+  "velocity", bit for bit, unless the cue ball touches a ball ahead of it, see `engine.frozen_strike`.
 * `side` and `top` are the offsets of the tip to the left of the ball's centre and above it, divided by the offset at
   which the tip slips (`Cue.miscue_offset`).
 * `elevation` is the elevation of the cue divided by 90 degrees. Negative numbers count as 0.

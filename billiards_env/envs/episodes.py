@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, empty_shots, run_shots_of
+from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.modes import varied_fields, varied_shot, vary
 from billiards_env.envs.actions import shorten, strike_balls
 from billiards_env.envs.arrays import BallArrays, EpisodeArrays, TaskNumbers
@@ -176,6 +177,7 @@ class Episodes:
         start_shots(begin, end, over, actions, self.env.max_speed, self._balls)
         if self._cue is not None:
             strike_balls(begin, end, over, actions, self._cue, (balls.velocities, balls.spins, self.miscues))
+            strike_frozen(self.env.scene, self._scene, self._shots[:4], begin=begin, end=end)
         first = begin
         try:
             while first < end and first < self.n_recorded:

@@ -15,6 +15,7 @@ from billiards_env.games.judging import NO_CALL, Call, Facts, Rules, RuleState, 
 from billiards_env.rules import CALL, Counts, facts_of_shots, judge_shots
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import BatchResult, simulate_batch
+from billiards_env.shots.strikes import Strike
 
 
 class PlayedBatch(NamedTuple):
@@ -138,19 +139,16 @@ def _judged(
     positions = np.broadcast_to(game.positions[list(balls)], (len(speeds), len(balls), 2))
     if places is not None:
         positions = np.concatenate((places[:, None], positions[:, 1:]), axis=1)
+    scene, m = _scene_of(setup.scene, balls), len(speeds)
+    if scene.physics.motion == "sliding":
+        turning = np.zeros((m, 3)) if spins is None else numbers("spins", spins)
+        speeds, spins = Strike(speeds, turning, np.zeros(m, np.bool_)), None
     batch = simulate_batch(
-        _scene_of(setup.scene, balls),
-        positions,
-        speeds,
-        mode=setup.mode,
-        dt=setup.dt,
-        fix=setup.fix,
-        spins=spins,
-        threads=threads,
+        scene, positions, speeds, mode=setup.mode, dt=setup.dt, fix=setup.fix, spins=spins, threads=threads
     )
     before, bits = np.zeros_like(batch.potted), 1 << np.array(balls)
     counts = Counts(before, batch.potted, batch.cushions, batch.cushions_before_hit, batch.first_hit, bits)
-    facts, calls = facts_of_shots(counts), np.zeros(len(speeds), CALL)
+    facts, calls = facts_of_shots(counts), np.zeros(m, CALL)
     if not state.call_shot or state.break_shot:
         calls["ball"] = NO_CALL.ball
     elif given is None:
@@ -160,9 +158,9 @@ def _judged(
         calls["ball"] = given[:, 0]
         pockets = np.array([(p.x, p.y) for p in setup.scene.table.pockets])
         row = np.searchsorted(balls[1:], given[:, 0]).clip(0, len(balls) - 2) + 1
-        at_pocket = (batch.positions[np.arange(len(speeds)), row] == pockets[given[:, 1]]).all(axis=1)
+        at_pocket = (batch.positions[np.arange(m), row] == pockets[given[:, 1]]).all(axis=1)
         calls["made"] = (given >= 0).all(axis=1) & at_pocket & (facts["potted"] >> given[:, 0].clip(0) & 1 > 0)
-    states = np.repeat(state_array([state]), len(speeds))
+    states = np.repeat(state_array([state]), m)
     return batch, judge_shots(setup.rules, states, facts, calls), facts["potted"]
 
 

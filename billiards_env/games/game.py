@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import Range, flag, one_of, real, shaped, short, whole
-from billiards_env.engine.modes import Engine, checked_engine
+from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.modes import Engine, checked_engine, scene_fields
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.games.judging import (
     NO_CALL,
@@ -154,6 +155,9 @@ class GameState(NamedTuple):
 
 class Stroke(NamedTuple):
     """The stroke of a player.
+
+    If the cue ball touches a ball ahead of it, the cue drives both, see `engine.frozen_strike`. The velocity and the
+    spin are then those of a free cue ball.
 
     Attributes:
         velocity: x and y of the cue ball's initial velocity, m/s.
@@ -358,6 +362,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     no_shot = stroke.call.kind in ("hand_back", "replace")
     lying = state.object_balls if no_shot and state.in_hand != "no" else state.on_table
     in_play = np.isin(np.arange(n), sorted(lying))
+    starts = tuple(array[None] for array in (positions, velocities, spins, in_play))
+    strike_frozen(scene, scene_fields(scene), starts, cue)
     shot_input = ShotInput(positions, velocities, spins, in_play, scene.physics.max_time or math.inf)
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
@@ -377,8 +383,10 @@ def _after_shot(
     obstacles = state.on_table - set(verdict.spotted)
     if state.in_hand != "no":  # a cue ball in hand does not block a spot
         obstacles -= {cue}
-    spot = spot_colours if setup.game_rules.has_spots else spot_at_foot
-    spot(scene, positions, obstacles, verdict.spotted)
+    if setup.game_rules.has_spots:
+        spot_colours(scene, positions, obstacles, verdict.spotted)
+    else:
+        spot_at_foot(scene, positions, obstacles, verdict.spotted, cue)
     if verdict.rack:
         lying = state.on_table if verdict.rack == "rest" else frozenset({cue})
         in_hand = rack_again(scene, positions, lying, cue)

@@ -1,7 +1,8 @@
 """Placement of balls during a game: spotted balls, racks and the cue ball in hand.
 
 A placed ball keeps a gap of at least `MARGIN` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots of
-snooker. The computation uses only `+ - * /` and `sqrt` of doubles, so a point has the same bits on every machine.
+snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so a
+point has the same bits on every machine.
 
 `scene` is the scene, and `positions` are those of all its balls, (n, 2) m. A function that finds no room on the table
 raises a ValueError.
@@ -10,32 +11,39 @@ raises a ValueError.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Container, Iterable
 from typing import Any
 
 from numpy.typing import NDArray
 
 from billiards_env.games.judging import RuleState
-from billiards_env.scene import Scene, layouts
+from billiards_env.scene import CONTACT_GAP, Scene, layouts
 from billiards_env.scene.layouts import MARGIN
 from billiards_env.scene.outline import Circle, Point, circle_intersections
 
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
 
-_SLACK = 1e-9
+_SLACK = CONTACT_GAP / 2
 """m. Tolerance for points on the boundary of the free area; rounding errors are far smaller."""
 
 
 def obstacles(
-    scene: Scene, positions: NDArray[Any], ball: int, others: Iterable[int], gap: float = MARGIN
+    scene: Scene,
+    positions: NDArray[Any],
+    ball: int,
+    others: Iterable[int],
+    gap: float = MARGIN,
+    touchable: Container[int] = (),
 ) -> list[Circle]:
     """Returns the circles (x, y, radius), m, that the centre of a ball must not enter.
 
-    There is one for each of the `others` on the table and for each pocket; `gap` is the smallest gap, m.
+    There is one for each of the `others` on the table and for each pocket. `gap` is the smallest gap, m; there is none
+    to balls that are `touchable`.
     """
-    radius = scene.balls.radius
-    circles = [(*positions[i].tolist(), radius[i] + radius[ball] + gap) for i in sorted(others)]
+    radius, touching = scene.balls.radius, scene.balls.contact_distances(ball).tolist()
+    reach = [touching[i] if i in touchable else radius[i] + radius[ball] + gap for i in range(scene.n_balls)]
+    circles = [(*positions[i].tolist(), reach[i]) for i in sorted(others)]
     return circles + [(p.x, p.y, p.radius + gap) for p in scene.table.pockets]
 
 
@@ -141,15 +149,15 @@ def _contains(circle: Circle | None, point: Point) -> bool:
     return dx * dx + dy * dy <= reach * reach
 
 
-def spotted_point(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], ball: int) -> Point:
+def spotted_point(scene: Scene, positions: NDArray[Any], on_table: Collection[int], ball: int, cue: int) -> Point:
     """Returns the point at which a potted ball is spotted (WPA 1.4).
 
     The ball is placed on the long string (the table's long axis), behind the foot spot and as close to it as possible.
     If there is no room behind the foot spot, it is placed in front of it. If the whole long string is blocked, it is
-    placed at the free point nearest to the foot spot. It keeps a gap of `MARGIN` to the balls `on_table`; WPA requires
-    a gap only to the cue ball.
+    placed at the free point nearest to the foot spot. It touches an object ball that is in the way, and keeps a gap of
+    `MARGIN` to the cue ball `cue`. `on_table` are the balls on the table.
     """
-    circles = obstacles(scene, positions, ball, on_table)
+    circles = obstacles(scene, positions, ball, on_table, touchable=set(on_table) - {cue})
     return _beyond(scene, ball, (scene.table.foot_x, 0.0), circles)
 
 
@@ -169,11 +177,13 @@ def _beyond(scene: Scene, ball: int, spot: Point, circles: list[Circle]) -> Poin
     return nearest_free_point((foot, y), area, circles)
 
 
-def spot_at_foot(scene: Scene, positions: NDArray[Any], on_table: Iterable[int], balls: Iterable[int]) -> None:
+def spot_at_foot(
+    scene: Scene, positions: NDArray[Any], on_table: Iterable[int], balls: Iterable[int], cue: int
+) -> None:
     """Spots balls of pool one after the other, see `spotted_point`. Changes `positions`; other balls are `on_table`."""
     others = set(on_table)
     for ball in balls:
-        positions[ball] = spotted_point(scene, positions, others, ball)
+        positions[ball] = spotted_point(scene, positions, others, ball, cue)
         others.add(ball)
 
 

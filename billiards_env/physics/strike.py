@@ -12,7 +12,7 @@ from typing import NamedTuple
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.elementary import sine_cosine
 from billiards_env.physics.motion import norm
-from billiards_env.physics.state import SPIN_X, SPIN_Y, SPIN_Z, X, Y
+from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.scene import Scene
 
 # Columns of the parameters of a strike.
@@ -37,33 +37,39 @@ class CueNumbers(NamedTuple):
     radius: float
 
 
-def cue_numbers(scene: Scene) -> CueNumbers:
-    """Returns the cue of a scene in the form that the kernels use."""
-    mass, cue = scene.balls.mass[0], scene.cue
+def cue_numbers(scene: Scene, ball: int = CUE_BALL) -> CueNumbers:
+    """Returns the cue of a scene, for strikes of a ball, in the form that the kernels use."""
+    mass, cue = scene.balls.mass[ball], scene.cue
     return CueNumbers(
-        mass / cue.mass, mass / cue.end_mass, cue.tip_restitution, cue.miscue_offset, scene.balls.radius[0]
+        mass / cue.mass, mass / cue.end_mass, cue.tip_restitution, cue.miscue_offset, scene.balls.radius[ball]
     )
 
 
-def gain_terms(cue, k):
-    """Returns (rest, total): `speed_gain` is (1 + sqrt(rest)) / total, for the spin term k. `k` may be a tensor."""
-    total, e = 1.0 + cue.mass_ratio + k, cue.restitution
-    return (e * e * total - k) / (1.0 + cue.mass_ratio), total
+def gain_terms(cue, k, push=1.0):
+    """Returns (rest, total): `impulse_gain` is (1 + sqrt(rest)) / total. `k` may be a tensor."""
+    total, e = push + cue.mass_ratio + k, cue.restitution
+    return (e * e * total - k) / (push + cue.mass_ratio), total
 
 
 _gain_terms = inlined(gain_terms)
 
 
 @kernel
-def speed_gain(cue, offset):
-    """Returns the speed of the ball over that of the cue, for a tip at `offset` ball radii from the centre.
+def impulse_gain(cue, k, push):
+    """Returns the impulse of the tip over the mass of the ball and the speed of the cue.
 
-    At the speed V the ball has the energy m V^2 (1 + K) / 2. The term K = 5/2 offset^2 is its spin. The impact loses
-    the same fraction of the cue's energy at every offset (Alciatore 2008, TP A.30). This is the fraction of a central
-    impact with the tip's restitution.
+    An impulse m V gives the ball, and those that it pushes, the energy m V^2 (push + k) / 2. The term k is the spin of
+    the ball. The impact loses the same fraction of the cue's energy at every offset (Alciatore 2008, TP A.30). This is
+    the fraction of a central impact, k = 0, with the tip's restitution.
     """
-    rest, total = _gain_terms(cue, 2.5 * offset * offset)
+    rest, total = _gain_terms(cue, k, push)
     return (1.0 + math.sqrt(max(rest, 0.0))) / total
+
+
+@kernel
+def speed_gain(cue, offset):
+    """Returns the speed of a free ball over that of the cue, for a tip at `offset` ball radii from the centre."""
+    return impulse_gain(cue, 2.5 * offset * offset, 1.0)
 
 
 @kernel

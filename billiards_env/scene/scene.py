@@ -29,7 +29,9 @@ snooker physics        mu_slide 0.212, Mathavan, Jackson and Parkin (2010)
                        e(v)            0.995, falling by 0.1 s/m above 2 m/s: a fit of their figure 7a, see
                                        docs/validation.md; not below 0.6, the least of Alciatore (2004)
                        mu_ball 0.05,   Mathavan, Jackson and Parkin (2014)
+                       e_ball 0.89,
                        spin_decay 22
+                       mu_roll 0.0127  Mathavan, Jackson and Parkin (2009): a rolling ball loses 0.124 to 0.126 m/s^2
 cue.mass               0.538 kg        Alciatore (2008), TP A.30: 19 oz
 cue.tip_restitution    0.73            Alciatore (2008), TP A.30: 0.71 to 0.75 for leather, 0.81 to 0.87 for phenolic
 cue.end_mass           0.0084 kg       Alciatore (2007), TP A.31: 1/20.2 of a ball for an ordinary cue
@@ -85,8 +87,9 @@ PHYSICS_RANGES = {
 """The range of each number of `Physics` but `max_time`, by its key in `checks.RANGES`."""
 
 CONTACT_GAP = 1e-12
-"""m. Two surfaces touch if their distance is at most this. Placed balls may overlap by at most this. The value is far
-above the rounding of a coordinate (2e-16 m) and far below any length that can be measured on a table."""
+"""m. Two surfaces touch if their distance is at most this. Placed balls may overlap each other, cushions and pockets by
+at most this, so every end of a shot is a start. The value is far above the rounding of a coordinate (2e-16 m) and far
+below any length that can be measured on a table."""
 
 # m and kg; the sources are in the table above.
 _POOL_MASS = 0.170097
@@ -525,6 +528,8 @@ def _snooker(n_balls: int) -> Scene:
     physics = Physics(
         ball_ball="frictional",
         mu_ball=0.05,
+        e_ball=0.89,
+        mu_roll=0.0127,
         cushion="mathavan2010",
         mu_cushion=0.14,
         e_cushion=0.995,
@@ -598,8 +603,8 @@ def check_positions(
         A float64 copy of the positions.
 
     Raises:
-        ValueError: If a coordinate is not finite, a ball lies outside the cushions or in a pocket, or two balls
-            overlap by more than `CONTACT_GAP`.
+        ValueError: If a coordinate is not finite, or a ball overlaps a cushion, the circle of a pocket or another
+            ball by more than `CONTACT_GAP`.
     """
     array = numbers(name, positions)
     n = scene.n_balls
@@ -627,7 +632,7 @@ def check_positions(
             expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
-        inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius
+        inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
         bad = np.argwhere(inside & playing)
         if len(bad):
             at = tuple(bad[0])

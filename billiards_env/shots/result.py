@@ -204,7 +204,8 @@ class ShotResult:
 
         Raises:
             ValueError: If the shot was not recorded or not run by "pic", a name is unknown, an array has another shape,
-                t is negative or not finite, or `strike` is missing, not that of the shot or a miscue.
+                t is negative or not finite, or `strike` is missing, not that of the shot, a miscue, or at a ball that
+                touched another one ahead of it.
 
         Example:
             >>> from billiards_env import Scene, simulate

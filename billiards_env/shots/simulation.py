@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import flag, numbers, short, whole
+from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import NO_LOG, empty_log
 from billiards_env.engine.modes import (
     MAX_EVENTS,
@@ -53,7 +54,8 @@ def simulate(
     Args:
         scene: Table, balls and physics.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
-        velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`.
+        velocities: (n, 2) m/s, or (2,) for the cue ball alone, or a `Strike`. Only a `Strike` has a cue, which drives
+            balls that touch the cue ball together with it, see `engine.frozen_strike`.
         mode: The engine: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: The timestep of "pit", s; None for "pic".
         fix: The treatment of overlaps in "pit" (see `engine.overlaps`): "push_apart" (its default), "move_back",
@@ -90,6 +92,8 @@ def simulate(
     if positions.ndim != 2:
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
+    if isinstance(velocities, Strike):
+        strike_frozen(scene, scene_fields(scene), tuple(array[None] for array in checked[:4]))
     return run_shot(scene, checked, engine, record, max_events)
 
 
@@ -359,6 +363,8 @@ def simulate_batch(
     playing = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
     run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = varied_fields(scene, engine, varied, m)
+    if isinstance(velocities, Strike) and strike_frozen(scene, arrays, plain[:4], end=m):
+        moving, turning = shots.velocities.copy(), shots.spins.copy()
     parts = None
     if record:
         parts = _run_recorded(

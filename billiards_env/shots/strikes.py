@@ -23,7 +23,9 @@ _PARAMETERS = {
 
 
 class Strike(NamedTuple):
-    """The state of the cue ball after a strike. For several strikes the arrays have leading axes.
+    """The state of a cue ball after a strike, if it touches no ball. For several strikes the arrays have leading axes.
+
+    `simulate` and `simulate_batch` replace it if the cue ball touches a ball ahead of it, see `engine.frozen_strike`.
 
     Attributes:
         velocity: (..., 2) float64, m/s.

@@ -255,8 +255,8 @@ def test_balls_are_spotted_one_behind_the_other(monkeypatch):
     monkeypatch.setattr(Rules, "judge", lambda *_: Verdict(spotted=(1, 2, 3)))
     settings = setup("straight", 4)
     played = play(settings, custom_opening(settings, in_a_row(5), {"on_table": [0, 4]}), Stroke((0.0, 0.0)))
-    step = 2 * settings.scene.balls.radius[0] + MARGIN
-    assert played.game.positions[1:4, 0] == pytest.approx(0.635 + step * np.arange(3))
+    step = 2 * settings.scene.balls.radius[0]
+    assert played.game.positions[1:4, 0] == pytest.approx(0.635 + step * np.arange(3), abs=1e-15)
     assert played.game.state.on_table == frozenset(range(5))
 
 

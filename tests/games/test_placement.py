@@ -41,27 +41,35 @@ def on_axis(*xs):
     ("balls", "x"),
     [
         ([], FOOT),
-        ([FOOT], FOOT + REACH),  # behind a blocked foot spot
-        ([FOOT, FOOT + 1.9 * REACH], FOOT + 2.9 * REACH),  # the gap is too small
-        ([FOOT, FOOT + 2 * REACH], FOOT + REACH),
-        ([FOOT + k * REACH for k in range(11)], FOOT - REACH),  # no room behind the foot spot
+        ([FOOT], FOOT + 2 * R),  # behind a blocked foot spot and frozen to the ball on it (WPA 1.4)
+        ([FOOT, FOOT + 3.9 * R], FOOT + 5.9 * R),  # the gap is too small
+        ([FOOT, FOOT + 4 * R], FOOT + 2 * R),
+        ([FOOT + k * REACH for k in range(11)], FOOT - 2 * R),  # no room behind the foot spot
     ],
 )
 def test_a_ball_is_spotted_on_the_long_string(balls, x):
-    assert spotted_point(SCENE, *on_axis(*balls), 15) == pytest.approx((x, 0.0), abs=1e-12)
+    positions, lying = on_axis(*balls)
+    positions[15] = spotted_point(SCENE, positions, lying, 15, 0)
+    assert positions[15] == pytest.approx((x, 0.0), abs=1e-15)
+    check_positions(SCENE, positions)
+
+
+def test_a_spotted_ball_does_not_touch_the_cue_ball():
+    positions, lying = on_axis(FOOT, FOOT + 2 * R)
+    assert spotted_point(SCENE, positions, lying, 15, 2) == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
 
 
 def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
-    for y, x in ((R, FOOT + math.sqrt(REACH * REACH - R * R)), (1.001 * REACH, FOOT)):
+    for y, x in ((R, FOOT + math.sqrt(3.0) * R), (2.001 * R, FOOT)):
         positions[1] = FOOT, y
-        assert spotted_point(SCENE, positions, balls, 9) == pytest.approx((x, 0.0), abs=1e-12)
+        assert spotted_point(SCENE, positions, balls, 9, 0) == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
     positions = np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]])
-    x, y = spotted_point(small, positions, (0, 1, 2), 3)
+    x, y = spotted_point(small, positions, (0, 1, 2), 3, 0)
     assert abs(y) > 0.15
     positions[3] = x, y
     check_positions(small, positions)
@@ -135,7 +143,7 @@ def test_placed_balls_are_valid_for_the_engine():
         for ball in range(10):
             point, lying = tuple((2.6 * rng.random(2) - 1.3).tolist()), range(ball)
             positions[ball] = (
-                spotted_point(scene, positions, lying, ball)
+                spotted_point(scene, positions, lying, ball, 0)
                 if ball % 3
                 else nearest_free_point(point, placement_area(scene, ball), obstacles(scene, positions, ball, lying))
             )

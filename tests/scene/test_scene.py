@@ -351,10 +351,14 @@ def test_balls_may_touch_each_other_a_cushion_and_the_edge_of_a_pocket():
     check_positions(SCENE, [[0.0, 0.0], [2 * R - CONTACT_GAP / 2, 0.0]])
     check_positions(SCENE, [[1.0 - R, 0.0], [-(1.0 - R) - CONTACT_GAP / 2, 0.0]])
     check_positions(SCENE, [[0.9 - R, 0.5 - R], [0.0, 0.0]])
+    lip = 1.0 - 0.08, 0.5 - 0.06  # 0.1 m from the centre of the pocket
+    check_positions(SCENE, [[lip[0] + 0.5 * CONTACT_GAP, lip[1]], [0.0, 0.0]])
     with rejected("apart"):
         check_positions(SCENE, [[0.0, 0.0], [2 * R - 2 * CONTACT_GAP, 0.0]])
     with rejected("inside the cushions"):
         check_positions(SCENE, [[0.0, 0.0], [1.0 - R + 2 * CONTACT_GAP, 0.0]])
+    with rejected("outside pocket 0"):
+        check_positions(SCENE, [[lip[0] + 2 * CONTACT_GAP, lip[1]], [0.0, 0.0]])
 
 
 def test_balls_not_in_play_may_be_anywhere():

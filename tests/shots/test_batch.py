@@ -41,6 +41,29 @@ def test_a_batch_of_breaks_equals_single_shots_bit_for_bit(arrangement):
     assert batch.potted.any()
 
 
+@pytest.mark.parametrize("name", ["pool", "real_pool", "snooker", "uk_pool", "carom", "ideal"])
+def test_each_end_is_a_start(name):
+    scene = Scene.named(name, 2)
+    places, starts, spins = draw_starts(scene, 200)
+    given: dict[str, Any] = {} if name == "ideal" else {"spins": spins}
+    for limit in (None, 0.3, 1.1):
+        ends = simulate_batch(scene, places, starts, max_time=limit, **given)
+        given_ends: dict[str, Any] = {} if name == "ideal" else {"spins": ends.spins}
+        simulate_batch(scene, ends.positions, ends.velocities, in_play=~ends.potted, max_time=limit, **given_ends)
+
+
+def test_a_ball_at_the_lip_of_a_pocket_is_a_start():
+    scene, speed = Scene.named("pool"), -0.06428243465332248
+    rolling = np.array([-speed, speed, 0.0]) / scene.balls.radius[0]
+    places = [[-1.1992423740278637, -0.5642423740278636], [0.0, 0.0]]
+    shot = simulate(scene, places, [speed, speed], spins=rolling)
+    pocket = scene.table.pockets[0]
+    assert math.dist(shot.positions[0], (pocket.x, pocket.y)) < pocket.radius  # by rounding
+    assert not shot.potted[0]
+    again = simulate(scene, shot.positions, [0.0, 0.0])
+    assert again.positions.tolist() == shot.positions.tolist()
+
+
 def test_a_batch_with_limits_equals_single_shots_bit_for_bit():
     scene = Scene.named("pool", 3)
     scene = dataclasses.replace(

@@ -18,9 +18,12 @@ def test_measured_throw_is_within_a_degree():
 
 
 def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions():
-    off = c.frozen(c.SPEEDS["slow"]) - [value for _, value in c.FROZEN[1:-1]]
+    found = c.frozen(c.SPEEDS["slow"])
+    off = np.subtract(found.directions, [value for _, value in c.FROZEN])
     assert abs(off).max() < 4.0
-    assert (abs(off) < 3.0).sum() == 6
+    assert (abs(off) < 3.0).sum() == 8
+    assert off[0] == 0.0
+    assert found.ratio == pytest.approx(c.FROZEN_RATIO, abs=5e-4)
 
 
 def test_snooker_shots_agree_with_the_measurements_but_for_the_first():

@@ -31,6 +31,8 @@ def test_the_snooker_scene_has_the_constants_of_the_papers():
         c.PAPER,
         ball_ball="frictional",
         mu_ball=0.05,
+        e_ball=0.89,
+        mu_roll=0.0127,
         spin_decay=22.0,
         e_cushion=0.995,
         e_cushion_loss=0.1,

@@ -1,0 +1,150 @@
+"""Strikes of a ball that is frozen to others: it touches them, and the cue drives them together.
+
+The tip pushes for about a millisecond, longer than an impact of two balls lasts, 0.3 ms (Mathavan, Jackson and Parkin
+2014). So the balls accelerate together while it pushes, as high-speed video shows (Shepard 2003, note on frozen balls):
+
+* The impact is plastic, with the friction of the scene. Chains and racks of touching balls are one problem, see
+  `physics.clusters`. Measured directions: Alciatore, TP A.15.
+* The tip pushes a larger mass. An impulse of the tip that gives the free ball the energy m V^2 (1 + k) / 2 gives these
+  balls the energy m V^2 (push + k) / 2, with which `strike.impulse_gain` has the impulse. Friction and the direction of
+  the balls are those at the speed of the free ball. The cue counts as level.
+* A share `LEFT` of the approach is left for the start of the shot. So its first event is an impact of the balls, as in
+  other shots, and with the restitution `e_ball` the ratio of their speeds after a full hit is (1 - LEFT e_ball) /
+  (1 + LEFT e_ball).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from billiards_env.engine.shots import Starts, load_balls, store
+from billiards_env.jit import allocating_entry_point, entry_point, inlined
+from billiards_env.jit.interrupt import end_call, interrupted
+from billiards_env.physics.ball_ball import exchange
+from billiards_env.physics.clusters import empty_contacts, empty_scratch
+from billiards_env.physics.contact import contact_distance
+from billiards_env.physics.motion import norm
+from billiards_env.physics.state import CUE_BALL, UX, UY, VX, VY, WZ, SceneArrays, X, Y, empty_state
+from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
+from billiards_env.scene import CONTACT_GAP, Scene
+
+LEFT = 0.0069
+"""Share of the speed of approach at which the balls separate by themselves: with `e_ball` 0.95 the cue ball then has
+0.987 times the speed of the object ball after a full hit, as measured by Cross (2016)."""
+
+
+def strike_frozen(
+    scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...], ball: int = CUE_BALL, begin: int = 0, end: int = 1
+) -> bool:
+    """Replaces the starts of shots whose struck ball touches balls ahead of it.
+
+    Args:
+        scene: The scene.
+        fields: Its `scene_fields`, or `varied_fields` of the shots.
+        starts: The `Starts`, as a plain tuple. The struck ball has the velocity and the spin of a free ball, and the
+            others rest. They get the velocities and spins that they have when the cue has lost contact.
+        ball: The ball that the cue strikes.
+        begin: First shot.
+        end: One past the last.
+
+    Returns:
+        Whether there is such a shot. Only these compile `_drive`.
+    """
+    if scene.physics.motion != "sliding" or not _is_ahead(begin, end, ball, fields, starts):
+        return False
+    numbers = fields[0].copy()
+    numbers["e_ball"] = -LEFT
+    _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), (numbers, *fields[1:]), starts)
+    return True
+
+
+@inlined
+def _normal(k, i, j, scene, starts):
+    """Returns the horizontal unit vector from ball i to ball j; zeros if they do not touch."""
+    if not (starts.in_play[k, i] and starts.in_play[k, j]):
+        return 0.0, 0.0
+    dx = starts.positions[k, j, X] - starts.positions[k, i, X]
+    dy = starts.positions[k, j, Y] - starts.positions[k, i, Y]
+    distance = norm(dx, dy)
+    if distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP:
+        return 0.0, 0.0
+    return dx / distance, dy / distance
+
+
+@inlined
+def _drives(k, ball, scene, starts):
+    """Returns whether the ball moves towards a ball that it touches."""
+    vx, vy = starts.velocities[k, ball, X], starts.velocities[k, ball, Y]
+    for j in range(len(scene.radius)):
+        if j != ball:
+            nx, ny = _normal(k, ball, j, scene, starts)
+            if nx * vx + ny * vy > 0.0:
+                return True
+    return False
+
+
+@entry_point
+def _is_ahead(begin, end, ball, scene, starts):
+    """Returns whether the ball moves towards a ball that it touches in any of the shots."""
+    arrays, starts = SceneArrays(scene[0][0], *scene[1:]), Starts(*starts)
+    found = False
+    for k in range(begin, end):
+        found = found or _drives(k, ball, arrays, starts)
+    return found
+
+
+@inlined
+def _spin_energy(i, unit, state, scene):
+    """Returns twice the energy of ball i's spin over its mass and unit^2, for a speed `unit`, m/s."""
+    s = state.rows[i]
+    level = norm(s[UX] - s[VX], s[UY] - s[VY])
+    size = norm(level, scene.radius[i] * s[WZ]) / unit
+    return 0.4 * size * size
+
+
+@inlined
+def _gather(k, scene, starts, state, contacts):
+    """Lists all pairs of balls that touch. Returns their number."""
+    count, n = 0, len(scene.radius)
+    for i in range(n):
+        for j in range(i + 1, n):
+            nx, ny = _normal(k, i, j, scene, starts)
+            if nx == 0.0 and ny == 0.0:
+                continue
+            a, b = state.rows[i], state.rows[j]
+            closing = max(0.0, nx * (a[VX] - b[VX]) + ny * (a[VY] - b[VY]))
+            contacts.first[count], contacts.second[count] = i, j
+            contacts.nx[count], contacts.ny[count] = nx, ny
+            contacts.closing[count], contacts.rebound[count] = closing, -closing
+            count += 1
+    return count
+
+
+@allocating_entry_point
+def _drive(begin, end, ball, cue, scene, starts):
+    """Implements `strike_frozen`; the restitution of the balls is -`LEFT`."""
+    cue, starts, arrays = CueNumbers(*cue), Starts(*starts), SceneArrays(scene[0][0], *scene[1:])
+    n = len(arrays.radius)
+    most = n * (n - 1) // 2
+    state, contacts, scratch = empty_state(n), empty_contacts(most), empty_scratch(n, most, arrays.ball_friction)
+    for k in range(begin, end):
+        end_call(interrupted())
+        arrays = SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+        if not _drives(k, ball, arrays, starts):
+            continue
+        load_balls(k, starts, arrays, state)
+        speed, mass = norm(state.rows[ball, VX], state.rows[ball, VY]), arrays.inv_mass[ball]
+        spin = _spin_energy(ball, speed, state, arrays)
+        exchange(_gather(k, arrays, starts, state, contacts), contacts, state, arrays, scratch)
+        share = 0.0  # of the energy of the free ball
+        for i in range(n):
+            if arrays.inv_mass[i] > 0.0:
+                moved = norm(state.rows[i, VX], state.rows[i, VY]) / speed
+                energy = (moved * moved + _spin_energy(i, speed, state, arrays)) * (mass / arrays.inv_mass[i])
+                share += (energy / (1.0 + spin) + 6.0) - 6.0  # multiples of 2^-50 have the same sum in any order
+        push = max(share * (1.0 + spin) - spin, 0.0)
+        factor = impulse_gain(cue, spin, push) / impulse_gain(cue, spin, 1.0)
+        for i in range(n):
+            for c in (VX, VY, UX, UY, WZ):
+                state.rows[i, c] *= factor
+        store(k, starts, arrays, state)
