@@ -48,7 +48,7 @@ def test_wrong_arguments_are_rejected(arguments, message):
 )
 def test_a_wrong_id_is_refused_before_an_episode(wrong, monkeypatch):
     monkeypatch.setattr(dataset, "find_player", None)
-    with pytest.raises(ValueError, match="dataset_id = .*: expected words and a version, such as 'mine/clear-v0'"):
+    with pytest.raises(ValueError, match=r"dataset_id = .*: expected words and a version, such as 'mine/clear-v0'"):
         dataset.write("Pot1-v0", "random", 1, dataset_id=wrong)
 
 
