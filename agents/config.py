@@ -29,6 +29,7 @@ from pydantic.dataclasses import dataclass
 from billiards_env.checks import RANGES, number, one_of, short
 from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.tasks import TASKS
+from billiards_env.files import plain_yaml
 
 ENV_ID = "Billiards-v0"
 Head = Literal["gaussian", "mixture", "hits", "pots"]
@@ -349,7 +350,7 @@ def read(kind: type[T], path: Path) -> T:
     """
     name = f"config = {str(path)!r}"
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = plain_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise type(error)(f"{name}: expected a YAML file ({error.strerror})") from error
     except yaml.MarkedYAMLError as error:

@@ -8,6 +8,7 @@ import importlib.util
 import itertools
 import json
 import platform
+import secrets
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,7 +21,7 @@ from billiards_env import Scene, __version__
 from billiards_env.checks import Range, number, whole
 from billiards_env.export import WRITERS
 from billiards_env.files import check_path
-from billiards_env.frozen import BENCH_TASKS
+from billiards_env.frozen import BENCH_TASKS, FROZEN
 from billiards_env.scene import SCENES
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_simulate(commands.add_parser("simulate", help="run one shot, print the result and write pictures or films"))
     _add_evaluate(commands.add_parser("evaluate", help="measure a player in the environment, next to other players"))
     _add_bench(
-        commands.add_parser("bench", help="play frozen tasks and write a file that proves the scores, or verify it")
+        commands.add_parser("bench", help="play frozen tasks and write a file that can be replayed, or replay it")
     )
     _add_dataset(commands.add_parser("dataset", help="write episodes of a frozen task as a dataset of Minari"))
     _add_replay(commands.add_parser("replay", help="run a saved shot or game again, and show it"))
@@ -161,7 +162,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
 def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
-        "bench verify FILE' plays the actions again and fails if any bit differs. Players: those of evaluate."
+        "bench verify FILE' plays the actions again and fails if any bit differs. In tasks of one shot with noise it "
+        "also prints the scores of the actions with other noise. Players: those of evaluate."
     )
     add = parser.add_argument
     add("player", help="a player, such as search:200 or mine:act, or the word verify")
@@ -175,6 +177,8 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="seeds of the layouts (default: 0, the public ones)",
     )
+    text = "seed of the noise (default: that of the layouts; for verify a random one)"
+    add("--noise-seed", type=int, metavar="N", help=text)
     add("--name", help="the name of the player in the file (default: the player)")
     add("--out", type=Path, metavar="FILE", help="write the file, .json")
 
@@ -306,9 +310,16 @@ def bench(args: argparse.Namespace) -> None:
     if args.player == "verify":
         if not args.file:
             raise ValueError("bench verify without a file: expected the files to verify")
+        noise_seed = secrets.randbits(63) if args.noise_seed is None else args.noise_seed
         for path in args.file:
             found = bench.verify(path)
             print(f"{path}: accepted, {found.player}\n{bench.report(found)}", flush=True)
+            other = bench.fresh(found, noise_seed)
+            if other.results:
+                print(f"the same actions with the noise of seed {noise_seed}:\n{bench.report(other)}", flush=True)
+            noisy = {one.task for one in found.results if FROZEN[one.task].noise}
+            for task in sorted(noisy - {one.task for one in other.results}):
+                print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
         return
     if args.file:
         raise ValueError(f"file = {str(args.file[0])!r} after a player: expected the word verify before files")
@@ -319,7 +330,7 @@ def bench(args: argparse.Namespace) -> None:
         if sys.stderr.isatty() and episodes % 10 == 0:
             print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
 
-    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress)
+    found = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed)
     print(bench.report(found))
     if args.out is not None:
         bench.save(args.out, found)

@@ -1,8 +1,11 @@
 """The benchmark of the frozen tasks: `billiards bench PLAYER --tasks Pot1-v0,Carom-v0 --out FILE`.
 
-A player plays one episode for each of `EPISODES` layouts of a task. The seed of the benchmark fixes the layouts and the
-execution noise. A file holds all actions and their outcomes. `verify` plays the actions again and accepts the file only
-if all outcomes have the same bits, so anyone can check a score. The file holds data and no code.
+A player plays one episode for each of `EPISODES` layouts of a task. The seed of the benchmark fixes the layouts, and
+also the execution noise if there is no separate seed for it. A file holds all actions and their outcomes. `verify`
+plays the actions again and accepts the file only if all outcomes have the same bits. The file holds data and no code.
+
+This proves that the actions have these outcomes, and not who chose them: whoever has the seeds can compute the noise,
+and choose actions that profit from it. `fresh` plays actions with noise that did not exist when they were chosen.
 
 Actions are stored and played as float32, the type of the action space.
 """
@@ -54,6 +57,7 @@ class Result(NamedTuple):
         success: (m,) bool.
         returns: (m,) the sum of the rewards.
         digest: A hash of all observations, rewards and durations of shots.
+        noise_seed: The `noise_seed` of `ExecutionNoise`; None without noise, or if `seed` fixes the noise.
     """
 
     task: str
@@ -64,6 +68,7 @@ class Result(NamedTuple):
     success: NDArray[np.bool_]
     returns: NDArray[np.float64]
     digest: str
+    noise_seed: int | None = None
 
 
 class Bench(NamedTuple):
@@ -79,6 +84,7 @@ def play(
     seeds: Iterable[int] = (SEED,),
     name: str | None = None,
     progress: Callable[[str, int], object] = lambda task, episode: None,
+    noise_seed: int | None = None,
 ) -> Bench:
     """Plays `EPISODES` episodes of each task for each seed.
 
@@ -88,6 +94,7 @@ def play(
         seeds: The seeds of the layouts, of the noise and of the player.
         name: The name of the player in the file; None for `player`.
         progress: A function that is called with the task and the number of finished episodes.
+        noise_seed: The seed of the noise in the tasks with noise; None for that of the layouts.
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
@@ -99,13 +106,16 @@ def play(
         one_of("task", task, tuple(FROZEN))
     for seed in seeds:
         whole("seed", seed, _SEEDS)
+    if noise_seed is not None:
+        whole("noise_seed", noise_seed, _SEEDS)
     title = _name(player if name is None else name)
     pairs = list(dict.fromkeys((task, seed) for task in names for seed in seeds))
-    return Bench(title, tuple(_play(player, task, seed, progress) for task, seed in pairs))
+    return Bench(title, tuple(_play(player, task, seed, progress, noise_seed) for task, seed in pairs))
 
 
-def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object]) -> Result:
-    env = gym.make(NAMESPACE + task)
+def _play(player: str, task: str, seed: int, progress: Callable[[str, int], object], noise_seed: int | None) -> Result:
+    noise_seed = noise_seed if FROZEN[task].noise else None
+    env = gym.make(NAMESPACE + task, **_noise(noise_seed))
     noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)
     act, actions, shots = find_player(player, env, noise, seed), [], []
     for episode, start in enumerate(evaluation_seeds(seed, EPISODES).tolist()):
@@ -119,10 +129,17 @@ def _play(player: str, task: str, seed: int, progress: Callable[[str, int], obje
         shots.append(len(actions) - before)
         progress(task, episode + 1)
     env.close()
-    return replay(task, seed, np.array(shots, np.uint8), np.array(actions))
+    return replay(task, seed, np.array(shots, np.uint8), np.array(actions), noise_seed)
 
 
-def replay(task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.float32]) -> Result:
+def _noise(noise_seed: int | None) -> dict[str, int]:
+    """Returns the arguments of `gym.make` for a seed of the noise."""
+    return {} if noise_seed is None else {"noise_seed": noise_seed}
+
+
+def replay(
+    task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.float32], noise_seed: int | None = None
+) -> Result:
     """Plays actions again, all episodes together.
 
     Args:
@@ -130,12 +147,13 @@ def replay(task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.f
         seed: The seed of the layouts.
         shots: (m,) number of shots of each episode, at least 1.
         actions: (sum of shots, 2) or (sum of shots, 5), finite.
+        noise_seed: The seed of the noise of a task with noise; None for that of the layouts.
 
     Raises:
         ValueError: If an episode has too few or too many actions.
     """
     m = len(shots)
-    envs: Any = gym.make_vec(NAMESPACE + task, m)
+    envs: Any = gym.make_vec(NAMESPACE + task, m, **_noise(noise_seed))
     first = np.concatenate(([0], np.cumsum(shots[:-1], dtype=np.int64)))
     success, returns, digest = np.zeros(m, np.bool_), np.zeros(m), hashlib.sha256()
     observations, _ = envs.reset(seed=evaluation_seeds(seed, m).tolist())
@@ -159,7 +177,25 @@ def replay(task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.f
             observations[ended] = np.stack(infos["final_obs"][ended])
         digest.update(observations[playing].tobytes() + rewards[playing].tobytes() + times[playing].tobytes())
     envs.close()
-    return Result(task, seed, layouts, shots, actions, success, returns, digest.hexdigest())
+    return Result(task, seed, layouts, shots, actions, success, returns, digest.hexdigest(), noise_seed)
+
+
+def fresh(bench: Bench, noise_seed: int) -> Bench:
+    """Plays the actions in the tasks of one shot with noise again, with other noise.
+
+    If the seed is drawn after the actions were chosen, as `secrets.randbits(63)`, no choice of the actions can profit
+    from it. Later shots of an episode depend on the noise before them, so longer tasks need the player itself: see the
+    `noise_seed` of `play`.
+
+    Args:
+        bench: The content of a file.
+        noise_seed: The seed of the noise.
+
+    Returns:
+        The results of these tasks; none if the file has no such task.
+    """
+    some = [one for one in bench.results if FROZEN[one.task].noise and FROZEN[one.task].arguments["max_shots"] == 1]
+    return bench._replace(results=tuple(replay(one.task, one.seed, one.shots, one.actions, noise_seed) for one in some))
 
 
 def layouts_hash(task: str, seed: int = SEED) -> str:
@@ -190,6 +226,8 @@ def to_json(bench: Bench) -> str:
         data["actions"] = base64.b64encode(result.actions.astype("<f4").tobytes()).decode()
         data["success"] = "".join("01"[won] for won in result.success.astype(int))
         data["returns"] = result.returns.tolist()
+        if result.noise_seed is None:
+            del data["noise_seed"]  # as in the files before there was such a seed
         results.append(data)
     return records.json_text(BENCH, {"player": bench.player, "results": results})
 
@@ -208,7 +246,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
     def checked(text: str) -> Bench:
         bench = from_json(text)
         for result in bench.results:
-            _compare(result, replay(result.task, result.seed, result.shots, result.actions))
+            _compare(result, replay(result.task, result.seed, result.shots, result.actions, result.noise_seed))
         return bench
 
     return records.read(path, checked, _WHAT)
@@ -241,8 +279,12 @@ def _bench_of(data: dict[str, Any]) -> Bench:
 
 
 def _result_of(name: str, item: Any) -> Result:
-    data = records.fields(name, item, Result._fields)
+    data = records.fields(name, {"noise_seed": None, **item} if isinstance(item, dict) else item, Result._fields)
     one_of(f"{name}.task", data["task"], tuple(FROZEN))
+    if data["noise_seed"] is not None:
+        whole(f"{name}.noise_seed", data["noise_seed"], _SEEDS)
+        if not FROZEN[data["task"]].noise:
+            raise ValueError(f"{name}.noise_seed = {data['noise_seed']}: expected none, {data['task']} has no noise")
     arguments = FROZEN[data["task"]].arguments
     shots = np.frombuffer(_bytes(f"{name}.shots", data["shots"], EPISODES), np.uint8)
     for limit in (shots.min(), shots.max()):
@@ -265,6 +307,7 @@ def _result_of(name: str, item: Any) -> Result:
         success=np.array([digit == "1" for digit in won]),
         returns=np.array([real(f"{name}.returns[{i}]", value) for i, value in enumerate(returns)]),
         digest=_hash(f"{name}.digest", data["digest"]),
+        noise_seed=data["noise_seed"],
     )
 
 

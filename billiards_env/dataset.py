@@ -14,9 +14,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from billiards_env.checks import Range, missing, one_of, whole
+from billiards_env.checks import Range, missing, one_of, short, whole
 from billiards_env.evaluation import find_player
 from billiards_env.frozen import FROZEN, NAMESPACE, NOISE
+
+_ID = r"(\w[\w-]+/)*\w[\w-]*-v(0|[1-9][0-9]*)"  # no dots, which could leave the folder of Minari
 
 
 def write(
@@ -38,7 +40,8 @@ def write(
         episodes: The number of episodes.
         seed: The seed of the player and of the first episode; the next ones have the next seeds. No evaluation uses
             seeds below 2**31.
-        dataset_id: The id of the dataset; None for one such as "billiards/pot1/geometric-v0".
+        dataset_id: The id of the dataset, letters, digits, "-" and "_" with a version at the end, such as
+            "mine/clear-v0"; None for one such as "billiards/pot1/geometric-v0".
         progress: A function that is called after each episode.
 
     Returns:
@@ -52,13 +55,16 @@ def write(
     one_of("task", task, tuple(FROZEN))
     whole("episodes", episodes, Range(1, None))
     whole("seed", seed, Range(0, 2**31 - episodes))
+    if dataset_id is None:
+        words = re.sub(r"\W+", "-", player.lower()).strip("-")
+        dataset_id = f"billiards/{task.lower().rpartition('-')[0]}/{words}-v0"
+    if not re.fullmatch(_ID, dataset_id):
+        raise ValueError(f"dataset_id = {short(dataset_id)}: expected words and a version, such as 'mine/clear-v0'")
     if importlib.util.find_spec("minari") is None:
         raise ModuleNotFoundError(missing("minari", "data"))
     minari = importlib.import_module("minari")
-
-    words = re.sub(r"\W+", "-", player.lower()).strip("-")
-    dataset_id = dataset_id or f"billiards/{task.lower().rpartition('-')[0]}/{words}-v0"
-    if dataset_id in minari.list_local_datasets():
+    storage = importlib.import_module("minari.storage.datasets_root_dir")
+    if storage.get_dataset_path(dataset_id).exists():
         raise ValueError(f"dataset_id = {dataset_id!r}: expected a new one; `minari delete {dataset_id}` deletes it")
     env = gym.make(NAMESPACE + task)
     noise = (NOISE["angle_std"], NOISE["speed_std"]) if FROZEN[task].noise else (0.0, 0.0)

@@ -130,7 +130,8 @@ def find_player(
         from billiards_env import sb3  # needs the extra `train`
 
         given = cast(Any, env.spec).kwargs
-        policy = sb3.load_policy(argument, {key: given[key] for key in given if key != "render_mode"})[1]
+        arguments = {key: given[key] for key in given if key not in ("render_mode", "noise_seed")}
+        policy = sb3.load_policy(argument, arguments)[1]
         return lambda observation: policy.predict(observation, deterministic=True)[0]
     try:
         act = getattr(importlib.import_module(name), argument)

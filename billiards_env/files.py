@@ -1,4 +1,4 @@
-"""Atomic writing of files: a file is written completely or not at all."""
+"""Files: one is written completely or not at all, and read up to a largest size."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def check_path(path: str | os.PathLike[str], suffix: str) -> Path:
     target = Path(path)
     if target.suffix.lower() != suffix:
         raise ValueError(f"path = {str(target)!r}: expected a name that ends in {suffix!r}")
-    if target.is_dir():
-        raise IsADirectoryError(f"path = {str(target)!r}: expected a file, this is a folder")
-    _check_folder(target)
+    _check_target(target)
     return target
 
 
-def _check_folder(target: Path) -> None:
+def _check_target(target: Path) -> None:
+    if target.is_dir():
+        raise IsADirectoryError(f"path = {str(target)!r}: expected a file, this is a folder")
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"path = {str(target)!r}: expected an existing folder, the folder {str(target.parent)!r} does not exist"
@@ -50,18 +50,53 @@ def replacing(target: Path) -> Iterator[Path]:
 
     The temporary file has the suffix of `target`, because some writers choose the format by the suffix. It is flushed
     to disk before it replaces `target`, so a crash does not leave a partial file. It is a new file with a random name,
-    so another writer or a prepared link cannot interfere. Its permissions follow the umask.
+    so another writer or a prepared link cannot interfere. Its permissions follow the umask. An OSError names `target`.
     """
-    _check_folder(target)
+    _check_target(target)
     temporary = target.with_name(f".{secrets.token_hex(16)}{target.suffix}")
-    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     try:
-        yield temporary
-        with temporary.open("r+b") as file:
-            os.fsync(file.fileno())
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            yield temporary
+            with temporary.open("r+b") as file:
+                os.fsync(file.fileno())
+            os.replace(temporary, target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        if str(error.filename) != str(temporary):
+            raise
+        raise type(error)(error.errno, error.strerror, str(target)) from error
+
+
+def read_text(path: str | os.PathLike[str], most: int, what: str) -> str:
+    """Returns the text of a file in UTF-8, without a byte-order mark.
+
+    Args:
+        path: The file.
+        most: The largest number of bytes.
+        what: What the file should hold, for the messages.
+
+    Raises:
+        OSError: If the file does not exist, is no regular file or cannot be read.
+        ValueError: If the file is larger, or is not in UTF-8.
+    """
+    place = Path(path)
+    if not place.is_file():  # reading a pipe could block forever, a device may have no end
+        kind, why = OSError, "is not a regular file"
+        if place.is_dir():
+            kind, why = IsADirectoryError, "is a folder"
+        elif not place.exists():
+            kind, why = FileNotFoundError, "does not exist"
+        raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
+    with place.open("rb") as file:
+        content = file.read(most + 1)
+    try:
+        if len(content) > most:
+            raise ValueError(f"a file of more than {most} bytes: expected at most {most}")
+        return content.decode("utf-8-sig")
+    except ValueError as error:
+        raise ValueError(f"{os.fspath(path)}: {error}") from error
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -92,3 +127,24 @@ def _json(data: Any, indent: str = "") -> str:
         lines = [f"{json.dumps(str(key))}: {_json(value, inner)}" for key, value in data.items()]
         return f"{{\n{inner}" + f",\n{inner}".join(lines) + f"\n{indent}}}"
     return f"[\n{inner}" + f",\n{inner}".join(_json(value, inner) for value in data) + f"\n{indent}]"
+
+
+def plain_yaml(text: str) -> Any:
+    """Returns the data of a YAML text without aliases (extra `train`).
+
+    A few lines with aliases can stand for gigabytes of data.
+
+    Raises:
+        yaml.YAMLError: If the text is not YAML, has an alias, or is nested too deeply.
+    """
+    import yaml
+
+    if text.count("[") + text.count("{") > 1000:  # the time to read nested lists rises with the square of the depth
+        raise yaml.YAMLError("more than 1000 lists and mappings in brackets")
+    for event in yaml.parse(text, yaml.SafeLoader):
+        if isinstance(event, yaml.AliasEvent):
+            raise yaml.MarkedYAMLError(problem=f"an alias, *{event.anchor}", problem_mark=event.start_mark)
+    try:
+        return yaml.safe_load(text)
+    except RecursionError:
+        raise yaml.YAMLError("nested too deeply") from None

@@ -28,9 +28,23 @@ FIGURE = ROOT / "docs" / "images" / "leaderboard.png"
 SEEDS = (bench.SEED, 1)
 """The seeds of an entry: that of the public layouts, and another one, because a player may be fitted to those."""
 
+RUN = (
+    "aim",
+    "distilled",
+    "geometric",
+    "gradient",
+    "planner_300",
+    "ppo_points",
+    "ppo_pot",
+    "random",
+    "ratings",
+    "search_200",
+)
+"""The files whose players the maintainers have run. Of the other files only the actions were replayed."""
+
 
 def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) -> dict[str, Any]:
-    """Returns the scores of all files of a folder: by name of the file, `player` and `scores` by task.
+    """Returns the scores of all files of a folder: by name of the file, `player`, `scores` by task and `checked`.
 
     Args:
         folder: The folder.
@@ -51,7 +65,8 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
                     f"{', '.join(BENCH_TASKS)}, each with the seeds {' and '.join(map(str, SEEDS))}"
                 )
             scores[task] = bench.score(results)
-        found[path.stem] = {"player": one.player, "scores": scores}
+        checked = "player run by the maintainers" if path.stem in RUN else "replayed only"
+        found[path.stem] = {"player": one.player, "checked": checked, "scores": scores}
     return found
 
 
@@ -78,7 +93,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
     for entry in _ordered(found):
         scores, total = entry["scores"], aggregate(entry["scores"])
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
-        rows.append((entry["player"], "-" if total is None else f"{total:.3f}", *cells))
+        rows.append((entry["player"], "-" if total is None else f"{total:.3f}", *cells, entry["checked"]))
         for task, score in scores.items():
             low, high = score["success_interval"]
             least, most = score["return_interval"]
@@ -93,7 +108,7 @@ def blocks(found: Mapping[str, Any]) -> dict[str, str]:
                 )
             )
     return {
-        "table": table(("player", "aggregate", *BENCH_TASKS), rows),
+        "table": table(("player", "aggregate", *BENCH_TASKS, "checked"), rows),
         "details": table(("player", "task", "success", "mean return", "normalised"), more, left=2),
     }
 

@@ -14,8 +14,9 @@ import pytest
 
 from billiards_env import bench
 from billiards_env.__main__ import main
-from billiards_env.evaluation import evaluation_seeds
-from billiards_env.frozen import BENCH_TASKS, FROZEN, NAMESPACE
+from billiards_env.envs.actions import perturb
+from billiards_env.evaluation import evaluation_seeds, find_player
+from billiards_env.frozen import BENCH_TASKS, FROZEN, NAMESPACE, NOISE
 from billiards_env.shots import records
 
 TASKS = ["Pot1Noise-v0", "Pot3-v0"]
@@ -55,6 +56,42 @@ def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played
             assert info["is_success"] == result.success[episode]
     bench.save(played, bench.play("geometric", TASKS, (0, 5)))
     assert played.read_text() == text()
+
+
+def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
+    task = "Pot1Noise-v0"
+    env, actions = gym.make(NAMESPACE + task), []
+    act, scales = find_player("geometric", env), np.array([NOISE["angle_std"] / 180, NOISE["speed_std"] / 4.0])
+    for seed in evaluation_seeds(0, 12).tolist():
+        noise = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))).standard_normal(2) * scales
+        actions.append(perturb(act(env.reset(seed=seed)[0]), -noise))
+    chosen = bench.replay(task, 0, np.ones(12, np.uint8), np.array(actions, np.float32))
+    others = [bench.fresh(bench.Bench("foresight", (chosen,)), k).results[0] for k in range(10)]
+    plain = bench.play("geometric", ["Pot1-v0"]).results[0]
+    assert np.array_equal(chosen.success, plain.success)
+    assert np.mean([other.success.mean() for other in others]) < plain.success.mean() - 0.1
+    assert {other.layouts for other in others} == {chosen.layouts}
+    assert len({other.digest for other in others}) == 10
+
+
+def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, capsys):
+    found = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0", "Pot3Noise-v0"], noise_seed=2**40)
+    noisy, plain, longer = found.results
+    assert [result.noise_seed for result in found.results] == [2**40, None, 2**40]
+    usual = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0"]).results
+    assert bench.from_json(bench.to_json(found)).results[0].noise_seed == 2**40
+    assert plain.digest == usual[1].digest
+    assert (noisy.layouts, (noisy.actions == usual[0].actions).all()) == (usual[0].layouts, True)
+    assert noisy.digest != usual[0].digest
+    bench.save(tmp_path / "a.json", found)
+    main(["bench", "verify", str(tmp_path / "a.json"), "--noise-seed", "3"])
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].endswith("a.json: accepted, geometric")
+    assert lines[2].split()[:2] == ["Pot1Noise-v0", "0"]
+    assert lines[lines.index("the same actions with the noise of seed 3:") + 2].split()[:2] == ["Pot1Noise-v0", "0"]
+    assert lines[-1] == "Pot3Noise-v0: replayed only, the player may have computed the noise beforehand"
+    assert bench.fresh(found, 3).results[0].digest != noisy.digest
+    assert longer.shots.max() > 1
 
 
 def edit(change):
@@ -138,6 +175,9 @@ HOSTILE = {
     "text return": (set_result("returns", ["1.0"] * 12), r"results\[0\]\.returns\[0\] = '1\.0': expected a number"),
     "bool return": (set_result("returns", [True] * 12), "expected a number, not bool"),
     "few returns": (set_result("returns", [1.0]), "expected a list of 12"),
+    "a seed of the noise": (set_result("noise_seed", 1), r"Pot1Noise-v0, seed 0: \w+.* expected"),
+    "a noise without noise": (set_result("noise_seed", 1, 2), "noise_seed = 1: expected none, Pot3-v0 has no noise"),
+    "a text for a seed": (set_result("noise_seed", "1"), r"results\[0\]\.noise_seed = '1': expected a whole number"),
     "NaN actions": (set_result("actions", NAN), r"results\[0\]\.actions: expected finite numbers"),
     "text actions": (set_result("actions", "?" * 128), "expected 96 bytes as base64"),
     "unicode actions": (set_result("actions", "é" * 128), "expected 96 bytes as base64"),
@@ -212,6 +252,7 @@ def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
     [
         (["random", "--tasks", "Pot-v0"], "task = 'Pot-v0': expected one of .*did you mean"),
         (["random", "--seed", "-1"], "seed = -1: expected a whole number"),
+        (["random", "--noise-seed", "-1"], "noise_seed = -1: expected a whole number"),
         (["random", "--name", "<b>"], "player = '<b>': expected 1 to 80 letters"),
         (["random", "--out", "x.txt"], "expected a name that ends in '.json'"),
         (["random", "--out", "no/x.json"], "expected an existing folder"),

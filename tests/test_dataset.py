@@ -29,6 +29,43 @@ def test_wrong_arguments_are_rejected(arguments, message):
         dataset.write(*arguments[:3], seed=arguments[3] if len(arguments) > 3 else 0)
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "",
+        "mydata",
+        "../../x-v0",
+        "a/../x-v0",
+        "/tmp/x-v0",
+        "x/y-v0",
+        "mine//x-v0",
+        "x-v01",
+        "x-v",
+        "-v0",
+        "x y-v0",
+        "x-v0\n",
+    ],
+)
+def test_a_wrong_id_is_refused_before_an_episode(wrong, monkeypatch):
+    monkeypatch.setattr(dataset, "find_player", None)
+    with pytest.raises(ValueError, match=r"dataset_id = .*: expected words and a version, such as 'mine/clear-v0'"):
+        dataset.write("Pot1-v0", "random", 1, dataset_id=wrong)
+
+
+@needs_minari
+def test_the_ids_are_valid_in_minari_and_a_broken_folder_does_no_harm(monkeypatch, tmp_path):
+    parse = importlib.import_module("minari.dataset.minari_dataset").parse_dataset_id
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    (tmp_path / "mydata" / "data").mkdir(parents=True)
+    for name in ("clear-v0", "mine/x-v10", "my-own/a_b/C-v2"):
+        assert parse(name)
+        assert dataset.write("Pot1-v0", "random", 1, dataset_id=name).spec.dataset_id == name
+        with pytest.raises(ValueError, match="expected a new one"):
+            dataset.write("Pot1-v0", "random", 1, dataset_id=name)
+    monkeypatch.chdir(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["clear-v0", "mine", "my-own", "mydata"]
+
+
 def test_without_minari_the_extra_is_named(monkeypatch):
     monkeypatch.setattr(dataset.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ModuleNotFoundError, match="data"):

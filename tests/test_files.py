@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from billiards_env.files import replacing, write_json, write_whole
+from billiards_env.files import read_text, replacing, write_json, write_whole
 
 
 def test_a_file_is_replaced_completely_or_not_at_all(tmp_path):
@@ -39,6 +39,33 @@ def test_a_failed_write_keeps_the_old_file_and_leaves_no_other(tmp_path, monkeyp
         write_whole(path, b"new")
     assert path.read_bytes() == b"old"
     assert os.listdir(path.parent) == ["file"]
+
+
+def test_an_error_names_the_file_and_not_the_temporary_one(tmp_path, monkeypatch):
+    with pytest.raises(IsADirectoryError, match=f"path = '{tmp_path}': expected a file, this is a folder"):
+        write_whole(tmp_path, b"new")
+    long = tmp_path / ("a" * 300)
+    with pytest.raises(OSError, match=r"name too long: '.*/a{300}'$"):
+        write_whole(long, b"new")
+    assert os.listdir(tmp_path) == []
+
+    def fail(path, *_):
+        raise PermissionError(13, "Permission denied", path)
+
+    monkeypatch.setattr(os, "open", fail)
+    with pytest.raises(PermissionError, match=r"Permission denied: '.*/file\.json'$"):
+        write_json(tmp_path / "file.json", 1)
+
+
+def test_a_text_is_read_without_its_byte_order_mark(tmp_path):
+    path = tmp_path / "text"
+    path.write_bytes(b"\xef\xbb\xbf{}")
+    assert read_text(path, 5, "a text") == "{}"
+    with pytest.raises(ValueError, match="text: a file of more than 4 bytes: expected at most 4"):
+        read_text(path, 4, "a text")
+    path.write_bytes(b"\xff")
+    with pytest.raises(ValueError, match="text: .* can't decode"):
+        read_text(path, 5, "a text")
 
 
 def test_nan_is_not_written_as_json(tmp_path):

@@ -16,7 +16,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, real
+from billiards_env.checks import finite, real, whole
 from billiards_env.envs.action_frames import ActionTransform
 from billiards_env.envs.actions import ACTIONS, ELEVATION, SIDE, SPEED, TOP, TURN, perturb
 from billiards_env.envs.billiards import BilliardsEnv
@@ -110,6 +110,7 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
     is clipped before the noise is added, so an action outside of the action space has the noise of its clipped shot.
 
     `reset(seed=...)` also seeds the noise. The noise has a separate random stream, so it does not change the layouts.
+    Whoever has the seed can compute the noise beforehand, unless `noise_seed` is secret.
 
     Args:
         env: A `BilliardsEnv`, wrapped or not.
@@ -117,9 +118,10 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         speed_std: Standard deviation of the speed, m/s.
         offset_std: Standard deviation of both offsets of the tip, m.
         elevation_std: Standard deviation of the elevation, degrees.
+        noise_seed: Another seed; if it is not None, the noise is a function of both seeds.
 
     Raises:
-        ValueError: If a standard deviation is negative or not finite.
+        ValueError: If a standard deviation is negative or not finite, or a seed is not a whole number.
     """
 
     def __init__(
@@ -129,19 +131,26 @@ class ExecutionNoise(gym.Wrapper[Any, Any, Any, Any], RecordConstructorArgs):
         speed_std: float = 0.075,
         offset_std: float = 0.0005,
         elevation_std: float = 0.1,
+        noise_seed: int | None = None,
     ) -> None:
         RecordConstructorArgs.__init__(
-            self, angle_std=angle_std, speed_std=speed_std, offset_std=offset_std, elevation_std=elevation_std
+            self,
+            angle_std=angle_std,
+            speed_std=speed_std,
+            offset_std=offset_std,
+            elevation_std=elevation_std,
+            noise_seed=noise_seed,
         )
         super().__init__(env)
         self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
+        self._noise_seed = None if noise_seed is None else whole("noise_seed", noise_seed, "seed")
         self._stream = _stream(None)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begins an episode. A seed seeds the environment and the noise."""
         result = self.env.reset(seed=seed, options=options)
         if seed is not None:
-            self._stream = _stream(seed)
+            self._stream = _stream(seed, self._noise_seed)
         return result
 
     def step(self, action: ArrayLike) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -162,9 +171,11 @@ class VectorExecutionNoise(VectorWrapper):
         speed_std: float = 0.075,
         offset_std: float = 0.0005,
         elevation_std: float = 0.1,
+        noise_seed: int | None = None,
     ) -> None:
         super().__init__(env)
         self._scales = _scales(_game(env), angle_std, speed_std, offset_std, elevation_std)
+        self._noise_seed = None if noise_seed is None else whole("noise_seed", noise_seed, "seed")
         self._streams = [_stream(None) for _ in range(self.num_envs)]
         self._next_step = self.metadata.get("autoreset_mode") == AutoresetMode.NEXT_STEP
         self._over = np.zeros(self.num_envs, np.bool_)
@@ -185,7 +196,7 @@ class VectorExecutionNoise(VectorWrapper):
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         for i, one in enumerate(seeds or ()):
             if one is not None and chosen[i]:
-                self._streams[i] = _stream(one)
+                self._streams[i] = _stream(one, self._noise_seed)
                 self._used[i] = _AHEAD
         self._over[chosen] = False
         return result
@@ -205,14 +216,14 @@ class VectorExecutionNoise(VectorWrapper):
         return result
 
 
-def noisy_env(**arguments: Any) -> ExecutionNoise:
-    """Returns the environment of a frozen task with noise. The arguments are those of `BilliardsEnv`."""
-    return ExecutionNoise(BilliardsEnv(**arguments), **NOISE)
+def noisy_env(noise_seed: int | None = None, **arguments: Any) -> ExecutionNoise:
+    """Returns the environment of a frozen task with noise. The other arguments are those of `BilliardsEnv`."""
+    return ExecutionNoise(BilliardsEnv(**arguments), **NOISE, noise_seed=noise_seed)
 
 
-def noisy_vector_env(**arguments: Any) -> VectorExecutionNoise:
-    """Returns the vector environment of a frozen task with noise. The arguments are those of `BilliardsVectorEnv`."""
-    return VectorExecutionNoise(BilliardsVectorEnv(**arguments), **NOISE)
+def noisy_vector_env(noise_seed: int | None = None, **arguments: Any) -> VectorExecutionNoise:
+    """Returns the vector environment of a frozen task with noise. See `noisy_env`."""
+    return VectorExecutionNoise(BilliardsVectorEnv(**arguments), **NOISE, noise_seed=noise_seed)
 
 
 noisy_env.metadata = BilliardsEnv.metadata  # pyright: ignore[reportFunctionMemberAccess]  # `gym.make` reads it
@@ -229,9 +240,10 @@ def _scales(game: BilliardsEnv, angle_std: float, speed_std: float, offset_std: 
     return scales[: ACTIONS[game.action]]
 
 
-def _stream(seed: int | None) -> np.random.Generator:
+def _stream(seed: int | None, noise_seed: int | None = None) -> np.random.Generator:
     """Returns a random stream that is independent of the layouts of an environment with the same seed."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
+    key = (0,) if noise_seed is None else (0, noise_seed)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def _game(env: gym.Env[Any, Any] | VectorEnv) -> BilliardsEnv:

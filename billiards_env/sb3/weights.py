@@ -15,11 +15,15 @@ import yaml
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from torch import Tensor
 
-from billiards_env.files import write_whole
+from billiards_env.checks import Range, finite, flag, one_of, sequence, whole
+from billiards_env.files import plain_yaml, read_text, write_whole
 from billiards_env.sb3.policy import MixturePolicy, find_game
 from billiards_env.sb3.rated import RATED_HEADS, RatedPolicy
 
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
+
+_COMPONENTS = Range(1, 10_000)
+_MOST_BYTES = 100_000  # of a config.yaml, which has about 1000
 
 
 def policy_class(head: str) -> type[ActorCriticPolicy]:
@@ -34,13 +38,22 @@ def policy_arguments(env: Mapping[str, Any], description: Mapping[str, Any]) -> 
         env: Arguments of `gym.make("Billiards-v0", ...)`.
         description: The section `policy` of a configuration: `head`, `hidden`, `activation`, `components`, `speeds`,
             `banks`.
+
+    Raises:
+        KeyError, TypeError, ValueError: If a value of the description is missing or wrong.
     """
+    one_of("policy.activation", description["activation"], tuple(ACTIVATIONS))
     arguments: dict[str, Any] = {
-        "net_arch": list(description["hidden"]),
+        "net_arch": [
+            whole("policy.hidden", n, Range(1, None)) for n in sequence("policy.hidden", description["hidden"])
+        ],
         "activation_fn": ACTIVATIONS[description["activation"]],
     }
     if description["head"] != "gaussian":
         own = {name: description[name] for name in ("head", "components", "speeds", "banks") if name in description}
+        whole("policy.components", own.get("components", 1), _COMPONENTS)
+        finite("policy.speeds", own.get("speeds", (0.1, 1.0)), (2,))
+        flag("policy.banks", own.get("banks", False))
         arguments |= {"env": dict(env), **own}
     return arguments
 
@@ -96,17 +109,24 @@ def load_policy(
         OSError: If a file cannot be read.
         ValueError: If `config.yaml` does not describe a policy, an argument of the environment is impossible, or
             `policy.pt` does not hold the weights of the policy.
-        TypeError: If an argument of the environment has the wrong type.
+        TypeError: If an argument in `env` has the wrong type.
     """
     folder = Path(run_dir)
     check_finished(folder)
+    settings, weights = folder / "config.yaml", folder / "policy.pt"
     try:
-        config = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
+        config = plain_yaml(read_text(settings, _MOST_BYTES, "the settings of a run"))
         arguments, description = {**config["env"], **(env or {})}, config["policy"]
-        policy = build_policy(arguments, description)
-    except (KeyError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f"{folder / 'config.yaml'}: expected the sections env and policy of a run ({error})") from None
-    load_weights(policy, folder / "policy.pt")
+        if env is None:
+            find_game(arguments)
+        hidden = policy_arguments(arguments, description)["net_arch"]
+    except (AttributeError, KeyError, RecursionError, TypeError, yaml.YAMLError) as error:
+        why = " ".join(str(error).split())
+        raise ValueError(f"{settings}: expected the sections env and policy of a run ({why})") from None
+    if 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > weights.stat().st_size:
+        raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
+    policy = build_policy(arguments, description)
+    load_weights(policy, weights)
     policy.set_training_mode(False)
     return arguments, policy
 

@@ -167,7 +167,7 @@ def clearance(corners: Sequence[Corner], points: ArrayLike) -> Floats:
     A ball fits at a point if the distance there is at least its radius.
     """
     lines, tips = pieces(corners)
-    x, y = np.moveaxis(np.asarray(points, np.float64), -1, 0)
+    x, y = np.moveaxis(np.clip(points, -1e9, 1e9), -1, 0)  # far outside, where squares do not overflow yet
     nearest = np.full(x.shape, np.inf)
     inside, cap = np.zeros(x.shape, np.bool_), np.zeros(x.shape, np.bool_)
 

@@ -621,8 +621,9 @@ def check_positions(
     if len(bad):
         at = tuple(bad[0])
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
+    placed = np.where(playing[..., None], array, 0.0)  # the others may be so far away that distances overflow
     radius = np.array(scene.balls.radius)
-    bad = np.argwhere((scene.table.clearance(array) < radius - CONTACT_GAP) & playing)
+    bad = np.argwhere((scene.table.clearance(placed) < radius - CONTACT_GAP) & playing)
     if len(bad):
         at = tuple(bad[0])
         least = scene.balls.radius[at[-1]]
@@ -632,7 +633,7 @@ def check_positions(
             expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
         raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
-        inside = np.hypot(array[..., 0] - pocket.x, array[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
+        inside = np.hypot(placed[..., 0] - pocket.x, placed[..., 1] - pocket.y) < pocket.radius - CONTACT_GAP
         bad = np.argwhere(inside & playing)
         if len(bad):
             at = tuple(bad[0])
@@ -641,7 +642,7 @@ def check_positions(
                 f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
             )
     for i in range(n):
-        offset = array[..., i + 1 :, :] - array[..., i : i + 1, :]
+        offset = placed[..., i + 1 :, :] - placed[..., i : i + 1, :]
         distance = np.hypot(offset[..., 0], offset[..., 1])
         contact_distance = scene.balls.contact_distances(i)[i + 1 :]
         both_in_play = playing[..., i : i + 1] & playing[..., i + 1 :]

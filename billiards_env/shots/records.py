@@ -34,7 +34,7 @@ from billiards_env.checks import Range, flag, one_of, real, short, whole
 from billiards_env.engine.modes import checked_engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
-from billiards_env.files import replacing
+from billiards_env.files import read_text, replacing
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import simulate
@@ -203,20 +203,9 @@ def write(path: str | os.PathLike[str], text: str) -> None:
 
 def read(path: str | os.PathLike[str], build: Callable[[str], T], what: str = "a shot or a game") -> T:
     """Returns what `build` makes of the text of a file; errors name the file and `what` it should hold."""
-    place = Path(path)
-    if not place.is_file():  # reading a pipe could block forever
-        kind, why = OSError, "is not a regular file"
-        if place.is_dir():
-            kind, why = IsADirectoryError, "is a folder"
-        elif not place.exists():
-            kind, why = FileNotFoundError, "does not exist"
-        raise kind(f"path = {os.fspath(path)!r}: expected a file of {what}, but it {why}")
-    with place.open("rb") as file:
-        content = file.read(MAX_BYTES + 1)
+    text = read_text(path, MAX_BYTES, what)
     try:
-        if len(content) > MAX_BYTES:
-            raise ValueError(f"a file of more than {MAX_BYTES} bytes: expected at most {MAX_BYTES}")
-        return build(content.decode("utf-8"))
+        return build(text)
     except ValueError as error:
         raise ValueError(f"{os.fspath(path)}: {error}") from error
 

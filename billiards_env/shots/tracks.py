@@ -19,14 +19,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.checks import finite, number, numbers, real, short
-from billiards_env.files import write_whole
+from billiards_env.checks import RANGES, Range, finite, number, numbers, real, short, whole
+from billiards_env.files import read_text, write_whole
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
 
 Floats = NDArray[np.float64]
 
 COLUMNS = ("shot", "time", "ball", "x", "y")
+
+MAX_BYTES = 64 * 2**20
+"""The largest file that is read: more than a million rows."""
+
+_BALLS = Range(0, RANGES["balls"].most)
+_APART = 1e-6  # s, least time between two rows of a ball; no camera has so many frames in a second
 
 
 class Track(NamedTuple):
@@ -74,30 +80,30 @@ def read_tracks(path: str | os.PathLike[str]) -> list[Track]:
         The shots in the order in which they begin in the file.
 
     Raises:
-        OSError: If the file cannot be read.
-        ValueError: If a column is missing, or a line is invalid; the message names the line.
+        OSError: If the file is no regular file or cannot be read.
+        ValueError: If the file is larger than `MAX_BYTES`, a column is missing, or a line is invalid; the message names
+            the line.
     """
     rows: dict[str, list[tuple[float, int, float, float]]] = {}
-    with open(path, newline="", encoding="utf-8-sig") as file:
-        lines = csv.reader(file)
-        line = 1
-        try:
-            head = [cell.strip() for cell in next(lines, [])]
-            for column in COLUMNS:
-                if head.count(column) != 1:
-                    raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
-            at = [head.index(column) for column in COLUMNS]
-            for cells in lines:
-                line = lines.line_num
-                if not any(cell.strip() for cell in cells):
-                    continue
-                if len(cells) != len(head):
-                    raise ValueError(f"{len(cells)} cells: expected {len(head)}")
-                row = _row([cells[k].strip() for k in at])
-                if row is not None:
-                    rows.setdefault(cells[at[0]].strip(), []).append(row)
-        except (ValueError, csv.Error) as error:
-            raise ValueError(f"{os.fspath(path)}, line {line}: {error}") from error
+    lines = csv.reader(io.StringIO(read_text(path, MAX_BYTES, "tracks"), newline=""))
+    line = 1
+    try:
+        head = [cell.strip() for cell in next(lines, [])]
+        for column in COLUMNS:
+            if head.count(column) != 1:
+                raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}")
+        at = [head.index(column) for column in COLUMNS]
+        for cells in lines:
+            line = lines.line_num
+            if not any(cell.strip() for cell in cells):
+                continue
+            if len(cells) != len(head):
+                raise ValueError(f"{len(cells)} cells: expected {len(head)}")
+            row = _row([cells[k].strip() for k in at])
+            if row is not None:
+                rows.setdefault(cells[at[0]].strip(), []).append(row)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{os.fspath(path)}, line {line}: {error}") from error
     return [
         Track(name, numbers("time", [r[0] for r in shot]), np.array([r[1] for r in shot]), np.array(shot)[:, 2:])
         for name, shot in rows.items()
@@ -107,8 +113,8 @@ def read_tracks(path: str | os.PathLike[str]) -> list[Track]:
 def _row(cells: Sequence[str]) -> tuple[float, int, float, float] | None:
     """Returns time, ball, x and y of a row of a file; None if the ball was not found."""
     _, time, ball, *place = cells
-    if not ball.isdecimal():
-        raise ValueError(f"ball = {short(ball)}: expected a whole number >= 0")
+    value = number(ball)  # a column with empty cells makes tables write 0.0 for ball 0
+    index = whole("ball", int(value) if isinstance(value, float) and value.is_integer() else ball, _BALLS)
     if all(cell == "" or cell.lower() == "nan" for cell in place):
         return None
     values = []
@@ -117,7 +123,7 @@ def _row(cells: Sequence[str]) -> tuple[float, int, float, float] | None:
         if not isinstance(value, float) or not math.isfinite(value):
             raise ValueError(f"{name} = {short(cell)}: expected a finite number")
         values.append(value)
-    return values[0], int(ball), values[1], values[2]
+    return values[0], index, values[1], values[2]
 
 
 def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
@@ -142,8 +148,8 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
 
     Raises:
         ValueError: If there are no tracks, two have the same name, an array has a wrong shape or a number that is not
-            finite, a ball is not in the scene, or the cue ball has fewer than
-            `least` rows.
+            finite, a ball is not in the scene or has two rows at one time, or the cue ball has fewer than `least`
+            rows.
     """
     if not tracks:
         raise ValueError("shots = []: expected one track or more")
@@ -161,6 +167,13 @@ def check_tracks(scene: Scene, tracks: Sequence[Track], least: int) -> list[Trac
             raise ValueError(f"{name}.balls = {short(np.unique(balls).tolist())}: expected 0 to {scene.n_balls - 1}")
         if np.count_nonzero(balls == 0) < least:
             raise ValueError(f"{name}: {np.count_nonzero(balls == 0)} rows of the cue ball: expected {least} or more")
+        order = np.lexsort((times, balls))  # by ball, then by time
+        close = (np.diff(balls[order]) == 0) & (np.diff(times[order]) < _APART)
+        if close.any():
+            row = order[int(close.argmax()) + 1]
+            raise ValueError(
+                f"{name}: ball {balls[row]} has two rows at {times[row]:g} s: expected one, {_APART:g} s from the next"
+            )
         order = np.argsort(times, kind="stable")
         found.append(Track(str(track.name), times[order], balls[order].astype(np.int64), positions[order]))
     return found

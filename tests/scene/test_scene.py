@@ -341,6 +341,15 @@ def test_bad_positions_are_rejected(positions, message):
         check_positions(SCENE, positions)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["pool", "real_pool"])
+def test_places_far_away_are_checked_without_an_overflow(name):
+    scene, far = Scene.named(name), [[0.0, 0.0], [1e308, -1.7e308]]
+    with pytest.raises(ValueError, match="ball 1 is at "):
+        check_positions(scene, far)
+    assert check_positions(scene, far, in_play=np.array([True, False])).tolist() == far
+
+
 def test_position_errors_use_the_given_name():
     with rejected("spots: ball 0 is at"):
         check_positions(SCENE, [[9.0, 0.0], [0.0, 0.0]], "spots")

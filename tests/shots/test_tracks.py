@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
+from billiards_env.shots import tracks
 from billiards_env.shots.tracks import Track, check_tracks, observed, read_tracks, write_tracks
 
 HEAD = "shot,time,ball,x,y\n"
@@ -26,13 +27,30 @@ def test_a_camera_sees_the_balls_until_they_are_potted():
 
 
 def test_a_file_is_written_and_read(tmp_path):
-    tracks = [
+    given = [
         Track("break 1", np.array([0.1, 0.2]), np.array([0, 1]), np.array([[0.1, -1 / 3], [1e-9, 2.0]])),
         Track("2", np.array([0.0]), np.array([3]), np.array([[0.0, 0.5]])),
     ]
-    write_tracks(tmp_path / "tracks.csv", tracks)
-    for track, again in zip(tracks, read_tracks(tmp_path / "tracks.csv"), strict=True):
+    write_tracks(tmp_path / "tracks.csv", given)
+    for track, again in zip(given, read_tracks(tmp_path / "tracks.csv"), strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(track, again, strict=True))
+
+
+def test_a_ball_may_be_written_as_a_decimal_number(tmp_path):
+    """A column of whole numbers with empty cells becomes one of decimal numbers in pandas."""
+    path = tmp_path / "tracks.csv"
+    path.write_text("\ufeff" + HEAD + "a,0,0.0,1,2\na,0,11.0,1,2\n", encoding="utf-8")
+    assert read_tracks(path)[0].balls.tolist() == [0, 11]
+
+
+def test_a_device_without_end_and_a_large_file_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(OSError, match="path = '/dev/zero': expected a file of tracks, but it is not a regular file"):
+        read_tracks("/dev/zero")
+    monkeypatch.setattr(tracks, "MAX_BYTES", 100)
+    path = tmp_path / "tracks.csv"
+    path.write_bytes(bytes(101))
+    with pytest.raises(ValueError, match="tracks.csv: a file of more than 100 bytes"):
+        read_tracks(path)
 
 
 def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
@@ -52,8 +70,9 @@ def test_columns_may_have_any_order_and_cells_may_be_empty(tmp_path):
         ("shot,time,ball,x\n", "line 1: head = 'shot,time,ball,x': expected one column 'y'"),
         ("shot,time,ball,x,y,x\n", "line 1: head = .*: expected one column 'x'"),
         (HEAD + "a,0,0,1,2\na,0,0,1\n", "line 3: 4 cells: expected 5"),
-        (HEAD + "a,0,0.5,1,2\n", "line 2: ball = '0.5': expected a whole number >= 0"),
-        (HEAD + "a,0,-1,1,2\n", "line 2: ball = '-1': expected a whole number"),
+        (HEAD + "a,0,0.5,1,2\n", "line 2: ball = '0.5': expected a whole number from 0 to 100000"),
+        (HEAD + "a,0,-1,1,2\n", "line 2: ball = -1: expected a whole number"),
+        (HEAD + "a,0,1e30,1,2\n", "line 2: ball = 10.*: expected a whole number from 0 to 100000"),
         (HEAD + "a,0,0,1,\n", "line 2: y = '': expected a finite number"),
         (HEAD + "a,soon,0,1,2\n", "line 2: time = 'soon': expected a finite number"),
         (HEAD + "a,0,0,inf,2\n", "line 2: x = 'inf': expected a finite number"),
@@ -73,19 +92,22 @@ def track_of(balls, times=None, positions=None, name="a"):
 
 
 @pytest.mark.parametrize(
-    ("tracks", "message"),
+    ("given", "message"),
     [
         ([], r"shots = \[\]: expected one track or more"),
         ([track_of([0] * 4)] * 2, r"shots\['a'\] appears twice"),
         ([track_of([0, 0, 0, 1])], r"shots\['a'\]: 3 rows of the cue ball: expected 4 or more"),
         ([track_of([0, 0, 0, 0, 2])], r"shots\['a'\].balls = \[0, 2\]: expected 0 to 1"),
         ([track_of([0] * 4, times=[0, 1, np.nan, 2])], r"shots\['a'\].times = .*: expected finite numbers"),
+        ([track_of([0] * 4, times=[1.0] * 4)], r"shots\['a'\]: ball 0 has two rows at 1 s: expected one"),
+        ([track_of([0, 0, 1, 0, 1, 0], times=[0, 1, 2, 3, 2, 4])], r"ball 1 has two rows at 2 s: expected one"),
+        ([track_of([0] * 4, times=[0, 1e-300, 1, 2])], "ball 0 has two rows at 1e-300 s: expected one"),
         ([track_of([0] * 4, positions=np.zeros((3, 2)))], r"positions has shape \(3, 2\): expected \(4, 2\)"),
     ],
 )
-def test_bad_tracks_are_rejected(tracks, message):
+def test_bad_tracks_are_rejected(given, message):
     with pytest.raises(ValueError, match=message):
-        check_tracks(Scene.named("pool"), tracks, 4)
+        check_tracks(Scene.named("pool"), given, 4)
 
 
 def test_rows_are_sorted_by_time():

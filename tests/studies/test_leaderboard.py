@@ -19,6 +19,7 @@ def test_the_page_is_that_of_the_files():
     found = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
     assert found == json.loads(leaderboard.OUTPUT.read_text(encoding="utf-8"))
     assert {"random", "geometric", "search_200"} <= set(found)
+    assert {name for name in found if found[name]["checked"] == "player run by the maintainers"} == set(leaderboard.RUN)
     assert sum(path.stat().st_size for path in FILES) < 1.5e6
 
 
@@ -43,7 +44,7 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     folder, output, figure = tmp_path / "entries", tmp_path / "leaderboard.json", tmp_path / "leaderboard.png"
     folder.mkdir()
     for player, tasks in (("random", BENCH_TASKS), ("geometric", BENCH_TASKS), ("search:20", BENCH_TASKS[:1])):
-        bench.save(folder / f"{player[:6]}.json", bench.play(player, tasks, leaderboard.SEEDS))
+        bench.save(folder / f"{player.replace(':', '-')}.json", bench.play(player, tasks, leaderboard.SEEDS))
     arguments = ["--folder", str(folder), "--output", str(output), "--figure", str(figure)]
     main([*arguments, "--check"])
     assert not output.exists()
@@ -54,6 +55,8 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     names = [row.split(" | ")[0].strip("| ") for row in rows]
     assert names == ["geometric", "random", "search:20"]  # the last one has no aggregate
     assert rows[-1].count(" - ") == len(BENCH_TASKS)
+    marks = [row.split(" | ")[-1].strip(" |") for row in rows]
+    assert marks == ["player run by the maintainers"] * 2 + ["replayed only"]
     assert blocks(found)["details"] in capsys.readouterr().out
 
     bench.save(folder / "other.json", bench.play("random", BENCH_TASKS[:1], (0,)))

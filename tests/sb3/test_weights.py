@@ -1,0 +1,69 @@
+"""A folder with a wrong configuration is refused in a second, with a ValueError that names what is wrong."""
+
+import time
+from typing import Any
+
+import pytest
+import yaml
+
+from billiards_env.sb3.weights import build_policy, load_policy, save_policy
+
+POLICY: dict[str, Any] = {"head": "mixture", "components": 2, "hidden": [8], "activation": "tanh"}
+ENV = {"task": "pot", "scene": "pool", "n_object_balls": 1}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    save_policy(build_policy(ENV, POLICY), tmp_path / "policy.pt")
+    return tmp_path
+
+
+def settings(env=None, **policy):
+    return yaml.safe_dump({"env": ENV | (env or {}), "policy": POLICY | policy})
+
+
+def nested(row):
+    """Returns nine to the power of eight items in nine lines."""
+    rows = [row("abcdefghi"[k], "*" + "abcdefghi"[k - 1]) for k in range(1, 9)]
+    return "\n".join(["a: &a {x: 1}", *rows, "env: *i", "policy: *i"])
+
+
+WRONG = {
+    "nothing": ("", "expected the sections env and policy of a run"),
+    "a list": ("[1]", "expected the sections env and policy of a run"),
+    "a list for a section": ("env: [1]\npolicy: {}", "expected the sections env and policy of a run"),
+    "no policy": ("env: {}\npolicy: null", "expected the sections env and policy of a run"),
+    "deep": ("[" * 50_000, "more than 1000 lists and mappings in brackets"),
+    "deep block": ("- " * 10_000, "nested too deeply"),
+    "aliases": (nested(lambda name, last: f"{name}: &{name} [{','.join([last] * 9)}]"), r"an alias, \*a"),
+    "merges": (nested(lambda name, last: f"{name}: &{name} {{<<: [{','.join([last] * 9)}]}}"), r"an alias, \*a"),
+    "a loop": ("env: &a {task: *a}\npolicy: {}", r"an alias, \*a"),
+    "large": (" " * 100_001, "a file of more than 100000 bytes"),
+    "an unknown argument": (settings({"tsk": "pot"}), "unexpected keyword argument 'tsk'"),
+    "a wrong type": (settings({"max_speed": "fast"}), "max_speed = 'fast': expected a number"),
+    "units": (settings(hidden=3), "policy.hidden = 3: expected a list"),
+    "no number": (settings(hidden=["a"]), "policy.hidden = 'a': expected a whole number"),
+    "many units": (settings(hidden=[8, 10**9]), r"expected more weights for \[8, 1000000000\]"),
+    "activation": (settings(activation=["tanh"]), r"policy.activation = \['tanh'\]: expected one of"),
+    "head": (settings(head=["pots"]), r"policy.head = \['pots'\]: expected one of"),
+    "components": (settings(components=10**9), "policy.components = 1000000000: expected a whole number"),
+    "speeds": (settings(speeds=3), r"policy.speeds has shape \(\): expected \(2,\)"),
+    "banks": (settings(banks="no"), "policy.banks = 'no': expected True or False"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_wrong_configuration_is_refused(case, folder):
+    text, message = WRONG[case]
+    (folder / "config.yaml").write_text(text)
+    begin = time.process_time()
+    with pytest.raises(ValueError, match=message):
+        load_policy(folder)
+    assert time.process_time() - begin < 5.0
+
+
+def test_a_right_one_is_loaded_and_an_argument_of_the_caller_keeps_its_error(folder):
+    (folder / "config.yaml").write_text(settings())
+    assert load_policy(folder)[0] == ENV
+    with pytest.raises(TypeError, match="max_speed = 'fast'"):
+        load_policy(folder, {"max_speed": "fast"})
