@@ -70,8 +70,9 @@ def simulate(
         threads: As in `simulate_batch`.
 
     Returns:
-        The output at the end of the shots, or a dict with the outputs by name. They have the type and the device of
-        `velocities`. The simulation runs in double precision on the CPU.
+        The output at the end of the shots, or a dict with the outputs by name. They have the device of `velocities` and
+        its type, or the default type of PyTorch if it has whole numbers. The simulation runs in double precision on the
+        CPU.
 
     Raises:
         ValueError: As in `simulate_batch`, or if a name is unknown.
@@ -84,8 +85,13 @@ def simulate(
     for name in numbers:
         one_of("physics", name, tuple(physics_inputs(scene.physics)))
     single = positions.ndim == 2
+    if not (velocities.is_floating_point() or velocities.is_complex()):
+        velocities = velocities.to(torch.get_default_dtype())
     given = {"positions": positions, "velocities": velocities, "spins": spins}
     tensors = {name: tensor for name, tensor in given.items() if tensor is not None}
+    for name, tensor in {**tensors, **numbers}.items():
+        if tensor.is_complex():
+            raise ValueError(f"{name} has type {tensor.dtype}: expected real numbers")
     if single:
         tensors = {name: tensor.unsqueeze(0) for name, tensor in tensors.items()}
     for name in tensors:

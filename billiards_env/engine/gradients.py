@@ -12,7 +12,6 @@ each ball at a time, and (time, x, y) of each event.
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,6 @@ from billiards_env.engine.log import (
     KIND,
     OTHER,
     ROLLING_REST,
-    RULE,
     SEGMENT_PHASE,
     SEGMENT_ROW,
     SLIDING_ROLLING,
@@ -76,11 +74,8 @@ from billiards_env.physics.lanes import (
     LANE_WIDTH,
     PAIR_NUMBERS,
 )
-from billiards_env.physics.motion import norm
 from billiards_env.physics.state import (
     IDEAL,
-    POCKET_X,
-    POCKET_Y,
     REST,
     ROLLING,
     SLIDING,
@@ -104,14 +99,6 @@ BALL_INPUTS = 9
 """Number of inputs of a ball."""
 NUMBER_INPUTS = END_NUMBERS - D_NUMBERS
 """Number of inputs that are numbers of the scene."""
-
-REASONS = ("grazing", "simultaneous", "rule", "lip", "rolling")
-"""Why a shot has no derivative: a contact without speed of approach, impacts whose order matters, an act of the
-contact-time rule, a ball that grazes a pocket, and a ball that rolls without slip from the start or after an impact."""
-GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS = range(5)
-
-GRAZE = 1e-6
-"""Speed of approach over the relative speed below which a contact counts as grazing."""
 
 MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
 """Largest number of unit vectors at an event."""
@@ -161,7 +148,6 @@ class Tape(NamedTuple):
         first: (events,) int64: the first piece that begins with each event.
         current: (n,) int64, the last piece of each ball.
         joint: (n,) bool, whether it began with one of several impacts at one instant.
-        impact: (n,) float64, time of each ball's last impact, s.
         lanes: (lanes, LANE_WIDTH) float64.
         column: (MOST_LANES,) int64, the column of each unit vector.
         pulled: (MOST_LANES,) float64, the products of the adjoint with the lanes.
@@ -175,7 +161,6 @@ class Tape(NamedTuple):
     first: Any
     current: Any
     joint: Any
-    impact: Any
     lanes: Any
     column: Any
     pulled: Any
@@ -197,7 +182,6 @@ def empty_tape(begin, end, shots, lanes):
         np.empty(events, np.int64),
         np.empty(n, np.int64),
         np.empty(n, np.bool_),
-        np.empty(n),
         np.empty((lanes, LANE_WIDTH)),
         np.empty(MOST_LANES, np.int64),
         np.empty(MOST_LANES),
@@ -249,25 +233,16 @@ def trace(events, segments, scene, is_sphere, tape):
     """Fills the tape of a shot.
 
     Several impacts of balls at one instant count as successive, in the order of the log.
-
-    Returns:
-        The first event without a derivative and the index of the reason in `REASONS`; -1 and -1 if there is none. The
-        start of the shot is event -1.
     """
     n, numbers = len(scene.radius), scene.numbers
-    rolls = numbers.motion == SLIDING_AND_ROLLING
-    bad, why = len(events), -1
     for i in range(n):
-        tape.current[i], tape.joint[i], tape.impact[i], tape.previous[i] = i, False, -math.inf, -1
-        if rolls and segments[i, SEGMENT_PHASE] == ROLLING:
-            bad, why = -1, ROLLS
+        tape.current[i], tape.joint[i], tape.previous[i] = i, False, -1
         _copy_state(segments[i, SEGMENT_ROW:], tape.after[i])
     piece = n
     for e in range(len(events)):
-        kind, now = int(events[e, KIND]), Time(events[e, TIME], events[e, TIME_LO])
-        balls = 2 if kind == BALL_BALL else 1
+        now = Time(events[e, TIME], events[e, TIME_LO])
+        balls = 2 if events[e, KIND] == BALL_BALL else 1
         tape.first[e] = piece
-        reason = BY_RULE if events[e, RULE] else -1
         for s in range(balls):
             i = int(events[e, BALL + s])
             p, here = tape.current[i], piece + s
@@ -278,44 +253,20 @@ def trace(events, segments, scene, is_sphere, tape):
             else:
                 fly(segments[p, SEGMENT_ROW:], flight, numbers, tape.before[here])
             _copy_state(segments[here, SEGMENT_ROW:], tape.after[here])
-            if kind <= BALL_POCKET:
-                if tape.impact[i] == now.hi:
-                    reason = SIMULTANEOUS
-                tape.impact[i] = now.hi
-                if rolls and segments[here, SEGMENT_PHASE] == ROLLING and reason < 0:
-                    reason = ROLLS
             tape.current[i] = here
             tape.joint[i] = False
-        i = int(events[e, BALL])
-        before = tape.before[piece]
-        if kind == BALL_BALL:
-            j = int(events[e, OTHER])
-            a, b = before, tape.before[piece + 1]
-            impact = impact_of(a, b, i, j, is_sphere, scene)
-            if -impact.wn <= GRAZE * (norm(a[DVX], a[DVY]) + norm(b[DVX], b[DVY])) and reason < 0:
-                reason = GRAZING
-            if _is_joint(events, e):
-                push = push_of(scene.ball_friction, impact)
-                tape.joint[i] = tape.joint[j] = True
-                first, last = tape.after[piece], tape.after[piece + 1]
-                _copy(a, first)
-                _copy(b, last)
-                if impact.wn < 0.0:
-                    apply_push(first, 1.0, push, impact, scene.inv_mass[i], scene.radius[i], numbers)
-                    apply_push(last, -1.0, push, impact, scene.inv_mass[j], scene.radius[j], numbers)
-        elif kind == BALL_CUSHION and reason < 0:
-            wall = wall_at(before, int(events[e, OTHER]), scene.radius[i], scene.outline)
-            if wall.nx * before[DVX] + wall.ny * before[DVY] <= GRAZE * norm(before[DVX], before[DVY]):
-                reason = GRAZING
-        elif kind == BALL_POCKET and reason < 0:
-            pocket = scene.pockets[int(events[e, OTHER])]
-            dx, dy = before[DX] - pocket[POCKET_X], before[DY] - pocket[POCKET_Y]
-            if -(dx * before[DVX] + dy * before[DVY]) <= GRAZE * norm(dx, dy) * norm(before[DVX], before[DVY]):
-                reason = AT_LIP
-        if reason >= 0 and why < 0:
-            bad, why = e, reason
+        if _is_joint(events, e):
+            i, j = int(events[e, BALL]), int(events[e, OTHER])
+            first, last = tape.after[piece], tape.after[piece + 1]
+            _copy(tape.before[piece], first)
+            _copy(tape.before[piece + 1], last)
+            impact = impact_of(first, last, i, j, is_sphere, scene)
+            push = push_of(scene.ball_friction, impact)
+            tape.joint[i] = tape.joint[j] = True
+            if impact.wn < 0.0:
+                apply_push(first, 1.0, push, impact, scene.inv_mass[i], scene.radius[i], numbers)
+                apply_push(last, -1.0, push, impact, scene.inv_mass[j], scene.radius[j], numbers)
         piece += balls
-    return (bad, why) if why >= 0 else (-1, -1)
 
 
 @inlined
@@ -422,16 +373,26 @@ def store(i, s, count, lanes, tangent):
 
 
 @inlined
-def _start(i, count, segments, scene, lanes):
-    """Changes the first `count` lanes, with the inputs of ball i, to its state at the start."""
+def _start_phase(i, until, segments):
+    """Returns the phase of ball i at the start. A shot that ends there, at 0 s, keeps all parts of its state."""
+    phase = int(segments[i, SEGMENT_PHASE])
+    return SLIDING if until == 0.0 and phase < SLIDING else phase
+
+
+@inlined
+def _start(i, count, until, segments, scene, lanes):
+    """Changes the first `count` lanes, with the inputs of ball i, to its state at the start of a shot until a time."""
+    phase = _start_phase(i, until, segments)
     for c in range(count):
-        phase = int(segments[i, SEGMENT_PHASE])
         start_lane(lanes[c], segments[i, SEGMENT_ROW:], phase, scene.radius[i], scene.numbers)
 
 
 @inlined
-def begin_lanes(n, inputs, segments, scene, tangent, tape):
-    """Begins a pass forwards: the lanes take the changes of the constants, and `tangent` those of the n balls."""
+def begin_lanes(n, inputs, until, segments, scene, tangent, tape):
+    """Begins a pass forwards: the lanes take the changes of the constants, and `tangent` those of the n balls.
+
+    `until` is the time of the outputs, s.
+    """
     lanes, count = tape.lanes, len(inputs)
     for c in range(count):
         for j in range(NUMBER_INPUTS):
@@ -442,7 +403,7 @@ def begin_lanes(n, inputs, segments, scene, tangent, tape):
             for j in range(BALL_WIDTH):
                 tangent[i, c, j] = inputs[c, BALL_INPUTS * i + j]
         load(i, 0, count, inputs, tangent, lanes)
-        _start(i, count, segments, scene, lanes)
+        _start(i, count, until, segments, scene, lanes)
         store(i, 0, count, lanes, tangent)
 
 
@@ -456,11 +417,11 @@ def push_lanes(begin, end, shots, times, inputs, results):
         shots: The `Shots`, as a plain tuple.
         times: (m, q) float64, ascending, s; not later than the end of the shot.
         inputs: (m, k, 9 n + 14) float64, the changes of the inputs.
-        results: Three output arrays: (m, q, k, n, 7) float64, the changes of the outputs at these times;
+        results: Two output arrays: (m, q, k, n, 7) float64, the changes of the outputs at these times;
             (m, k, l, 3) float64, the changes of time and place of the first l events, zero for events after the last of
-            these times; (m, 2) int64, the results of `trace`.
+            these times.
     """
-    shots, (outputs, at_events, found) = Shots(*shots), results
+    shots, (outputs, at_events) = Shots(*shots), results
     is_sphere = shots.is_sphere
     n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, count)
@@ -469,10 +430,8 @@ def push_lanes(begin, end, shots, times, inputs, results):
         arrays = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths, given = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], inputs[k]
-        found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
-        if count == 0:
-            continue
-        begin_lanes(n, given, paths, arrays, tangent, tape)
+        trace(log, paths, arrays, is_sphere, tape)
+        begin_lanes(n, given, times[k, -1], paths, arrays, tangent, tape)
         at_events[k] = 0.0
         done = 0
         for q in range(times.shape[1]):
@@ -619,7 +578,7 @@ def _is_zero(i, adjoint):
 
 
 @allocating_entry_point
-def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results):
+def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
     """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
 
     Args:
@@ -630,9 +589,9 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results)
         outputs: (m, k, n, 7) float64, the adjoints of the outputs. This function changes them.
         at_events: (m, k, l, 3) float64, the adjoints of time and place of the first l events.
         constants: Whether to compute the products for radii, masses and numbers. Otherwise they are zero.
-        results: Two output arrays: (m, k, 9 n + 14) float64, the products; (m, 2) int64, the results of `trace`.
+        inputs: (m, k, 9 n + 14) float64 out, the products.
     """
-    shots, (inputs, found) = Shots(*shots), results
+    shots = Shots(*shots)
     is_sphere = shots.is_sphere
     n, count, most = outputs.shape[2], outputs.shape[1], at_events.shape[2]
     tape = empty_tape(begin, end, shots, MOST_LANES)
@@ -643,7 +602,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results)
         at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
         log, paths = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
         motion, adjoint, sums = arrays.numbers.motion, outputs[k], inputs[k]
-        found[k, 0], found[k, 1] = trace(log, paths, arrays, is_sphere, tape)
+        trace(log, paths, arrays, is_sphere, tape)
         sums[:] = 0.0
         for i in range(n):
             tape.current[i] = i
@@ -684,10 +643,10 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, results)
                 pending = 0
         for i in range(n):
             if not _is_zero(i, adjoint):
-                phase = int(paths[i, SEGMENT_PHASE])
+                phase = _start_phase(i, times[k], paths)
                 lanes = _ball_columns(0, SLIDING if phase == ROLLING else phase, 0, 0, motion, tape.column)
                 lanes = _unit_lanes(1, -1, lanes, constants, tape)
-                _start(i, lanes, paths, arrays, tape.lanes)
+                _start(i, lanes, times[k], paths, arrays, tape.lanes)
                 _pull(lanes, i, -1, 0, Marks(marks, False), tape, adjoint, sums)
             for c in range(count):
                 for d in range(BALL_WIDTH):

@@ -188,7 +188,7 @@ def turn_time(path):
 
 
 @inlined
-def _path_from(row, begin):
+def path_from(row, begin):
     """Returns the `Path` of a ball with a row of `State.rows` from a `Time`."""
     t = since(begin, Time(row[T0], row[T0_LO]))
     vx, vy, ax, ay = row[VX], row[VY], row[AX], row[AY]
@@ -196,9 +196,9 @@ def _path_from(row, begin):
 
 
 @inlined
-def _between(first, second, begin):
+def between(first, second, begin):
     """Returns the `Path` of one ball relative to another from a `Time`, for their rows of `Log.segments`."""
-    a, b = _path_from(first[SEGMENT_ROW:], begin), _path_from(second[SEGMENT_ROW:], begin)
+    a, b = path_from(first[SEGMENT_ROW:], begin), path_from(second[SEGMENT_ROW:], begin)
     return Path(a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.ax - b.ax, a.ay - b.ay)
 
 
@@ -276,7 +276,7 @@ def _pass_circle(pair, path, end, swept, begin, reach, shot):
 
 
 @inlined
-def _touches_line(line, x, y):
+def touches_line(line, x, y):
     """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
     return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
 
@@ -306,7 +306,7 @@ def _pass_line(pair, path, end, begin, normal, room, line, shot):
         return  # it was nearer before
     x, y = place_after(path, t)
     margin = nx * x + ny * y - room
-    if shot.found.margin[i, q] < margin <= _TOUCHING and (line is None or _touches_line(line, x, y)):
+    if shot.found.margin[i, q] < margin <= _TOUCHING and (line is None or touches_line(line, x, y)):
         _set(pair, margin, normal, v + t * a if t == end else 0.0, later(begin, t), shot)
 
 
@@ -340,7 +340,7 @@ def _pass_outline(outline, i, first, path, end, swept, begin, shot):
             continue
         t = nearest_time(from_tip, end)
         x, y = place_after(path, t)
-        if (t > 0.0 or end == 0.0) and faces(tip, x, y):
+        if (t > 0.0 or end == 0.0) and faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
             _approach(Pair(i, -1, q), from_tip, t, t == end, begin, reach, shot)
 
 
@@ -353,7 +353,7 @@ def _pass_by(i, now, shot):
         return
     row = segments[piece, SEGMENT_ROW:]
     begin = Time(row[T0], row[T0_LO])
-    path, end = _path_from(row, begin), since(now, begin)
+    path, end = path_from(row, begin), since(now, begin)
     if end <= 0.0:
         return
     moves = path.vx != 0.0 or path.vy != 0.0
@@ -377,7 +377,7 @@ def _pass_by(i, now, shot):
             start = begin
         end = since(now, start)
         if end > 0.0:
-            path = _between(segments[tape.current[low]], segments[tape.current[high]], start)
+            path = between(segments[tape.current[low]], segments[tape.current[high]], start)
             reach = contact_distance(scene.spheres, scene.radius, low, high)
             _pass_circle(Pair(low, high, high), path, end, sweep(path, end), start, reach, shot)
 
@@ -390,11 +390,11 @@ def _begin(shot):
     for i in range(n):
         if segments[i, SEGMENT_PHASE] == POTTED:
             continue
-        path = _path_from(segments[i, SEGMENT_ROW:], start)
+        path = path_from(segments[i, SEGMENT_ROW:], start)
         for j in range(i + 1, n):
             if wanted[i, j] and segments[j, SEGMENT_PHASE] != POTTED:
                 reach = contact_distance(scene.spheres, scene.radius, i, j)
-                _approach(Pair(i, j, j), _between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
+                _approach(Pair(i, j, j), between(segments[i], segments[j], start), 0.0, False, start, reach, shot)
         for p in range(len(scene.pockets)):
             pocket = scene.pockets[p]
             if wanted[i, n + p]:
@@ -524,7 +524,7 @@ def push_margins(begin, end, shots, times, inputs, wanted, results):
         found.margin[:] = -math.inf
         found.time[:] = 0.0
         found.slope[:] = 0.0
-        begin_lanes(n, inputs[k], paths, arrays, tangent, tape)
+        begin_lanes(n, inputs[k], times[k], paths, arrays, tangent, tape)
         _begin(shot)
         found.rate[:] = 0.0
         for e in range(len(log)):

@@ -19,13 +19,11 @@ from billiards_env.physics.lanes import (
     D_MU_CLOTH,
     D_MU_CUSHION,
 )
-from billiards_env.physics.mathavan import CushionNose, integrate_impact
+from billiards_env.physics.mathavan import CushionNose
+from billiards_env.physics.mathavan_derivatives import impact_change
 
 TABLE = (5, 9)
 """Shape of the table of a "mathavan2010" impact: the results and the arguments of `mathavan.integrate_impact`."""
-
-_STEP = 1e-2
-"""Step of the differences of `_tabulated_friction` over the normal velocity."""
 
 
 class CushionChange(NamedTuple):
@@ -131,8 +129,10 @@ def cushion_law(motion, radius, table, scene):
     numbers, vn = scene.numbers, motion.vn
     e, over = cushion_restitution(vn, numbers), vn - numbers.e_cushion_onset
     e_kind = 0
-    if numbers.e_cushion_loss > 0.0 and over > 0.0:
-        e_kind = 1 if e > numbers.e_cushion_floor else 2
+    if over > 0.0 and e > numbers.e_cushion_floor:
+        e_kind = 1
+    elif over > 0.0 and numbers.e_cushion_loss > 0.0:
+        e_kind = 2
     sin = numbers.cushion_height / radius - 1.0 if numbers.cushion_rubs else 0.0
     cos = math.sqrt(1.0 - sin * sin)
     rwn = motion.ut - motion.vt
@@ -171,7 +171,7 @@ def cushion_law(motion, radius, table, scene):
 @inlined
 def _rigid_friction(motion, slip, sin, cos, e, table, numbers):
     mu, normal = numbers.mu_cushion, (1.0 + e) * motion.vn * cos
-    if slip * (2.0 / 7.0) <= mu * normal:
+    if slip * (2.0 / 7.0) <= mu * normal and mu > 0.0:
         return Friction(slip * (2.0 / 7.0), 2.0 / 7.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     return Friction(mu * normal, 0.0, mu, 0.0, normal, 0.0, 0.0)
 
@@ -303,39 +303,34 @@ def _friction_lane(change, d_e, law, table):
     return vn_after, vt_after, vn_after - rwt, vt_after + rwn, drwz + 2.5 * (d_pye * cos + pye * d_cos)
 
 
+@inlined
+def _mathavan_arguments(motion, sin, cos, numbers):
+    """Returns the first arguments of `mathavan.integrate_impact`, as a tuple, and the `CushionNose`."""
+    vn, vt, un, ut, rwz = motion
+    return (-vt, vn, un - vn, ut - vt, rwz), CushionNose(sin, cos, numbers.mu_cushion, numbers.mu_cloth)
+
+
 @kernel
 def _tabulated_friction(motion, slip, sin, cos, e, table, numbers):
     """Writes the derivative of `mathavan.integrate_impact` to `table` and returns a `Friction` of zeros.
 
-    The columns are its velocities, `sin`, the two coefficients of friction and the restitution. The derivative is
-    computed by differences of fourth order; its relative error is about 1e-4.
+    Its rows are the results of that function; its columns are the motion, `sin`, the two coefficients of friction and
+    the restitution.
     """
-    vn, vt, un, ut, rwz = motion
+    before, nose = _mathavan_arguments(motion, sin, cos, numbers)
     for c in range(9):
+        by = (
+            -1.0 if c == 1 else 0.0,
+            1.0 if c == 0 else 0.0,
+            -1.0 if c == 0 else (1.0 if c == 2 else 0.0),
+            -1.0 if c == 1 else (1.0 if c == 3 else 0.0),
+            1.0 if c == 4 else 0.0,
+        )
+        d_sin, d_cos = (1.0, -sin / cos) if c == 5 else (0.0, 0.0)
+        by_nose = CushionNose(d_sin, d_cos, 1.0 if c == 6 else 0.0, 1.0 if c == 7 else 0.0)
+        column, _ = impact_change(before, by, nose, by_nose, e, 1.0 if c == 8 else 0.0)
         for r in range(5):
-            table[r, c] = 0.0
-        step = _STEP * vn if c < 5 else 1e-3
-        for k in range(4):
-            steps, weight = (-2.0, -1.0, 1.0, 2.0)[k], (1.0, -8.0, 8.0, -1.0)[k]
-            move = steps * step
-            s = sin + (move if c == 5 else 0.0)
-            nose = CushionNose(
-                s,
-                math.sqrt(1.0 - s * s),
-                numbers.mu_cushion + (move if c == 6 else 0.0),
-                numbers.mu_cloth + (move if c == 7 else 0.0),
-            )
-            after = integrate_impact(
-                -vt + (move if c == 0 else 0.0),
-                vn + (move if c == 1 else 0.0),
-                un - vn + (move if c == 2 else 0.0),
-                ut - vt + (move if c == 3 else 0.0),
-                rwz + (move if c == 4 else 0.0),
-                nose,
-                e + (move if c == 8 else 0.0),
-            )
-            for r in range(5):
-                table[r, c] += weight * after[r] / (12.0 * step) if step > 0.0 else 0.0
+            table[r, c] = column[r]
     return Friction(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -343,10 +338,10 @@ def _tabulated_friction(motion, slip, sin, cos, e, table, numbers):
 def _table_lane(change, d_e, law, table):
     """Implements `cushion_lane` with the table of `_tabulated_friction`."""
     before = (
-        -change.vt,
         change.vn,
-        change.un - change.vn,
-        change.ut - change.vt,
+        change.vt,
+        change.un,
+        change.ut,
         change.rwz,
         law.sin_rate * change.radius,
         change.lane[D_MU_CUSHION],
@@ -364,11 +359,31 @@ def _table_lane(change, d_e, law, table):
 
 
 @inlined
+def _always_smooth(motion, radius, numbers):
+    return True
+
+
+@kernel
+def _is_smooth_mathavan(motion, radius, numbers):
+    sin = numbers.cushion_height / radius - 1.0
+    before, nose = _mathavan_arguments(motion, sin, math.sqrt(1.0 - sin * sin), numbers)
+    nothing = (0.0, 0.0, 0.0, 0.0, 0.0)
+    still = CushionNose(0.0, 0.0, 0.0, 0.0)
+    return impact_change(before, nothing, nose, still, cushion_restitution(motion.vn, numbers), 0.0)[1]
+
+
+@inlined
+def cushion_is_smooth(motion, radius, scene):
+    """Returns whether the law of the cushions has a derivative at a `CushionMotion`."""
+    return _is_smooth(scene.cushion, (motion, radius, scene.numbers))
+
+
+@inlined
 def _rigid_squeeze(normal, friction, vn, slip, x, sin, cos, numbers):
     """Returns the normal impulse per mass that stops the ball, the `Friction`, and True; see `cushion.han2005`."""
     resistance = cos + numbers.mu_cushion * sin * x
     most = vn / resistance if resistance > 0.0 else math.inf
-    if slip * (2.0 / 7.0) <= numbers.mu_cushion * most:
+    if slip * (2.0 / 7.0) <= numbers.mu_cushion * most and numbers.mu_cushion > 0.0:
         normal = max(0.0, (vn - slip * (2.0 / 7.0) * x * sin) / cos)
         return normal, Friction(slip * (2.0 / 7.0), 2.0 / 7.0, 0.0, 0.0, 0.0, 0.0, 0.0), True
     return most, Friction(numbers.mu_cushion * most, 0.0, numbers.mu_cushion, 0.0, most, 0.0, 0.0), True
@@ -387,18 +402,22 @@ class CushionDerivative(NamedTuple):
         squeeze: For a ball that would otherwise not leave the cushion, returns the normal impulse, the `Friction`, and
             whether the law raises them.
         lane: Implements `cushion_lane`; it also takes the change of the restitution.
+        is_smooth: Implements `cushion_is_smooth`.
     """
 
     friction: Callable[..., Any]
     squeeze: Callable[..., Any] = _no_squeeze
     lane: Callable[..., Any] = _friction_lane
+    is_smooth: Callable[..., Any] = _always_smooth
 
 
 DERIVATIVES = {
     han2005: CushionDerivative(_rigid_friction, _rigid_squeeze),
     stronge: CushionDerivative(_compliant_friction),
-    mathavan2010: CushionDerivative(_tabulated_friction, lane=_table_lane),
+    mathavan2010: CushionDerivative(_tabulated_friction, lane=_table_lane, is_smooth=_is_smooth_mathavan),
 }
 """The derivatives, by law."""
 
-_friction, _squeeze, _lane = (by_law(*kernels) for kernels in zip(*(DERIVATIVES[law] for law in LAWS), strict=True))
+_friction, _squeeze, _lane, _is_smooth = (
+    by_law(*kernels) for kernels in zip(*(DERIVATIVES[law] for law in LAWS), strict=True)
+)

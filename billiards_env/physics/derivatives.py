@@ -476,7 +476,7 @@ def impact_of(a, b, i, j, is_sphere, scene):
     fading = exponential(-numbers.mu_rate * speed)
     mu = numbers.mu_limit + numbers.mu_drop * fading
     stop, limit = 1.0 / (3.5 * inverse), mu * p / cosine
-    slides = limit < stop * speed
+    slides = limit < stop * speed or limit == 0.0
     return Impact(
         hx,
         hy,
@@ -502,7 +502,7 @@ def impact_of(a, b, i, j, is_sphere, scene):
         mu,
         fading,
         -numbers.mu_rate * numbers.mu_drop * fading,
-        limit / speed if slides else stop,
+        (limit / speed if limit > 0.0 else 0.0) if slides else stop,
         numbers.mu_drop,
     )
 
@@ -568,7 +568,7 @@ def _push_change(ball_friction, impact, change):
     ratio = impact.ratio
     push_across, push_up = -ratio * impact.across, -ratio * impact.up
     if impact.slides:
-        x, y = impact.across / impact.speed, impact.up / impact.speed
+        x, y = (impact.across / impact.speed, impact.up / impact.speed) if impact.speed > 0.0 else (0.0, 0.0)
         d_speed = x * d_across + y * d_up
         d_mu = impact.mu_slope * d_speed + change.lane[D_MU_LIMIT]
         d_mu += impact.fading * (change.lane[D_MU_DROP] - impact.drop * impact.speed * change.lane[D_MU_RATE])

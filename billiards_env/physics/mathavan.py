@@ -68,14 +68,17 @@ def _slips(y, nose):
 
 @inlined
 def _begin_slip(ex, ey, nose):
-    """Returns the friction at the cushion, against its slip, when this slip begins; (ex, ey) is that on the cloth."""
+    """Returns the direction (x, y) of the slip at the cushion when it begins, and its rate over this unit vector.
+
+    (ex, ey) is the direction of the slip on the cloth.
+    """
     sin, cos, mu, mu_cloth = nose
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
     # Without friction the slip changes at the rate r. With friction mu along -(x, y) the rate is lam (x, y).
     rx, ry = -d * mu_cloth * ex * sin, sin * cos - g * mu_cloth * ey * sin
     mixed, across = d * mu_cloth * ex * cos, h + g * mu_cloth * ey * cos
     lo, hi = 0.0, abs(rx) + abs(ry) + mu * abs(mixed)
-    x = y = 0.0
+    x = y = lam = 0.0
     for _ in range(40):
         lam = 0.5 * (lo + hi)
         y = ry / (mu * across + lam)
@@ -84,7 +87,7 @@ def _begin_slip(ex, ey, nose):
             lo = lam
         else:
             hi = lam
-    return -mu * x, -mu * y
+    return x, y, lam
 
 
 @kernel
@@ -112,7 +115,8 @@ def _rates(y, nose, tiny):
             ax = mu_cloth * max(0.0, sin - ay * cos) * ex * d / 3.5
         if ax * ax + ay * ay > mu * mu:
             if ex != 0.0 or ey != 0.0:
-                ax, ay = _begin_slip(ex, ey, nose)
+                x, z, _ = _begin_slip(ex, ey, nose)
+                ax, ay = -mu * x, -mu * z
             else:
                 ax, ay = _at_most(ax, ay, mu)
     press = mu_cloth * max(0.0, sin - ay * cos)  # limit of the friction on the cloth

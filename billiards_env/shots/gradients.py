@@ -29,10 +29,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.checks import numbers, one_of, short
-from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, REASONS, pull_lanes, push_lanes
+from billiards_env.engine.gradients import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.log import SEGMENT_ROW
 from billiards_env.engine.margins import push_margins
 from billiards_env.engine.modes import PIC, Varied, physics_of_shots, scene_fields, varied_fields
+from billiards_env.engine.nonsmooth import REASONS, find_nonsmooth
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics import lanes as columns
 from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y
@@ -87,10 +88,9 @@ class Nonsmooth(NamedTuple):
     """The first event of a shot at which it has no derivative; arrays for a batch.
 
     Attributes:
-        event: Its index; -1 for the start of the shot, or if there is none.
-        reason: "" if there is none, "grazing" (a contact without speed of approach), "simultaneous" (impacts of a ball
-            at one instant: their order matters), "rule" (the contact-time rule acted), "lip" (a ball grazes the circle
-            of a pocket) or "rolling" (a ball rolls without slip at the start or after an impact).
+        event: Its index; that of the event before if it is between events; -1 for the start of the shot, or if there
+            is none.
+        reason: "" if there is none, or one of `engine.nonsmooth.REASONS`.
     """
 
     event: Any
@@ -218,13 +218,14 @@ def _inputs(record: Record, strike: ArrayLike | None) -> _Inputs:
         parameters = numbers("strike", strike)
         if parameters.shape not in ((5,), (m, 5)):
             raise ValueError(f"strike has shape {parameters.shape}: expected (5,), the parameters of the strike")
-        derivative, velocity = strike_derivatives(scene, np.broadcast_to(parameters, (m, 5)))
-        begun = start_states(record)[:, 0, 2:4]
-        off = np.abs(velocity - begun).max(axis=1) > 1e-9 * (1.0 + np.abs(begun).max(axis=1))
+        derivative, struck = strike_derivatives(scene, np.broadcast_to(parameters, (m, 5)))
+        begun, radius = start_states(record)[:, 0, 2:], scene.balls.radius[0]
+        sizes = np.array([1.0, 1.0, radius, radius, radius])  # to m/s
+        off = (np.abs(struck - begun) * sizes).max(axis=1) > 1e-9 * (1.0 + (np.abs(begun) * sizes).max(axis=1))
         if off.any():
             raise ValueError(
-                f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity is "
-                f"{begun[off][0].tolist()} m/s, not {velocity[off][0].tolist()}"
+                f"strike = {short(parameters.tolist())}: expected the strike of the shot, whose velocity and spin are "
+                f"{begun[off][0].tolist()}, not {struck[off][0].tolist()}"
             )
     return _Inputs(scene, physics_inputs(scene.physics, record.varied), derivative)
 
@@ -287,14 +288,11 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, *arra
     parallel_for(work, len(record.time), threads)
 
 
-def _push(
-    record: Record, times: Floats, inputs: Floats, most: int, threads: int | None
-) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def _push(record: Record, times: Floats, inputs: Floats, most: int, threads: int | None) -> tuple[Floats, Floats]:
     """Calls `push_lanes`; `times` is (m, q). Returns its outputs."""
     m, k = inputs.shape[:2]
     outputs = np.empty((m, times.shape[1], k, record.scene.n_balls, columns.BALL_WIDTH))
-    at_events, found = np.empty((m, k, most, 3)), np.empty((m, 2), np.int64)
-    results = outputs, at_events, found
+    results = outputs, np.empty((m, k, most, 3))
     _for_all(record, push_lanes, threads, times, inputs, results)
     return results
 
@@ -304,8 +302,8 @@ def _pull(
 ) -> Floats:
     """Calls `pull_lanes`. Returns its result."""
     m, k, n = outputs.shape[:3]
-    inputs, found = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS)), np.empty((m, 2), np.int64)
-    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, (inputs, found))
+    inputs = np.empty((m, k, BALL_INPUTS * n + NUMBER_INPUTS))
+    _for_all(record, pull_lanes, threads, times, outputs, at_events, constants, inputs)
     return inputs
 
 
@@ -342,7 +340,7 @@ def _forwards(
     """Returns the changes of outputs by name, (m, k, ...), for changes of the inputs of the engine."""
     found: dict[str, Floats] = {}
     if set(names) & set(OUTPUTS):
-        outputs, at_events, _ = _push(record, times[:, None], inputs, _most_events(record, names), threads)
+        outputs, at_events = _push(record, times[:, None], inputs, _most_events(record, names), threads)
         found |= {name: _chosen(name, outputs[:, 0], at_events) for name in names if name in OUTPUTS}
     if set(names) & set(MARGINS):
         slopes = _push_margins(record, times, inputs, _wanted(record.scene, names), threads)[2]
@@ -514,26 +512,24 @@ def jacobian(
     return np.ascontiguousarray(found.reshape(m, *left, *right))
 
 
-def nonsmooth(record: Record, threads: int | None) -> Nonsmooth:
+def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
     """Implements `BatchResult.nonsmooth`."""
-    m, n = len(record.time), record.scene.n_balls
-    inputs = np.empty((m, 0, BALL_INPUTS * n + NUMBER_INPUTS))
-    *_, found = _push(record, record.time[:, None], inputs, 0, threads)
+    found = np.empty((len(record.time), 2), np.int64)
+    _for_all(record, find_nonsmooth, threads, _times(record, t), found)
     return Nonsmooth(found[:, 0], np.array((*REASONS, ""))[found[:, 1]])
 
 
-def ball_jacobians(record: Record, times: Floats) -> tuple[Floats, NDArray[np.int64]]:
+def ball_jacobians(record: Record, times: Floats) -> Floats:
     """Returns the derivatives of the positions of one shot at ascending times (q,) by its start.
 
-    Returns:
-        (q, n, 2, n, 7) float64 with respect to (x, y, vx, vy, wx, wy, wz), and the results of `trace`, (2,).
+    They are (q, n, 2, n, 7) float64, with respect to (x, y, vx, vy, wx, wy, wz).
     """
     n = record.scene.n_balls
     inputs = np.zeros((1, n, 7, n * BALL_INPUTS + NUMBER_INPUTS))
     for i in range(n):
         inputs[0, i, :, BALL_INPUTS * i : BALL_INPUTS * i + 7] = np.eye(7)
-    outputs, _, found = _push(record, times[None], inputs.reshape(1, 7 * n, -1), 0, 1)
-    return np.moveaxis(outputs[0, ..., :2], 1, 3).reshape(len(times), n, 2, n, 7), found[0]
+    outputs, _ = _push(record, times[None], inputs.reshape(1, 7 * n, -1), 0, 1)
+    return np.moveaxis(outputs[0, ..., :2], 1, 3).reshape(len(times), n, 2, n, 7)
 
 
 _BLOCK = 2**23  # numbers in the outputs of one call of `push_lanes`
@@ -565,7 +561,7 @@ def start_jacobians(record: Record, times: Floats, names: Sequence[str], threads
         some = slice(begin, begin + step)
         part = _shots(record, begin, min(begin + step, m))
         inputs = np.repeat(lanes[None], len(part.time), axis=0)  # not read-only: numba would compile `push_lanes` again
-        outputs, *_ = _push(part, times[some], inputs, 0, threads)
+        outputs, _ = _push(part, times[some], inputs, 0, threads)
         found[some] = outputs[..., :2]
     return found
 

@@ -273,15 +273,18 @@ class ShotResult:
 
         return gradients.jacobian(self._record("jacobian"), of, by, t, strike, 1)[0]
 
-    def nonsmooth(self) -> Nonsmooth:
+    def nonsmooth(self, t: float | None = None) -> Nonsmooth:
         """Returns the first event at which the shot has no derivative, with the reason, see `gradients.Nonsmooth`.
 
+        Args:
+            t: Time until which the shot counts, s; None for its end.
+
         Raises:
-            ValueError: If the shot was not recorded or not run by "pic".
+            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
         """
         from billiards_env.shots import gradients
 
-        found = gradients.nonsmooth(self._record("nonsmooth"), 1)
+        found = gradients.nonsmooth(self._record("nonsmooth"), t, 1)
         return gradients.Nonsmooth(int(found.event[0]), str(found.reason[0]))
 
     def margins(self, t: float | None = None) -> Margins:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.log import TIME
-from billiards_env.shots.gradients import Record, ball_jacobians, start_states
+from billiards_env.shots.gradients import Record, ball_jacobians, nonsmooth, start_states
 
 Floats = NDArray[np.float64]
 
@@ -51,11 +51,11 @@ def sensitivity_along(record: Record, times: Floats) -> Iterator[Sensitivity]:
         One sensitivity for each time. An event exactly at that time counts as past.
     """
     (part,), n = record.parts, record.scene.n_balls
-    scale = np.abs(start_states(record)[0])
+    scale, (events, reasons) = np.abs(start_states(record)[0]), nonsmooth(record, None, 1)
+    event = int(events[0])
+    last = np.inf if not reasons[0] else part.events[event, TIME] if event >= 0 else -1.0
     for block in np.split(times, range(_TIMES, len(times), _TIMES)):
-        jacobians, (event, why) = ball_jacobians(record, block)
-        last = np.inf if why < 0 else part.events[event, TIME] if event >= 0 else -1.0
-        for time, jacobian in zip(block.tolist(), jacobians, strict=True):
+        for time, jacobian in zip(block.tolist(), ball_jacobians(record, block), strict=True):
             scaled = (jacobian * scale).reshape(n, 2, -1)
             condition = float(np.linalg.norm(scaled, 2, axis=(1, 2)).max())
             yield Sensitivity(jacobian, time, bool(time < last), condition)

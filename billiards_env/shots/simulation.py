@@ -257,11 +257,11 @@ class BatchResult:
 
         return gradients.jacobian(self._record("jacobian"), of, by, t, strike, threads)
 
-    def nonsmooth(self, threads: int | None = None) -> Nonsmooth:
-        """Returns `ShotResult.nonsmooth` of all shots, as arrays (m,)."""
+    def nonsmooth(self, t: ArrayLike | None = None, threads: int | None = None) -> Nonsmooth:
+        """Returns `ShotResult.nonsmooth` of all shots, as arrays (m,), until times t, () or (m,)."""
         from billiards_env.shots import gradients
 
-        return gradients.nonsmooth(self._record("nonsmooth"), threads)
+        return gradients.nonsmooth(self._record("nonsmooth"), t, threads)
 
     def margins(self, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
         """Returns `ShotResult.margins` of all shots, with a leading axis."""

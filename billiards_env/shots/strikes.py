@@ -126,8 +126,8 @@ def strike_derivative(
         heading, side, top, elevation).
 
     Raises:
-        ValueError: As in `strike`, or if the tip slips. The derivative is not defined at the miscue offset and not
-            implemented beyond it.
+        ValueError: As in `strike`, or if the speed is negative or the tip slips. The derivative is not defined at the
+            miscue offset and not implemented beyond it.
     """
     _, parameters = _checked(scene, speed, heading, side, top, elevation)
     if parameters.ndim > 1:
@@ -136,13 +136,15 @@ def strike_derivative(
 
 
 def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats]:
-    """Returns the `strike_derivative` (m, 5, 5) of m strikes with parameters (m, 5), and their velocities (m, 2), m/s.
+    """Returns the `strike_derivative` (m, 5, 5) of m strikes with parameters (m, 5), and (vx, vy, wx, wy, wz), (m, 5).
 
     Raises:
         ValueError: As in `strike_derivative`.
     """
     cue, checked = _checked(scene, *parameters.T)
     v, heading, a, b, elevation = checked.T
+    if (v < 0.0).any():
+        raise ValueError(f"speed = {short(float(v[v < 0.0][0]))}: expected a number >= 0 for a derivative")
     offset = np.hypot(a, b)
     slips = offset > cue.miscue
     if slips.any():
@@ -170,7 +172,8 @@ def strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Floats
         (-v * gain * sin_e * direction, v * gain * (-a * cos_e * ahead + a * sin_e * up)),
     )
     rows = np.stack([np.concatenate((d_v[:2], 2.5 / cue.radius * d_w)) for d_v, d_w in columns], axis=1)
-    return np.ascontiguousarray(np.moveaxis(rows, 2, 0)), (v * gain * cos_e * direction)[:2].T
+    struck = np.concatenate(((v * gain * cos_e * direction)[:2], 2.5 / cue.radius * v * gain * spin))
+    return np.ascontiguousarray(np.moveaxis(rows, 2, 0)), struck.T
 
 
 def _checked(scene: Scene, *parameters: ArrayLike) -> tuple[CueNumbers, Floats]:

@@ -102,7 +102,7 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
     pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
     jacobian = batch.jacobian("positions", "radius", threads=threads)
-    found = batch.nonsmooth(threads)
+    found = batch.nonsmooth(threads=threads)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
         alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)

@@ -1,0 +1,361 @@
+"""Where a recorded shot has no derivative: one pass over its log.
+
+`REASONS` lists what is found. A body that a ball passes within rounding counts as touched: a small change of the start
+makes a hit of the miss.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from billiards_env.engine.gradients import Shots, Tape, empty_tape, trace
+from billiards_env.engine.log import (
+    BALL,
+    BALL_BALL,
+    BALL_CUSHION,
+    BALL_POCKET,
+    KIND,
+    OTHER,
+    RULE,
+    SEGMENT_PHASE,
+    SEGMENT_ROW,
+    SPEED,
+    TIME,
+    TIME_LO,
+)
+from billiards_env.engine.margins import between, nearest_time, path_from, touches_line
+from billiards_env.jit import allocating_entry_point, inlined, kernel
+from billiards_env.jit.interrupt import end_call, interrupted
+from billiards_env.physics.contact import contact_distance, misses_circle, sweep
+from billiards_env.physics.cushion import CushionMotion
+from billiards_env.physics.cushion_derivatives import cushion_is_smooth
+from billiards_env.physics.derivatives import wall_at
+from billiards_env.physics.lanes import DUX, DUY, DVX, DVY, DWZ, DX, DY
+from billiards_env.physics.motion import norm, place_after, relative_to
+from billiards_env.physics.state import (
+    LASTS,
+    POCKET_RADIUS,
+    POCKET_X,
+    POCKET_Y,
+    POTTED,
+    REST,
+    ROLLING,
+    SLIDING,
+    SLIDING_AND_ROLLING,
+    T0,
+    T0_LO,
+    UX,
+    UY,
+    VX,
+    VY,
+    SceneArrays,
+    Time,
+    before,
+    later,
+    since,
+)
+from billiards_env.physics.walls import LINE_X, LINE_Y, NX, NY, TIP_RADIUS, TIP_X, TIP_Y, faces
+from billiards_env.scene import CONTACT_GAP
+
+REASONS = {
+    "grazing": "two bodies touch, or pass within 1e-12 m, but hardly approach: after a small change they miss, or hit",
+    "simultaneous": "a ball has two impacts at one instant. The derivative is that of the impacts one after the other, "
+    "in the order of the record",
+    "rule": "the [contact-time rule](engines.md#resting-contact) acted. The derivative neglects it",
+    "lip": "a ball grazes the circle of a pocket, inside or outside",
+    "rolling": "a ball rolls without slip, up to rounding, at the start or after an impact",
+    "slip": 'a slip at a "mathavan2010" cushion is zero at first, or stops and begins again at once; or it changes so '
+    "often that the derivative is not computed",
+    "cut": "the shot, or `t`, ends at the instant of an event",
+}
+"""Why a shot has no derivative, by name."""
+GRAZING, SIMULTANEOUS, BY_RULE, AT_LIP, ROLLS, SLIPS, IS_CUT = range(len(REASONS))
+
+GRAZE = 1e-6
+"""Speed of approach over the relative speed below which a contact counts as grazing."""
+
+_ROLLS = 2.0**-40  # slip over speed of a ball that rolls up to rounding
+_AT_ONCE = 1e-14  # s, and relative: times that are equal up to rounding
+
+_BETWEEN = -2  # in place of an event
+
+_LOOK_AFTER = 10_000  # pairs of an event and a ball between two calls of `interrupted`
+
+
+class Pass(NamedTuple):
+    """The pass over one shot.
+
+    Attributes:
+        events: Its events.
+        segments: The pieces of its paths.
+        scene: The `SceneArrays`.
+        tape: The `Tape`.
+        last: (n,) int64, the last event of each ball; -1 at the start.
+        until: The `Time` at which the shot is cut.
+        time: (1,) float64, the time of what was found first, s.
+        found: (2,) int64: the event or _BETWEEN, and the index of the reason; -1 and -1 for none.
+    """
+
+    events: Any
+    segments: Any
+    scene: SceneArrays
+    tape: Tape
+    last: Any
+    until: Time
+    time: Any
+    found: Any
+
+
+@inlined
+def _find(time, e, reason, over):
+    """Stores a reason at event e, or between events, and at a time, s, if it is the first one."""
+    if time < over.time[0]:
+        over.time[0], over.found[0], over.found[1] = time, e, reason
+
+
+@inlined
+def _is_tangent(gap, along, speed):
+    """Returns whether bodies with a gap, m, and a speed along it of a relative speed, m/s, touch without approach."""
+    return abs(gap) <= CONTACT_GAP and abs(along) <= GRAZE * speed
+
+
+@inlined
+def _pass_circle(path, end, swept, begin, reach, meets, reason, over):
+    """Looks for a tangent pass of a `Path` at a circle about the origin.
+
+    Args:
+        path: The `Path`.
+        end: Its end, s.
+        swept: Its `Sweep`.
+        begin: The `Time` of its beginning.
+        reach: Radius of the circle, m.
+        meets: Whether it begins with the impact of the two.
+        reason: The reason to store.
+        over: The `Pass`.
+    """
+    if misses_circle(path, swept, reach + CONTACT_GAP):
+        return
+    t = nearest_time(path, end)
+    x, y = place_after(path, t)
+    vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
+    apart = distance > 0.0 and not (meets and t == 0.0)
+    if apart and _is_tangent(distance - reach, (x * vx + y * vy) / distance, norm(vx, vy)):
+        _find(later(begin, t).hi, _BETWEEN, reason, over)
+
+
+@inlined
+def _pass_line(path, end, begin, normal, room, line, meets, over):
+    """Looks for a tangent pass at a straight cushion; the arguments are those of `margins._pass_line`."""
+    nx, ny = normal
+    v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
+    t = min(max(-v / a, 0.0), end) if a < 0.0 else 0.0
+    x, y = place_after(path, t)
+    vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
+    if (meets and t == 0.0) or (line is not None and not touches_line(line, x, y)):
+        return
+    if _is_tangent(nx * x + ny * y - room, v + t * a, norm(vx, vy)):
+        _find(later(begin, t).hi, _BETWEEN, GRAZING, over)
+
+
+@inlined
+def _pass_cushions(outline, i, path, end, swept, begin, wall, over):
+    """Looks for tangent passes of ball i at the cushions; `wall` is the one with which its path begins, or -1."""
+    radius, numbers = over.scene.radius[i], over.scene.numbers
+    if outline is None:
+        for k in range(4):
+            sign = 1.0 if k % 2 else -1.0
+            if k < 2:
+                _pass_line(path, end, begin, (sign, 0.0), numbers.half_length - radius, None, k == wall, over)
+            else:
+                _pass_line(path, end, begin, (0.0, sign), numbers.half_width - radius, None, k == wall, over)
+    else:
+        _pass_outline(outline, i, path, end, swept, begin, wall, over)
+
+
+@kernel
+def _pass_outline(outline, i, path, end, swept, begin, wall, over):
+    """Implements `_pass_cushions` for an outline."""
+    radius, lines, tips = over.scene.radius[i], outline.lines, outline.tips
+    for k in range(len(lines)):
+        line = lines[k]
+        room = line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius
+        _pass_line(path, end, begin, (line[NX], line[NY]), room, line, k == wall, over)
+    for k in range(len(tips)):
+        tip = tips[k]
+        from_tip, reach = relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius
+        if not misses_circle(from_tip, swept, reach + CONTACT_GAP):
+            x, y = place_after(from_tip, nearest_time(from_tip, end))
+            if faces(tip, x + tip[TIP_X], y + tip[TIP_Y]):
+                _pass_circle(from_tip, end, swept, begin, reach, k + len(lines) == wall, GRAZING, over)
+
+
+@kernel
+def _pass_by(i, now, over):
+    """Looks for tangent passes of ball i on its current piece until a `Time`."""
+    segments, scene, tape, last = over.segments, over.scene, over.tape, over.last
+    piece, n = tape.current[i], len(scene.radius)
+    row = segments[piece, SEGMENT_ROW:]
+    begin = Time(row[T0], row[T0_LO])
+    path, end = path_from(row, begin), since(now, begin)
+    if segments[piece, SEGMENT_PHASE] == POTTED or end < 0.0:
+        return
+    moves = path.vx != 0.0 or path.vy != 0.0
+    if moves:
+        swept, wall = sweep(path, end), -1
+        if last[i] >= 0 and over.events[last[i], KIND] == BALL_CUSHION:
+            wall = int(over.events[last[i], OTHER])
+        for p in range(len(scene.pockets)):
+            pocket = scene.pockets[p]
+            from_pocket = relative_to(path, pocket[POCKET_X], pocket[POCKET_Y])
+            _pass_circle(from_pocket, end, swept, begin, pocket[POCKET_RADIUS], False, AT_LIP, over)
+        _pass_cushions(scene.outline, i, path, end, swept, begin, wall, over)
+    for k in range(n):
+        other = segments[tape.current[k]]
+        second = other[SEGMENT_ROW:]
+        if k == i or other[SEGMENT_PHASE] == POTTED or not (moves or second[VX] != 0.0 or second[VY] != 0.0):
+            continue
+        start = Time(second[T0], second[T0_LO])
+        if before(start, begin):
+            start = begin
+        span = since(now, start)
+        if span >= 0.0:
+            meets = last[i] >= 0 and last[i] == last[k]
+            path_to = between(segments[piece], other, start)
+            reach = contact_distance(scene.spheres, scene.radius, i, k)
+            _pass_circle(path_to, span, sweep(path_to, span), start, reach, meets, GRAZING, over)
+
+
+@inlined
+def _rolls(segment, numbers):
+    """Returns whether a ball rolls without slip, up to rounding, at the beginning of a piece."""
+    if numbers.motion != SLIDING_AND_ROLLING:
+        return False
+    row, phase = segment[SEGMENT_ROW:], segment[SEGMENT_PHASE]
+    return phase == ROLLING or (phase == SLIDING and norm(row[UX], row[UY]) <= _ROLLS * norm(row[VX], row[VY]))
+
+
+@inlined
+def _is_smooth_cushion(i, wall, state, scene):
+    """Returns whether the impact of ball i with a state (7,) on a cushion has a derivative."""
+    if not scene.numbers.cushion_rubs:
+        return True
+    radius = scene.radius[i]
+    nx, ny, _ = wall_at(state, wall, radius, scene.outline)
+    motion = CushionMotion(
+        nx * state[DVX] + ny * state[DVY],
+        nx * state[DVY] - ny * state[DVX],
+        nx * state[DUX] + ny * state[DUY],
+        nx * state[DUY] - ny * state[DUX],
+        radius * state[DWZ],
+    )
+    return cushion_is_smooth(motion, radius, scene)
+
+
+@kernel
+def _judge(e, over):
+    """Stores the reason why event e has no derivative."""
+    events, segments, scene, tape = over.events, over.segments, over.scene, over.tape
+    kind, i, other, time, piece = (
+        int(events[e, KIND]),
+        int(events[e, BALL]),
+        int(events[e, OTHER]),
+        events[e, TIME],
+        tape.first[e],
+    )
+    state = tape.before[piece]
+    speed, approach = norm(state[DVX], state[DVY]), events[e, SPEED]
+    if events[e, RULE]:
+        _find(time, e, BY_RULE, over)
+    if kind > BALL_POCKET:
+        return
+    if kind == BALL_BALL:
+        second = tape.before[piece + 1]
+        speed += norm(second[DVX], second[DVY])
+    for s in range(2 if kind == BALL_BALL else 1):
+        last = over.last[int(events[e, BALL + s])]
+        if last >= 0 and events[last, TIME] == time and events[last, KIND] <= BALL_POCKET:
+            _find(time, e, SIMULTANEOUS, over)
+        if _rolls(segments[piece + s], scene.numbers):
+            _find(time, e, ROLLS, over)
+    if kind == BALL_POCKET:
+        dx, dy = state[DX] - scene.pockets[other, POCKET_X], state[DY] - scene.pockets[other, POCKET_Y]
+        if -(dx * state[DVX] + dy * state[DVY]) <= GRAZE * norm(dx, dy) * speed:
+            _find(time, e, AT_LIP, over)
+    elif approach <= GRAZE * speed:
+        _find(time, e, GRAZING, over)
+    elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, state, scene):
+        _find(time, e, SLIPS, over)
+
+
+@inlined
+def _is_at_once(dt, time):
+    return abs(dt) <= _AT_ONCE * (1.0 + time)
+
+
+@inlined
+def _cut(done, over):
+    """Looks for events at the instant at which a shot is cut, after its first `done` events."""
+    rests = True
+    for i in range(len(over.last)):
+        segment = over.segments[over.tape.current[i]]
+        phase, row = segment[SEGMENT_PHASE], segment[SEGMENT_ROW:]
+        if phase not in (REST, POTTED):
+            rests = False
+            if _is_at_once(since(over.until, Time(row[T0], row[T0_LO])) - row[LASTS], over.until.hi):
+                _find(over.until.hi, _BETWEEN, IS_CUT, over)
+    for e in (done - 1, done):
+        if not rests and 0 <= e < len(over.events) and _is_at_once(over.events[e, TIME] - over.until.hi, over.until.hi):
+            _find(over.until.hi, _BETWEEN, IS_CUT, over)
+
+
+@allocating_entry_point
+def find_nonsmooth(begin, end, shots, times, results):
+    """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
+
+    Args:
+        begin: First shot.
+        end: One past the last.
+        shots: The `Shots`, as a plain tuple.
+        times: (m,) float64, s: only the shot until then counts.
+        results: (m, 2) int64 out: the last event until then and the index of the reason in `REASONS`; -1 and -1 if
+            there is none. The start of the shot is event -1.
+    """
+    shots = Shots(*shots)
+    tape, n, first, pending = empty_tape(begin, end, shots, 1), len(shots.scene[1]), np.empty(1), 0
+    last = np.empty(n, np.int64)
+    for k in range(begin, end):
+        scene = SceneArrays(shots.scene[0][min(k, len(shots.scene[0]) - 1)], *shots.scene[1:])
+        at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+        log, paths, until = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]], Time(times[k], 0.0)
+        trace(log, paths, scene, shots.is_sphere, tape)
+        over = Pass(log, paths, scene, tape, last, until, first, results[k])
+        first[0], results[k, 0], results[k, 1] = math.inf, -1, -1
+        last[:] = -1
+        for i in range(n):
+            tape.current[i] = i
+            if _rolls(paths[i], scene.numbers):
+                _find(-1.0, -1, ROLLS, over)
+        done = 0
+        while done < len(log) and log[done, TIME] <= times[k]:
+            balls = 2 if log[done, KIND] == BALL_BALL else 1
+            for s in range(balls):
+                _pass_by(int(log[done, BALL + s]), Time(log[done, TIME], log[done, TIME_LO]), over)
+            _judge(done, over)
+            for s in range(balls):
+                i = int(log[done, BALL + s])
+                tape.current[i], last[i] = tape.first[done] + s, done
+            done += 1
+            pending += n
+            if pending > _LOOK_AFTER:
+                end_call(interrupted())
+                pending = 0
+        for i in range(n):
+            _pass_by(i, until, over)
+        _cut(done, over)
+        if results[k, 0] == _BETWEEN:
+            results[k, 0] = -1
+            while results[k, 0] + 1 < done and log[results[k, 0] + 1, TIME] <= first[0]:
+                results[k, 0] += 1
