@@ -6,7 +6,7 @@ the end by the transposes in reverse order (vectors times the Jacobian). Both us
 changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
 The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
-numbers of the scene in the order of the columns of `physics.derivatives`. The outputs are (x, y, vx, vy, wx, wy, wz) of
+numbers of the scene in the order of the columns of `physics.lanes`. The outputs are (x, y, vx, vy, wx, wy, wz) of
 each ball at a time, and (time, x, y) of each event.
 """
 
