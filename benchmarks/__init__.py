@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from tqdm import tqdm
 
 from billiards_env.checks import Range, whole
+from billiards_env.engine.threads import num_threads
 from billiards_env.files import write_json, write_whole
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def parser_of(name: str, description: str, output: bool = True, **counts: Count)
     return parser
 
 
-WORKERS = Count(os.cpu_count() or 1, "processes")
+WORKERS = Count(num_threads(), "processes")
 
 
 def run_kinds(

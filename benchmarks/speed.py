@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ BREAK_SPREAD = math.radians(1)  # largest angle between a break and the centre o
 GAS_SPEED = 1.0  # m/s, root mean square along each axis
 N_SINGLES = 1000  # shots run one at a time
 
-DISKS = (2, 16, 128, 1024, 10_000)
+DISKS = (2, 16, 128, 1024, 10_000, 100_000)
 """Number of disks of each gas; its table grows with it."""
 SHARE = 0.1
 """Share of the table that the disks cover."""
@@ -146,15 +147,10 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     # For each case and pass: seconds with one and with two threads.
     batch: list[list[tuple[float, float]]] = [[] for _ in every]
     calls: list[dict[str, float]] = []
-    gases = [growing_gas(n, max(1, 4096 // n)) for n in DISKS]
-    events_of = [float(run(gas).n_events.mean()) for gas in gases]
-    growth: list[list[float]] = [[] for _ in gases]
     for _ in range(repeats):
         for k, case in enumerate(every):
             batch[k].append((seconds(run, case), seconds(run, case, 2)))
         calls.append(time_calls(every[0]))
-        for gas, found in zip(gases, growth, strict=True):
-            found.append(seconds(run, gas) / len(gas.positions))
 
     rows = []
     for case, passes, outcome in zip(every, batch, outcomes, strict=True):
@@ -182,11 +178,43 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
             name: {**summary([1e6 * t[name] for t in calls]), "fastest": min(1e6 * t[name] for t in calls)}
             for name in calls[0]
         },
-        "growth": [
-            {"disks": n, "events_per_shot": events, "us_per_shot": 1e6 * float(np.median(found))}
-            for n, events, found in zip(DISKS, events_of, growth, strict=True)
-        ],
+        "growth": measure_growth(repeats),
     }
+
+
+def measure_growth(repeats: int) -> list[dict[str, float]]:
+    """Runs the shots of each of `DISKS` `repeats` times, those with many disks less often.
+
+    Returns:
+        For each number of `disks`: the `passes`, the `events_per_shot`, and the medians of `us_per_shot` and
+        `us_to_begin`, the time of the checks and of the first predictions.
+    """
+    gases = [growing_gas(n, max(1, 4096 // n)) for n in DISKS]
+    at_once = [
+        gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9))) for gas in gases
+    ]
+    run(gases[0]), run(at_once[-1])  # compiles
+    whole: list[list[float]] = [[] for _ in gases]
+    begins: list[list[float]] = [[] for _ in gases]
+    events = [0.0 for _ in gases]
+    for turn in range(repeats):
+        for k, n in enumerate(DISKS):
+            if turn and turn * n > 40_000 * repeats:
+                continue
+            begin = perf_counter()
+            events[k] = float(run(gases[k]).n_events.mean())
+            whole[k].append((perf_counter() - begin) / len(gases[k].positions))
+            begins[k].append(seconds(run, at_once[k]) / len(gases[k].positions))
+    return [
+        {
+            "disks": n,
+            "passes": len(whole[k]),
+            "events_per_shot": events[k],
+            "us_per_shot": 1e6 * float(np.median(whole[k])),
+            "us_to_begin": 1e6 * float(np.median(begins[k])),
+        }
+        for k, n in enumerate(DISKS)
+    ]
 
 
 def time_calls(case: Case) -> dict[str, float]:
@@ -242,7 +270,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
             row += [f"{per_call[key][of]:.1f}", above]
         calls.append(row)
     growth = [
-        (f"{g['disks']:,}", f"{g['events_per_shot']:,.0f}", f"{g['us_per_shot'] / g['events_per_shot']:,.2f}")
+        (
+            f"{g['disks']:,}",
+            f"{g['events_per_shot']:,.0f}",
+            f"{g['us_per_shot'] / g['events_per_shot']:,.2f}",
+            f"{g['us_to_begin'] / g['disks']:,.2f}",
+            f"{g['us_to_begin'] / 1e6:.2g}",
+        )
         for g in result["growth"]
     ]
     one = {key: f"{per_call[key]['median']:.2g} us" for key in names}
@@ -257,8 +291,9 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"time over a shot in a batch, for the median and for the fastest of the passes of {N_SINGLES:,} calls.",
         "calls": table(("call", "us/call", "more", "fastest, us/call", "more"), calls),
         "growth_of": f"These shots are {GROWTH_SECONDS:g} s of an elastic gas whose disks cover {SHARE:.0%} of the "
-        f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events.",
-        "growth": table(("disks", "events", "us/event"), growth),
+        f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events. The last columns are "
+        "the time of the checks and the first predictions.",
+        "growth": table(("disks", "events", "us/event", "us/disk to begin", "s to begin"), growth),
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"In a batch, a shot with one object ball takes {one['simulate_batch']} on one core. A "
         f"single call takes {one['simulate']} with `simulate` or {one['env_step']} with `env.step`.",

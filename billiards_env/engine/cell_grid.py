@@ -108,12 +108,27 @@ def most_contacts(scene):
 
 
 @allocating
-def empty_queue(scene):
-    """Returns the `Queue` for the balls of a scene, with about as many cells as balls."""
+def empty_cells(scene):
+    """Returns `Queue.head` and `Queue.next` for the balls of a scene, with about as many cells as balls."""
     n = len(scene.radius)
     length, width = 2.0 * scene.numbers.half_length, 2.0 * scene.numbers.half_width
     least = max(2.0 * scene.radius.max() * _MARGIN, math.sqrt(length * width / n))
     columns, rows = max(1, int(length / least)), max(1, int(width / least))
+    return np.empty((columns, rows), np.int64), _ints(n)
+
+
+@inlined
+def cell_of(x, y, numbers, head):
+    """Returns the column and the row of the cell of a point, or of the cell nearest to a point outside of the table."""
+    columns, rows = head.shape
+    c, r = int((0.5 * x / numbers.half_length + 0.5) * columns), int((0.5 * y / numbers.half_width + 0.5) * rows)
+    return min(max(c, 0), columns - 1), min(max(r, 0), rows - 1)
+
+
+@allocating
+def empty_queue(scene):
+    """Returns the `Queue` for the balls of a scene."""
+    n, (head, after) = len(scene.radius), empty_cells(scene)
     return Queue(
         empty_singles(n),
         np.empty(n),
@@ -130,8 +145,8 @@ def empty_queue(scene):
         _ints(n),
         _ints(n),
         _ints(n),
-        np.empty((columns, rows), np.int64),
-        _ints(n),
+        head,
+        after,
         _ints(n),
         _ints(n),
         np.empty(most_contacts(scene)),
@@ -205,7 +220,6 @@ def _leave(i, queue):
 @kernel
 def clear(state, scene, queue):
     """Empties the queue and puts the balls in their cells."""
-    columns, rows = queue.head.shape
     queue.head[:] = -1
     queue.hi[:] = queue.lo[:] = math.inf
     queue.rank[:] = 0
@@ -214,9 +228,7 @@ def clear(state, scene, queue):
     queue.version[:] = 0
     for i in range(len(queue.heap)):
         queue.heap[i] = queue.slot[i] = i
-        c = int((0.5 * state.rows[i, X] / scene.numbers.half_length + 0.5) * columns)
-        r = int((0.5 * state.rows[i, Y] / scene.numbers.half_width + 0.5) * rows)
-        queue.column[i], queue.row[i] = min(max(c, 0), columns - 1), min(max(r, 0), rows - 1)
+        queue.column[i], queue.row[i] = cell_of(state.rows[i, X], state.rows[i, Y], scene.numbers, queue.head)
         _enter(i, queue)
 
 

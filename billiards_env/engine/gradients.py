@@ -6,7 +6,7 @@ the end by the transposes in reverse order (vectors times the Jacobian). Both us
 changes themselves forwards, and unit vectors backwards. Memory is linear in the number of events.
 
 The inputs of a shot are a row of numbers: (x, y, vx, vy, wx, wy, wz, radius, inverse mass) of each ball, then the
-numbers of the scene in the order of the columns of `physics.derivatives`. The outputs are (x, y, vx, vy, wx, wy, wz) of
+numbers of the scene in the order of the columns of `physics.lanes`. The outputs are (x, y, vx, vy, wx, wy, wz) of
 each ball at a time, and (time, x, y) of each event.
 """
 
@@ -104,6 +104,7 @@ MOST_LANES = 2 * BALL_WIDTH + 4 + NUMBER_INPUTS
 """Largest number of unit vectors at an event."""
 
 _LOOK_AFTER = 100_000  # events times lanes between two calls of `interrupted`
+_WORK = 10  # lanes that take as long as the work of one event, see `Numbers.cushion_work`
 
 
 class Shots(NamedTuple):
@@ -449,7 +450,7 @@ def push_lanes(begin, end, shots, times, inputs, results):
                         for j in range(3):
                             at_events[k, c, done, j] = lanes[c, D_TIME + j]
                 done += 1
-                pending += count
+                pending += count + _WORK * arrays.numbers.cushion_work
                 if pending > _LOOK_AFTER:
                     end_call(interrupted())
                     pending = 0
@@ -637,7 +638,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, constants, inputs):
             lanes = _unit_lanes(1 if j < 0 else 2, kind, lanes, constants, tape)
             apply_event(e, lanes, log, paths, arrays, is_sphere, tape)
             _pull(lanes, i, j, begin_at, Marks(marks, marked), tape, adjoint, sums)
-            pending += lanes
+            pending += lanes + _WORK * arrays.numbers.cushion_work
             if pending > _LOOK_AFTER:
                 end_call(interrupted())
                 pending = 0

@@ -177,7 +177,7 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         outline,
         spheres=radius if scene.balls.shape == "sphere" and sizes > 1 else None,
         ball_friction=BALL_BALL[p.ball_ball],
-        cushion=tuple(True if law is CUSHIONS[p.cushion].law else None for law in LAWS),
+        cushion=tuple((True, None) if law is CUSHIONS[p.cushion].law else (None, True) for law in LAWS),
     )
     return (np.array([numbers], NUMBERS), *arrays[1:])
 
@@ -197,6 +197,7 @@ def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Numbers:
         mu_drop=mu_drop,
         mu_rate=mu_rate,
         cushion_rubs=CUSHIONS[p.cushion].rubs,
+        cushion_work=CUSHIONS[p.cushion].work,
         mu_cloth=p.mu_slide,
         half_length=table.length / 2,
         half_width=table.width / 2,

@@ -32,6 +32,9 @@ from billiards_env.physics.clusters import Contacts, Scratch, empty_contacts, em
 from billiards_env.physics.motion import advance, begin_phase
 from billiards_env.physics.state import POTTED, REST, SceneArrays, State, Time, empty_state
 
+CLUSTER_WORK = 100
+"""Largest amount of work for each two of the impacts at one instant, in the unit of `LOOK_AFTER`."""
+
 
 class Workspace(NamedTuple):
     """The arrays in which shots are run, one after the other.
@@ -126,9 +129,11 @@ def event_loop(queue: ModuleType) -> Any:
             if event.rank == PAIR_RANK:
                 n_contacts = gather(now, state, scene, work.queue, work.contacts)  # advances their balls
                 n_changed = resolve_impacts(n_contacts, now, k, scene, work, shots, log)
+                pending += CLUSTER_WORK * n_contacts * (n_contacts - 1)
             else:
                 n_changed = due(event, work.queue, changed)
                 resolve_singles(n_changed, now, k, scene, work, shots, log)  # advances the balls
+                pending += scene.numbers.cushion_work * n_changed
         if limit < math.inf:
             end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
         shots.time[k] = limit if shots.status[k] == AT_MAX_TIME else now.hi

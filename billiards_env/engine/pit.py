@@ -27,7 +27,7 @@ from billiards_env.engine.log import (
     phase_end,
 )
 from billiards_env.engine.overlaps import Bounce, fix_after, fix_after_cushion, fix_at_cushion, fix_before
-from billiards_env.engine.runner import INTERRUPTED, for_all_shots
+from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
@@ -329,11 +329,14 @@ def run(k, scene, work, limit, max_events, shots, log):
     shots.time[k] = 0.0
     steps_between_looks = _LOOK_AFTER // (n * n + 8) + 1
     pause = min(limit, dt * steps_between_looks)
-    step, count, next_end, changed = 0, 0, math.inf, True
+    step, count, next_end, changed, pending = 0, 0, math.inf, True, 0
     while True:
         if changed:
             count = _begin_phases(scene, work, log)
             next_end, changed = _next_phase_end(work), False
+            pending += n * scene.numbers.cushion_work
+            if pending > LOOK_AFTER:
+                pause, pending = 0.0, 0  # looks in this step
         step += 1
         now = Time(step * dt, 0.0)
         until = min(now.hi, limit) if count > 0 else limit

@@ -1,22 +1,91 @@
-"""Distribution of the work on many shots over threads."""
+"""Distribution of the work on many shots over threads, and the number of threads of the process."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotDone
+from pathlib import Path
 from time import perf_counter
+from typing import Any
 
+from numba.core import config
+
+from billiards_env.checks import whole
 from billiards_env.jit.interrupt import helping
 
 _PIECE = 4e-4
 """s. Least duration of a piece of work. Taking a piece costs some hundredths of it, waking a thread up to a quarter."""
 
 _WAIT = 0.2  # s; on Windows a wait reacts to Ctrl-C only when it ends
+
+_ROOT = Path("/")
+_config: Any = config  # numba defines its attributes at run time
+_chosen: int | None = None
+
+
+def set_num_threads(n: int | None) -> None:
+    """Sets the number of threads of each call in this process that does not have an argument `threads`.
+
+    By default it is the number of processors that the process may use: those of its affinity mask, at most the
+    processor time per time that its control groups (Linux) allow, rounded up, and at most `NUMBA_NUM_THREADS`. Other
+    variables have no effect. `OMP_NUM_THREADS` is one of them, because it is often set to 1 for PyTorch alone.
+
+    Args:
+        n: The number of threads, from 1 to 1024; None for the default.
+
+    Raises:
+        ValueError: If n is not such a number.
+    """
+    global _chosen
+    _chosen = None if n is None else whole("n", n, "threads")
+
+
+def num_threads() -> int:
+    """Returns the number of threads of a call without `threads`, as `set_num_threads` describes it."""
+    if _chosen is not None:
+        return _chosen
+    count: Callable[[], int | None] = getattr(os, "process_cpu_count", os.cpu_count)  # from Python 3.13 on
+    if count is os.cpu_count and hasattr(os, "sched_getaffinity"):  # neither macOS nor Windows has it
+        processors = len(os.sched_getaffinity(0))
+    else:
+        processors = count() or 1
+    return min(processors, math.ceil(_quota()), _config.NUMBA_NUM_THREADS)
+
+
+@functools.cache
+def _quota() -> float:
+    """Returns the processors that the control groups of the process allow, at most a million."""
+    try:
+        groups = (_ROOT / "proc/self/cgroup").read_text(encoding="utf-8").splitlines()
+    except OSError:  # not Linux
+        groups = []
+    quotas = [1e6]
+    for _, controllers, path in (group.split(":", 2) for group in groups):
+        if controllers and "cpu" not in controllers.split(","):
+            continue
+        mount = _ROOT / "sys/fs/cgroup" / ("cpu" if controllers else "")  # version 1 has a folder for each controller
+        group = mount / path.lstrip("/")
+        quotas += [_quota_of(folder) for folder in (group, *group.parents) if folder.is_relative_to(mount)]
+    return min(quotas)
+
+
+def _quota_of(folder: Path) -> float:
+    """Returns the processors that one control group allows, infinite if it has no limit or does not exist.
+
+    In a container only some of the folders above the process exist.
+    """
+    names = ("cpu.max",) if (folder / "cpu.max").exists() else ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+    try:
+        quota, period = map(int, "".join((folder / name).read_text(encoding="utf-8") for name in names).split())
+        return quota / period if quota > 0 else math.inf  # -1 in version 1
+    except (OSError, ValueError):  # "max" in version 2
+        return math.inf
 
 
 def parallel_for(work: Callable[[int, int], None], m: int, threads: int | None = None) -> None:
@@ -28,11 +97,11 @@ def parallel_for(work: Callable[[int, int], None], m: int, threads: int | None =
 
     Args:
         work: Called from any thread. It should release the interpreter's lock while it computes, and call
-            `physics.interrupt.interrupted` regularly if it can run long.
+            `jit.interrupt.interrupted` regularly if it can run long.
         m: Number of shots.
-        threads: Number of threads, including the calling one; None for one per core.
+        threads: Number of threads, including the calling one; None for `num_threads()`.
     """
-    workers = min(threads or os.cpu_count() or 1, m)
+    workers = min(threads or num_threads(), m) if m > 1 else m
     if workers <= 1:
         work(0, m)
         return

@@ -82,7 +82,7 @@ class BilliardsVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDA
     |------------------|----------------------|--------------|------------------------------------------------------|
     | `num_envs`       | int                  | `1`          | number of environments                               |
     | `autoreset_mode` | str or AutoresetMode | `"SameStep"` | what happens after the end of an episode             |
-    | `threads`        | int or None          | `None`       | number of threads; None for one per core             |
+    | `threads`        | int or None          | `None`       | threads; None for the number of `set_num_threads`    |
 
     All other arguments are those of `BilliardsEnv` and apply to every environment.
 

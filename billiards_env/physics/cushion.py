@@ -176,17 +176,19 @@ class Cushion(NamedTuple):
     Attributes:
         law: The law of its impacts, see `han2005`.
         rubs: Whether it has friction. Without friction `reflect` needs only the restitution.
+        work: `Numbers.cushion_work`; with extreme numbers an impact may take twenty times as long.
     """
 
     law: Callable[..., Any]
     rubs: bool = True
+    work: int = 1
 
 
 CUSHIONS = {
     "restitution": Cushion(han2005, rubs=False),
     "han2005": Cushion(han2005),
     "stronge": Cushion(stronge),
-    "mathavan2010": Cushion(mathavan2010),
+    "mathavan2010": Cushion(mathavan2010, work=500),
 }
 """The cushions of scenes."""
 
@@ -199,13 +201,15 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
 
     The given kernels are in the order of `LAWS`, one for each law. The arguments of the returned kernel are
     `SceneArrays.cushion` and a tuple with the arguments of the given kernel. Numba compiles only the kernel that is
-    called.
+    called: it leaves out what follows a condition that an argument is None, but not what follows the opposite.
     """
     others_by_law: Any = by_law(*others) if others else None
 
     @inlined
-    def call(is_law, laws, arguments):
+    def call(is_law, is_other, laws, arguments):
         if is_law is None:
+            if is_other is None:
+                raise ValueError  # never
             return others_by_law(laws[1:], arguments)
         return kernel(*arguments)
 
@@ -215,7 +219,8 @@ def by_law(kernel: Callable[..., Any], *others: Callable[..., Any]) -> Callable[
 
     @inlined
     def call_first(laws, arguments):
-        return call(laws[0], laws, arguments)
+        is_law, is_other = laws[0]
+        return call(is_law, is_other, laws, arguments)
 
     return call_first if others else call_last
 

@@ -84,6 +84,7 @@ class Numbers(NamedTuple):
         e_cushion_floor: Least restitution.
         mu_cushion: Friction of a cushion.
         cushion_frequency_ratio: Frequency ratio of "stronge" cushions.
+        cushion_work: Work of an impact on a cushion, in the unit of `runner.LOOK_AFTER`.
         mu_cloth: Friction of the cloth with "mathavan2010" cushions.
         half_length: Half the length of the table, m.
         half_width: m.
@@ -110,6 +111,7 @@ class Numbers(NamedTuple):
     e_cushion_floor: float
     mu_cushion: float
     cushion_frequency_ratio: float
+    cushion_work: int
     mu_cloth: float
     half_length: float
     half_width: float
@@ -136,7 +138,7 @@ class SceneArrays(NamedTuple):
         outline: The `walls.Outline`; None for a rectangle.
         spheres: (n,) float64, the radii of spheres of different size, m; None for disks and for equal balls.
         ball_friction: True for balls with friction; None for others.
-        cushion: For each of `cushion.LAWS`, True if the cushions have this law; None for the others.
+        cushion: For each of `cushion.LAWS`, (True, None) if the cushions have this law; (None, True) for the others.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.

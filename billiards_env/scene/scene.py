@@ -151,15 +151,15 @@ class Balls:
     def __len__(self) -> int:
         return len(self.radius)
 
-    def contact_distances(self, i: int) -> NDArray[np.float64]:
-        """Returns the horizontal distance of the centres of ball i and each ball that touches it, (n,) m.
+    def contact_distances(self, i: int | NDArray[Any], j: slice | NDArray[Any] = slice(None)) -> NDArray[np.float64]:
+        """Returns the horizontal distance of the centres of balls i and j that touch, m; by default for all balls j, (n,).
 
         Example:
             >>> Balls((0.01, 0.04), (0.1, 0.1), shape="sphere").contact_distances(0).tolist()
             [0.02, 0.04]
         """
         radius = np.array(self.radius)
-        return radius[i] + radius if self.shape == "disk" else 2.0 * np.sqrt(radius[i] * radius)
+        return radius[i] + radius[j] if self.shape == "disk" else 2.0 * np.sqrt(radius[i] * radius[j])
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -588,6 +588,34 @@ def check_scene(scene: Scene) -> None:
         raise TypeError(f"scene = {short(scene)}: expected a Scene, such as Scene.named('pool')")
 
 
+def _first_overlap(
+    balls: Balls, positions: NDArray[np.float64], playing: NDArray[np.bool_]
+) -> tuple[int, int, int, float, float] | None:
+    """Returns (shot, ball, ball, distance, distance at contact) of balls in play that overlap; None if there are none.
+
+    It compares only balls that are near each other along the longer side of the layouts, (..., n, 2) m.
+    """
+    places = positions.reshape(-1, len(balls), 2)
+    shots = np.arange(len(places))[:, None]
+    along = int(np.ptp(places[..., 1]) > np.ptp(places[..., 0])) if places.size else 0
+    x = np.where(playing.reshape(-1, len(balls)), places[..., along], np.inf)
+    order = np.argsort(x, axis=1)
+    x, places, found = x[shots, order], places[shots, order], []
+    for k in range(1, len(balls)):
+        with np.errstate(invalid="ignore"):  # inf - inf, of balls that are not in play
+            at, a = np.nonzero(x[:, k:] - x[:, :-k] < 2.0 * max(balls.radius))
+        if not len(at):
+            break
+        i, j = np.sort((order[at, a], order[at, a + k]), axis=0)
+        distance, reach = np.hypot(*(places[at, a + k] - places[at, a]).T), balls.contact_distances(i, j)
+        bad = distance < reach - CONTACT_GAP
+        found += zip(i[bad], at[bad], j[bad], distance[bad], reach[bad], strict=True)
+    if not found:
+        return None
+    i, at, j, distance, reach = min(found)
+    return at, i, j, distance, reach
+
+
 def check_positions(
     scene: Scene, positions: ArrayLike, name: str = "positions", in_play: NDArray[np.bool_] | None = None
 ) -> NDArray[np.float64]:
@@ -641,18 +669,12 @@ def check_positions(
                 f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, "
                 f"a circle of radius {pocket.radius} m about ({pocket.x}, {pocket.y})"
             )
-    for i in range(n):
-        offset = placed[..., i + 1 :, :] - placed[..., i : i + 1, :]
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        contact_distance = scene.balls.contact_distances(i)[i + 1 :]
-        both_in_play = playing[..., i : i + 1] & playing[..., i + 1 :]
-        bad = np.argwhere((distance < contact_distance - CONTACT_GAP) & both_in_play)
-        if len(bad):
-            at = tuple(bad[0])
-            j = i + 1 + at[-1]
-            shot = f"shot {at[0]}, " if array.ndim == 3 else ""
-            raise ValueError(
-                f"{name}: {shot}balls {i} and {j} are {distance[at]} m apart: "
-                f"expected at least {contact_distance[at[-1]]} m, the distance at which they touch"
-            )
+    overlap = _first_overlap(scene.balls, placed, playing)
+    if overlap is not None:
+        at, i, j, distance, reach = overlap
+        shot = f"shot {at}, " if array.ndim == 3 else ""
+        raise ValueError(
+            f"{name}: {shot}balls {i} and {j} are {distance} m apart: "
+            f"expected at least {reach} m, the distance at which they touch"
+        )
     return array

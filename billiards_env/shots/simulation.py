@@ -220,7 +220,7 @@ class BatchResult:
             of: As there.
             t: A time or (m,) times, s; None for the ends of the shots.
             strike: (m, 5) or (5,) parameters of the strikes, if they are an input.
-            threads: Number of threads; None for one per core.
+            threads: Number of threads; None for that of `set_num_threads`.
 
         Raises:
             ValueError: As there, or if the batch was not recorded.
@@ -328,7 +328,7 @@ def simulate_batch(
         record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
             "pic" have derivatives.
         max_events: As in `simulate`, for each shot.
-        threads: Number of threads; None for one per core.
+        threads: Number of threads; None for that of `set_num_threads`.
 
     Returns:
         The balls at the end of each shot, and what happened.

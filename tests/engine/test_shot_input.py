@@ -1,0 +1,83 @@
+"""The check of the input of shots with few and with many balls."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import time
+
+import numpy as np
+import pytest
+
+from billiards_env.engine.modes import MANY_BALLS, scene_fields
+from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
+from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, check_positions
+from billiards_env.scene.table import Table
+
+IDEAL = Physics(motion="ideal", cushion="restitution", max_time=1.0)
+
+
+def lattice(n, gap, **balls):
+    """Returns a scene of n balls of 1 cm, and their positions in rows of touching balls; the rows are `gap` apart."""
+    columns = int(np.ceil(np.sqrt(n)))
+    row, column = np.divmod(np.arange(n), columns)
+    places = 0.02 * np.column_stack((column, row)) + [0.0, gap] * np.column_stack((row, row))
+    low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
+    table = Table(*(high - low).tolist())
+    return Scene(Balls.uniform(n, 0.01), table, IDEAL), places - 0.5 * (low + high)
+
+
+def first_overlap(scene, positions, in_play):
+    """Returns the message of the first overlap of two balls in play; None if there is none. It compares all pairs."""
+    for i, j in itertools.combinations(range(scene.n_balls), 2):
+        reach = scene.balls.contact_distances(i)[j]
+        for k in range(len(positions)):
+            distance = np.hypot(*(positions[k, j] - positions[k, i]))
+            if in_play[k, i] and in_play[k, j] and distance < reach - CONTACT_GAP:
+                return f"positions: shot {k}, balls {i} and {j} are {distance} m apart"
+    return None
+
+
+@pytest.mark.parametrize("shape", ["disk", "sphere"])
+def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds(shape):
+    rng, n, m, found = np.random.default_rng(0), 30, 3, 0
+    for _ in range(60):
+        balls = Balls(tuple(rng.uniform(0.01, 0.03, n).tolist()), (0.1,) * n, shape=shape)
+        scene = Scene(balls, Table(*rng.choice([0.8, 3.0], 2).tolist()), IDEAL)
+        room = np.array([scene.table.length, scene.table.width]) / 2 - np.array(balls.radius)[:, None]
+        positions = rng.uniform(-1, 1, (m, n, 2)) * room
+        in_play = rng.random((m, n)) < rng.choice([0.2, 0.5])
+        positions[~in_play] *= 100.0
+        message = first_overlap(scene, positions, in_play)
+        motion = np.zeros((m, n, 2)), np.zeros((m, n, 3))
+        for check in (is_valid_fast, is_valid_fast_of_many):
+            assert check(0, m, scene_fields(scene), positions, *motion, in_play) == (message is None)
+        if message is None:
+            check_positions(scene, positions, in_play=in_play)
+        else:
+            found += 1
+            with pytest.raises(ValueError, match="apart") as error:
+                check_positions(scene, positions, in_play=in_play)
+            assert str(error.value).startswith(message)
+    assert 10 < found < 50
+
+
+@pytest.mark.parametrize(("gap", "limit"), [(1e-3, 1.0), (0.0, 5.0)])
+def test_the_check_of_many_balls_does_not_compare_all_pairs(gap, limit):
+    """It took 4 s for 100,000 balls apart from each other, and half an hour for balls that touch."""
+    check_shot(*lattice(MANY_BALLS, gap), np.zeros((MANY_BALLS, 2)), None, None, None)  # compiles
+    n = 100_000 if gap else 20_000
+    scene, places = lattice(n, gap)
+    begin = time.process_time()
+    check_shot(scene, places, np.zeros((n, 2)), None, None, None)
+    assert time.process_time() - begin < limit
+
+
+def test_many_balls_that_overlap_are_refused():
+    scene, places = lattice(MANY_BALLS, 1e-3)
+    places[100] = places[99] + [0.0, 0.015]
+    with pytest.raises(ValueError, match="balls 99 and 100 are"):
+        check_shot(scene, places, np.zeros((MANY_BALLS, 2)), None, None, None)
+    half = dataclasses.replace(scene, table=dataclasses.replace(scene.table, length=0.1))
+    with pytest.raises(ValueError, match="ball 0 is at"):
+        check_shot(half, places, np.zeros((MANY_BALLS, 2)), None, None, None)
