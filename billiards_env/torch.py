@@ -44,6 +44,7 @@ def simulate(
     radius: Tensor | None = None,
     mass: Tensor | None = None,
     physics: Mapping[str, Tensor] | None = None,
+    varied: Mapping[str, Any] | None = None,
     in_play: Any = None,
     max_time: float | None = None,
     threads: int | None = None,
@@ -64,6 +65,8 @@ def simulate(
         radius: (n,) radii of the balls, m; None for those of the scene.
         mass: (n,) masses of the balls, kg; None for those of the scene.
         physics: Numbers of `Physics` by name, as tensors without axes. The others are those of the scene.
+        varied: Numbers of `Physics` that differ from shot to shot, (m,) each, without derivatives: `physics` of
+            `simulate_batch`.
         in_play: As in `simulate_batch`.
         max_time: Time of the outputs, s; None for the limit of the scene. A shot that ends earlier has the outputs of
             its end.
@@ -99,7 +102,7 @@ def simulate(
             tensors[name] = torch.nn.functional.pad(tensors[name].unsqueeze(1), (0, 0, 0, scene.n_balls - 1))
     constants = {"radius": radius, "mass": mass, **numbers}
     tensors |= {name: tensor for name, tensor in constants.items() if tensor is not None}
-    options = {"in_play": in_play, "max_time": max_time, "threads": threads}
+    options = {"physics": varied, "in_play": in_play, "max_time": max_time, "threads": threads}
     shots = _Shots(scene, tuple(tensors), names, options)
     shots.record = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values())
     found = cast(tuple[Tensor, ...], _Simulate.apply(shots, *tensors.values()))
@@ -107,31 +110,47 @@ def simulate(
     return outputs[of] if isinstance(of, str) else outputs
 
 
-def pot_margins(env: Any, positions: Tensor, actions: Tensor, threads: int | None = None) -> Tensor:
+def pot_margins(
+    env: Any, positions: Tensor, actions: Tensor, in_play: Any = None, threads: int | None = None
+) -> Tensor:
     """Returns how far the shots of actions are from potting each ball in each pocket, with derivatives.
 
     A reward of `Billiards-v0` is a step function of the action. This function increases towards the step: it is
-    positive exactly if the ball enters the pocket. While the cue ball misses the ball, the gap between the two is
-    subtracted from the margin of the resting ball. It is continuous where the cue ball begins to touch the ball.
+    positive exactly if the ball enters the pocket. While no ball touches the ball, the gap between it and the cue ball
+    is subtracted from the margin of the resting ball. If a chain of other balls leads from the cue ball to the ball
+    with smaller gaps in total, these are subtracted. So the function is continuous where a ball begins to move.
 
     Args:
         env: The environment `Billiards-v0` with `action="velocity"`, or a vector environment with the same arguments.
-        positions: (m, n, 2) positions of the balls, m, such as `env.positions`.
+            With `randomize` the shots have the physics of its present episodes.
+        positions: (m, n, 2) positions of the balls, m, such as `env.positions`. With `randomize` m is the number of
+            environments, or any number with a single one.
         actions: (m, 2) actions. One that is longer than 1 is scaled to length 1.
         threads: As in `simulate`.
+        in_play: As there, such as `~env.potted`.
 
     Returns:
         (m, n - 1, p) margins of the object balls to the pockets, m: the "pocket_margins" of `simulate`.
 
     Raises:
-        ValueError: If the actions are strikes, or as in `simulate`.
+        ValueError: If the actions are strikes, the engine is "pit", or as in `simulate`.
     """
-    env = getattr(env.unwrapped, "single_env", env.unwrapped)
-    if env.action != "velocity":
-        raise ValueError(f"env.action = {env.action!r}: expected 'velocity'")
-    velocities = env.max_speed * actions / actions.norm(dim=-1, keepdim=True).clamp(min=1.0)
-    found = simulate(env.scene, positions, velocities, of=("ball_margins", "pocket_margins"), threads=threads)
-    return found["pocket_margins"][:, 1:] + found["ball_margins"][:, 0, 1:, None].clamp(max=0.0)
+    base = env.unwrapped
+    single = getattr(base, "single_env", base)
+    if single.action != "velocity":
+        raise ValueError(f"env.action = {single.action!r}: expected 'velocity'")
+    if single.engine.mode != "pic":
+        raise ValueError(f"env.mode = {single.engine.mode!r}: expected 'pic', shots by PIT have no derivatives")
+    shots = len(positions) if base is single else 1
+    varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
+    exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the bits of those of `step`
+    velocities = exact * (single.max_speed / exact.norm(dim=-1, keepdim=True).clamp(min=1.0))
+    found = simulate(single.scene, positions, velocities, of=of, varied=varied, in_play=in_play, threads=threads)
+    gaps = -found["ball_margins"].clamp(max=0.0)
+    apart = gaps[:, 0]
+    for _ in range(single.scene.n_balls - 2):  # one more ball in the chains (Bellman-Ford)
+        apart = torch.minimum(apart, (apart[:, :, None] + gaps).amin(1))
+    return (found["pocket_margins"] - apart[..., None])[:, 1:].to(actions.dtype)
 
 
 @dataclasses.dataclass
@@ -183,7 +202,10 @@ class _Shots:
         in_play = self.options["in_play"]
         if np.ndim(in_play) == 2:
             in_play = np.tile(in_play, (size, 1))
-        return _Shots(self.scene, self.inputs, self.outputs, {**self.options, "in_play": in_play}), *out
+        varied = {name: np.tile(values, size) for name, values in (self.options["physics"] or {}).items()}
+        return _Shots(
+            self.scene, self.inputs, self.outputs, {**self.options, "physics": varied, "in_play": in_play}
+        ), *out
 
 
 def _array(tensor: Tensor) -> NDArray[np.float64]:

@@ -157,7 +157,37 @@ def test_pot_margins_are_positive_for_pots_and_lead_to_them():
     assert found.float().mean() > 0.5
 
 
-def test_pot_margins_of_strikes_are_refused():
-    env = gym.make("billiards_env:Billiards-v0", action="strike")
-    with pytest.raises(ValueError, match=r"env\.action = 'strike': expected 'velocity'"):
-        pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 5))
+@pytest.mark.parametrize(
+    "arguments", [{"n_object_balls": 5}, {"randomize": {"mu_roll": (0.005, 0.02), "e_ball": (0.8, 0.98)}}]
+)
+def test_pot_margins_are_positive_exactly_for_pots(arguments):
+    """Among them are combinations, in which the cue ball never touches the ball."""
+    envs, rng = BilliardsVectorEnv(300, "Disabled", **arguments), np.random.default_rng(0)
+    envs.reset(seed=1)
+    positions, places = envs.positions, [(p.x, p.y) for p in envs.single_env.scene.table.pockets]
+    angles = np.arctan2(*(positions[:, 1] - positions[:, 0]).T[::-1]) + rng.normal(0.0, 0.1, 300)
+    actions = (rng.uniform(0.3, 1.0, 300) * (np.cos(angles), np.sin(angles))).T.astype(np.float32)
+    found = pot_margins(envs, torch.tensor(positions), torch.tensor(actions))
+    envs.step(actions)
+    at_pocket = (envs.positions[:, 1:, None] == places).all(axis=-1)
+    assert at_pocket.sum() > 20
+    np.testing.assert_array_equal(found.numpy() > 0.0, at_pocket)
+
+
+def test_pot_margins_of_a_ball_that_is_off_the_table():
+    positions, actions = torch.tensor([[[-0.6, 0.0], [0.6, 0.3]]]).double(), torch.tensor([[0.5, 0.13]])
+    one = pot_margins(gym.make("billiards_env:Billiards-v0"), positions, actions)
+    env = gym.make("billiards_env:Billiards-v0", n_object_balls=2)
+    two = pot_margins(env, torch.cat((positions, positions[:, 1:]), 1), actions, in_play=[True, True, False])
+    assert two[:, :1].tolist() == one.tolist()
+    assert (two[:, 1] == -torch.inf).all()
+
+
+def test_pot_margins_of_other_shots_are_refused():
+    for arguments, text in (
+        ({"action": "strike"}, r"env\.action = 'strike': expected 'velocity'"),
+        ({"mode": "pit", "dt": 0.01}, r"env\.mode = 'pit': expected 'pic'"),
+    ):
+        env = gym.make("billiards_env:Billiards-v0", **arguments)
+        with pytest.raises(ValueError, match=text):
+            pot_margins(env, torch.zeros(1, 2, 2), torch.zeros(1, 2))
